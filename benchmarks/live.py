@@ -3,9 +3,10 @@
     python -m benchmarks.live
     python -m benchmarks.live full_tower --sensor poses --seconds 20 --json live.json
 
-Runs a scenario with every agent a process, as `dsr scenario run` does, and measures from 3 s after the start on. The
-rate of an agent is the median and the least of what it told of itself once a second; its share of a core comes from
-the operating system, children included. Percepts are counted per object while it is perceived: frames in which it was
+Runs a scenario with every agent a process of its own, and measures from 3 s after the start on. With `--shared` agents
+share processes as in `dsr scenario run`; the cores of such a process stand in the row of its first agent. The rate of
+an agent is the median and the least of what it told of itself once a second; its share of a core comes from the
+operating system, children included. Percepts are counted per object while it is perceived: frames in which it was
 found, over the time in which it was.
 """
 
@@ -50,6 +51,8 @@ class Samples:
     """s of processor time when the measurement began"""
     last: float = 0.0
     """s, at its end"""
+    beside: str = ""
+    """The agent in whose row the processor time of the process is told; empty for its own"""
 
 
 class Meter:
@@ -72,11 +75,16 @@ class Meter:
         if now < self._next:
             return
         self._next = now + 1.0
+        first_of: dict[int, str] = {}
         for row in self._launcher.rows():
             samples = self.agents[row.agent]
             if row.heard is not None:
                 samples.rates.append(row.heard.status.rate_hz)
-            if row.pid is not None:
+            if row.pid is None:
+                continue
+            first = first_of.setdefault(row.pid, row.agent)
+            samples.beside = "" if first == row.agent else first
+            if not samples.beside:
                 samples.last = processor_time(row.pid)
                 samples.first = samples.last if samples.first is None else samples.first
 
@@ -101,10 +109,12 @@ def processor_time(pid: int) -> float:
     return float(sum(time.user + time.system for time in times))
 
 
-def measure(run: Run, seconds: float) -> tuple[Meter, float, bool]:
+def measure(run: Run, seconds: float, *, shared: bool) -> tuple[Meter, float, bool]:
     """Run a scenario live for at most `seconds`; what was measured, over how many seconds, and whether it passed."""
     assert run.folder is not None
-    with Launcher(without(staged_system(run), "viewer"), run.folder, seed=run.seed) as launcher:
+    system = without(staged_system(run), "viewer")
+    system = system if shared else system.apart(*(spec.name for spec in system.agents))
+    with Launcher(system, run.folder, seed=run.seed) as launcher:
         memory: Memory = launcher.memory
         judge = Judge(run.scenario, memory, memory.transport, memory.keys)
         launcher.wait_ready()
@@ -126,7 +136,7 @@ def main() -> None:
     """Measure what the command line asks for and print a row for each agent."""
     options = _parser().parse_args()
     run = make_run(options.scenario, seed=options.seed, sensor=options.sensor, folder=new_run_folder("live"))
-    meter, seconds, passed = measure(run, options.seconds)
+    meter, seconds, passed = measure(run, options.seconds, shared=options.shared)
     rows = [
         {
             "agent": name,
@@ -134,13 +144,15 @@ def main() -> None:
             "rate_hz_least": min(samples.rates, default=None),
             "target_hz": TARGETS.get(name),
             "cores": (samples.last - (samples.first or 0.0)) / max(seconds - 1.0, 1.0),
+            "beside": samples.beside,
         }
         for name, samples in sorted(meter.agents.items())
     ]
     table = Table("agent", "rate Hz, median / least", "target Hz", "cores")
     for row in rows:
         rate = "-" if row["rate_hz_median"] is None else f"{row['rate_hz_median']:.1f} / {row['rate_hz_least']:.1f}"
-        table.add_row(str(row["agent"]), rate, str(row["target_hz"] or "-"), f"{row['cores']:.2f}")
+        cores = f"with {row['beside']}" if row["beside"] else f"{row['cores']:.2f}"
+        table.add_row(str(row["agent"]), rate, str(row["target_hz"] or "-"), cores)
     console = Console()
     console.print(table)
     total = sum(float(str(row["cores"])) for row in rows)
@@ -158,6 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--sensor", choices=("pixels", "poses"), default="pixels")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=120.0, help="at most so long")
+    parser.add_argument("--shared", action="store_true", help="let agents share processes, as the system says")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
     return parser
 

@@ -30,7 +30,7 @@ from benchmarks.timing import percentile, sleep
 from benchmarks.workers import Worker, all_of, commands
 from dsr.errors import DsrError
 from dsr.network.rendezvous import free_port
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 
 NODES = 100
 _ABOUT = f"{NODES} nodes x 5 attributes in each world; peer: bytes of a change forwarded in callbacks"
@@ -125,7 +125,7 @@ def _filter(connection: Connection, graph: str, first: str, last: str) -> None:
     threading.Thread(target=_stop_at_end, args=(connection, stop), daemon=True).start()
     connection.send("started")
     config = {"reads": [first], "writes": last}
-    run_process(PassThrough, graph=graph, name=f"to_{last}", config=config, router=None, seed=0, stop=stop)
+    run_agent(PassThrough, graph=graph, name=f"to_{last}", config=config, router=None, seed=0, stop=stop)
 
 
 def _stop_at_end(connection: Connection, stop: StopSignal) -> None:

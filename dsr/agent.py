@@ -50,6 +50,9 @@ class Agent:
     """False for one that only needs the bus: it gets no `memory`."""
     reactive: ClassVar[bool] = False
     """Whether changes of the graph wake the agent (see `wake`), and not only time."""
+    shares_process: ClassVar[bool] = False
+    """Whether the agent shares a process with others that do, unless the system file says otherwise: its ticks are
+    short, and it calls no library that may crash or block."""
     most_failures: ClassVar[int] = 25
     """Number of failed ticks in a row after which the agent gives up."""
     Config: ClassVar[type[Any]] = NoConfig

@@ -46,6 +46,7 @@ class Planner(Agent):
 
     name = "planner"
     rate_hz = 10.0  # Hz, ticks
+    shares_process = True
     reads = Access(
         nodes=("intention", "action", "gripper", "camera", "arm", *THINGS, *SURFACES),
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),

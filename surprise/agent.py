@@ -36,6 +36,7 @@ class SurpriseDetector(Agent):
 
     name = "surprise"
     rate_hz = 20.0  # Hz, ticks
+    shares_process = True
     reads = Access(
         nodes=(*THINGS, "camera", "gripper", "world"),
         edges=("RT", "Virtual_RT", "sees", "grasping"),

@@ -43,6 +43,7 @@ QUICK = re.compile(
     r"ls( --all)?|show \w+|tree|top|worlds|stamps( --clean)?|logs( --lines \d+)?|visibility"
     r"|relations( cube_3)?( --from camera_overhead)?( -r \w+)*( --json)?"
     r"|timeline( (-k|-p|--kind|--since|--type|--relation|--of) [\w:-]+| --json| --open)*|timeline recording\.mcap .*"
+    r"|record (info|export) recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
     r"|save scene\.json|mission --list|bench --list|new \w+|scenario (list|(check|truth) \S+)"
     r"|security (init|add|show)(?!.*--renew) .*"
@@ -242,7 +243,9 @@ def _until_stopped(block: Block) -> None:
 def check_dsr(words: list[str]) -> None:
     """Parse a command line of `dsr`; raises for a command or an option that does not exist."""
     group: Any = typer.main.get_command(app)
-    while getattr(group, "commands", None):
+    while commands := getattr(group, "commands", None):
+        if group.invoke_without_command and not set(commands).intersection(words):
+            break  # a command that has others below it
         context = group.make_context("dsr", [], resilient_parsing=True)
         _, group, words = group.resolve_command(context, words)
     group.make_context("dsr", words, resilient_parsing=False)

@@ -15,7 +15,9 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 """Not part of the system: these may import all of it, but keep its other rules."""
 
 ONE_PLACE = {
-    "zenoh": ("dsr/network/zenoh_transport.py", "benchmarks/peers/"),
+    "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
+    "rosbags": ("agents/ros_bridge/",),
+    "cyclonedds": ("agents/ros_bridge/link/dds/",),
     "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
     "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
@@ -40,7 +42,7 @@ SHARED_BY_AGENTS = (
 )
 """Modules within `agents` that all its packages may import."""
 LAYERS = (
-    "dsr.errors dsr.clock dsr.forking",
+    "dsr.errors dsr.clock dsr.forking dsr.threads",
     "dsr.files dsr.math3d",
     "dsr.config dsr.crdt dsr.network",
     "dsr.frames.tree",
@@ -58,7 +60,7 @@ LAYERS = (
     "dsr.spatial dsr.visibility dsr.perception",
     "dsr.imagining dsr.security",
     "dsr.connecting",
-    "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher",
+    "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher dsr.runtime.shared_process",
     "dsr.cli dsr.runtime.__main__",
     "simulation_handler.config",
     "simulation_handler.shapes",

@@ -22,6 +22,7 @@ class ActionInference(Agent):
 
     name = "action_inference"
     rate_hz = 20.0  # Hz, ticks
+    shares_process = True
     reads = Access(
         nodes=(*THINGS, *SURFACES, *HOLDERS, "finger", "camera", "world", *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "grasping", "has"),

@@ -46,6 +46,7 @@ class Calibrator(Agent):
 
     name = "calibrator"
     rate_hz = 10.0
+    shares_process = True
     reads = Access(
         nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),

@@ -207,6 +207,7 @@ class Chronicler(Agent):
 
     name = "chronicler"
     rate_hz = 10.0
+    shares_process = True
     reads = Access(nodes=("*",), edges=("*",), attributes=("*",))
     writes: ClassVar[Access] = Access(
         nodes=WRITTEN_NODES, edges=WRITTEN_EDGES, attributes=(*WRITTEN_ATTRIBUTES, "status", *_DETAILS)

@@ -31,6 +31,7 @@ class Mission(Agent):
 
     name = "mission"
     rate_hz = 5.0
+    shares_process = True
     reads = Access(nodes=("intention",), attributes=("goal", "status"))
     writes = Access(nodes=("mind", "intention"), edges=("has",), attributes=("goal", "maintain", "priority", "status"))
     Config = MissionConfig

@@ -7,7 +7,7 @@ import importlib.util
 import logging
 import subprocess
 import sys
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -36,6 +36,8 @@ _LIGHT = {
 }
 _TINY_SHIFT = (-0.5, 0.5)  # px, where TinyRenderer's principal point is to be asked for, measured
 _BODY_MASK = (1 << 24) - 1
+_UNMOVED = 1e-6
+"""m, rad or 1 (of a quaternion) up to which nothing has moved for the eye: a hundredth of a pixel at the nearest."""
 _PROBE = """
 import importlib.util, pybullet
 spec = importlib.util.find_spec("eglRenderer")
@@ -47,7 +49,7 @@ raise SystemExit(0 if plugin >= 0 and len(image[2]) else 3)
 
 
 class RenderedPicture(msgspec.Struct, frozen=True):
-    """The images of an ideal camera: colour, depth and bodies, without noise."""
+    """The images of an ideal camera: colour, depth and bodies, without noise. They cannot be written to."""
 
     color: NDArray[np.uint8]
     """(h, w, 3) colours, RGB, 0 to 255."""
@@ -57,8 +59,24 @@ class RenderedPicture(msgspec.Struct, frozen=True):
     """(h, w) the physics engine's number of the body seen, negative for none; None if not asked for"""
 
 
+class _Shot(msgspec.Struct, frozen=True):
+    """The last picture, and all that it depends on but the looks of bodies, which never change."""
+
+    asked: tuple[Intrinsics, bool]
+    state: NDArray[np.float64]
+    picture: RenderedPicture
+
+    def shows(self, asked: tuple[Intrinsics, bool], state: NDArray[np.float64]) -> bool:
+        """Whether the picture would be the same."""
+        return (
+            asked == self.asked
+            and state.shape == self.state.shape
+            and bool(np.all(np.abs(state - self.state) <= _UNMOVED))
+        )
+
+
 class Renderer:
-    """Renders the world of one physics client.
+    """Renders the world of one physics client; as long as nothing moves, the picture is made once.
 
     EGL serves one client of a process at a time: a second renderer, or one where EGL does not work, falls
     back to the software renderer.
@@ -72,6 +90,7 @@ class Renderer:
 
     def __init__(self, bullet: Bullet, wanted: RendererName = "auto") -> None:
         self._bullet = bullet
+        self._last: _Shot | None = None
         self._plugin = self._load_egl() if wanted != "tiny" and not Renderer._egl_taken and egl_works() else -1
         if self._plugin < 0 and wanted != "tiny":
             log.warning("EGL is not available: rendering in software, about three times slower")
@@ -83,6 +102,24 @@ class Renderer:
 
     def render(self, world_from_camera: Pose, intrinsics: Intrinsics, *, bodies: bool = False) -> RenderedPicture:
         """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`."""
+        asked, state = (intrinsics, bodies), self._state(world_from_camera)
+        if self._last is None or not self._last.shows(asked, state):
+            self._last = _Shot(asked, state, self._draw(world_from_camera, intrinsics, bodies))
+        return self._last.picture
+
+    def _state(self, world_from_camera: Pose) -> NDArray[np.float64]:
+        """Where the camera is, the numbers of all bodies, where they are, and how their joints are."""
+        bullet = self._bullet
+        values: list[float] = [*world_from_camera.t, *world_from_camera.q]
+        for index in range(bullet.getNumBodies()):
+            body = bullet.getBodyUniqueId(index)
+            position, rotation = bullet.getBasePositionAndOrientation(body)
+            values += [body, *position, *rotation]
+            if joints := bullet.getNumJoints(body):
+                values += [state[0] for state in bullet.getJointStates(body, range(joints))]
+        return np.array(values)
+
+    def _draw(self, world_from_camera: Pose, intrinsics: Intrinsics, bodies: bool) -> RenderedPicture:
         egl = self._plugin >= 0
         _, _, color, depth, segments = self._bullet.getCameraImage(
             intrinsics.width,
@@ -96,9 +133,9 @@ class Renderer:
         shape = (intrinsics.height, intrinsics.width)
         rgb = np.reshape(np.asarray(color, np.uint8), (*shape, 4))[..., :3]
         return RenderedPicture(
-            np.ascontiguousarray(rgb),
-            _metric(np.reshape(np.asarray(depth, np.float32), shape)),
-            _body_numbers(np.reshape(np.asarray(segments, np.int32), shape)) if bodies else None,
+            _kept(np.ascontiguousarray(rgb)),
+            _kept(_metric(np.reshape(np.asarray(depth, np.float32), shape))),
+            _kept(_body_numbers(np.reshape(np.asarray(segments, np.int32), shape))) if bodies else None,
         )
 
     def close(self) -> None:
@@ -149,6 +186,12 @@ def _metric(buffer: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _body_numbers(segments: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.where(segments >= 0, segments & _BODY_MASK, -1)
+
+
+def _kept(image: NDArray[Any]) -> NDArray[Any]:
+    """The image, which nobody may write to: it may be shown again."""
+    image.setflags(write=False)
+    return image
 
 
 def _column_major(matrix: NDArray[np.float64]) -> list[float]:

@@ -1,59 +1,23 @@
-"""The recorder: writes the traffic of the graph, and the data of its sensors, to an MCAP file."""
+"""The recorder: writes the traffic of the graph, and the data of its sensors, to MCAP files."""
 
 from __future__ import annotations
 
-import contextlib
+import errno
 import math
+from collections import deque
 from pathlib import Path
 from typing import ClassVar
 
-import msgspec
-
 from agents.inbox import Inbox, Message
-from agents.recorder.channels import MESH, SNAPSHOT
-from agents.recorder.images import pack
+from agents.recorder.channels import SNAPSHOT
+from agents.recorder.config import RecorderConfig
+from agents.recorder.files import FileLimits, RecordingFiles
 from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
-from agents.recorder.reader import FILE_NAME
-from agents.segments import next_segment
+from agents.recorder.meshes import MeshRecorder
+from agents.recorder.selection import DATA, GRAPH, IMAGE, IMAGES, MESHES, RecordSelection
+from agents.recorder.thinning import ImageThinner
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError, SchemaError, WireError
-from dsr.geometry import mesh_hashes
-from dsr.images.blobs import decode_frame, encode_frame
-from dsr.memory import Memory
-
-
-class MeshRecorder:
-    """Asks for the meshes of all nodes, and writes them.
-
-    Args:
-        memory: where the nodes are.
-        writer: of the recording.
-    """
-
-    def __init__(self, memory: Memory, writer: RecordingWriter) -> None:
-        self._memory = memory
-        self._writer = writer
-        self._watch = memory.watch(attribute="mesh")
-        self._wanted: set[str] = set()
-        self._written: set[str] = set()
-
-    def update(self, now: float) -> None:
-        """Write what has come by `now` (s); what nobody has yet is asked for again, less and less often."""
-        for change in self._watch.poll():
-            node = self._memory.get_node(change.name) if change.element == "node" else None
-            with contextlib.suppress(SchemaError):  # what it says are no hashes
-                self._wanted.update({} if node is None else set(mesh_hashes(node)) - self._written)
-        for hash in sorted(self._wanted):
-            mesh = self._memory.get_mesh(hash)
-            if mesh is not None:
-                self._writer.write(RecordedMessage(now, MESH, bytes(mesh.data)))
-                self._wanted.discard(hash)
-                self._written.add(hash)
-
-    def close(self) -> None:
-        """Watch no more."""
-        self._watch.close()
-
+from dsr.errors import ConfigError
 
 ABOUT = "agents"
 """Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""
@@ -61,32 +25,11 @@ _MOST_WAITING = 20_000
 _MOST_IMAGES_WAITING = 64
 RETRY = 5.0
 """s until a disk that refused is tried again: it may take a person some time to make room."""
-_LARGE = 1 << 16  # bytes; larger blobs are images or meshes
-_DEVICES = ("*/state", "*/command", "*/*/poses", "*/*/hands")
-"""What is recorded of the traffic with devices: an arm, sensors that tell poses or hands; images come as blobs."""
-
-
-class RecorderConfig(msgspec.Struct, frozen=True):
-    """Which data are recorded, and where."""
-
-    folder: str = "runs/recorder"
-    """Gets `recording.mcap`, or `recording-2.mcap` if that exists, and so on."""
-    frames_hz: float = 2.0
-    """Camera frames a second and camera that are kept; 0 for none."""
-    jpeg_quality: int = 90
-    """JPEG quality of recorded colour images, 1 to 100."""
-    flush_period: float = 0.4
-    """s, at most so much is lost when the recorder is killed"""
-    snapshot_period: float = 30.0
-    """s between two messages that hold the whole graph, from which reading may begin"""
-    about: dict[str, str] = {}
-    """Facts about the recording that its file shall tell, such as the run's seed."""
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.frames_hz) and self.frames_hz >= 0):
-            raise ValueError(f"frames_hz {self.frames_hz}: expected 0 or more")
-        if not 1 <= self.jpeg_quality <= 100:
-            raise ValueError(f"jpeg_quality {self.jpeg_quality}: expected 1 to 100")
+LAG = 1.0
+"""s by which the recorder's own graph, of which snapshots are made, may be behind what it records. The changes of so
+long before are repeated in the next file: it is complete without the one before.
+"""
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 
 class Recorder(Agent):
@@ -105,124 +48,160 @@ class Recorder(Agent):
 
     def setup(self) -> None:
         """Open the file and begin to listen."""
-        keys = self.keys
-        self._images: dict[str, Message] = {}
-        self._image_stamps: dict[str, float] = {}
+        keys, config = self.keys, self.config
+        self._selection = RecordSelection(config.only, config.without)
+        self._images = ImageThinner(config.frames_hz, config.still_hz, None if config.lossless else config.jpeg_quality)
+        self._recent: deque[RecordedMessage] = deque()
+        self._repeated: list[RecordedMessage] = []
         self._last_flush = self._last_snapshot = -math.inf
-        self._repairs = self._unwritten = 0
+        self._repairs = self._unwritten = self._told_removed = 0
         self._retry_at = -math.inf
-        try:
-            self._begin_file()
-        except OSError as error:
-            raise ConfigError(f"nothing can be recorded in {self.config.folder}: {error.strerror}") from error
-        wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status(), *map(keys.device, _DEVICES))
-        images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
-        self._inboxes = (images, Inbox(self.bus, wanted, self.clock, _MOST_WAITING))
+        about = {**config.about, "graph": keys.graph, "root": keys.root}
+        self._files = RecordingFiles(Path(config.folder), FileLimits.of(config), about)
+        while self._writer is None:
+            try:
+                self._begin_file(self.clock.now())
+            except OSError as error:
+                if error.errno not in _NO_ROOM or not self._files.drop_oldest():
+                    raise ConfigError(f"nothing can be recorded in {config.folder}: {error.strerror}") from error
+        blobs = [keys.blob("**")] if any(map(self._selection.may_include, (IMAGES, DATA))) else []
+        images = Inbox(self.bus, blobs, self.clock, _MOST_IMAGES_WAITING)
+        self._inboxes = (images, Inbox(self.bus, self._selection.keys(keys), self.clock, _MOST_WAITING))
 
-    def _begin_file(self) -> None:
+    def _begin_file(self, now: float) -> RecordingWriter:
         """Open the next file of this recording. Raises `OSError`."""
-        path = next_segment(Path(self.config.folder), FILE_NAME)
-        about = {**self.config.about, "graph": self.keys.graph, "root": self.keys.root, "segment": path.name}
-        self._writer = RecordingWriter(path, about)
-        self._meshes = MeshRecorder(self.memory, self._writer)
+        self._writer = writer = self._files.begin(now)
+        self._meshes = MeshRecorder(self.memory, writer) if self._selection.may_include(MESHES) else None
         self._last_snapshot = -math.inf
-        self.log.info("recording to %s", path)
+        self._repeated = list(self._recent)
+        self._images.begin_again()
+        self.log.info("recording to %s", writer.path)
+        return writer
 
     def tick(self, now: float) -> None:
         """Write what arrived since the last tick, in the order of arrival; a disk that is full is waited for."""
-        messages = self._take(now)
+        self._record(now, ends=False)
+
+    def _record(self, now: float, *, ends: bool) -> None:
+        """The same; a recording that ends begins no further file."""
+        messages = [self._as_record(message) for message in self._take(now)]
+        unwritten = deque(messages)
         try:
-            if self._writer is None and now >= self._retry_at:
-                self._begin_file()
-            if self._writer is None:
-                self._unwritten += len(messages)
+            writer = self._writer
+            if writer is None and not ends and now >= self._retry_at:
+                writer = self._begin_file(now)
+            elif writer is not None and not ends and self._files.is_full(now):
+                writer = self._rotate(writer, now)
+            if writer is None:
+                self._unwritten += len(unwritten)
             else:
-                self._write(messages, now)
+                self._write(writer, unwritten, now)
         except OSError as error:
-            self._wait_for_room(error, len(messages), now)
+            self._wait_for_room(error, len(unwritten), now)
+        self._recent += [record for record in messages if record.topic.startswith(("d/", "rt/"))]
+        while self._recent and self._recent[0].stamp < now - LAG:
+            self._recent.popleft()
         self._report_losses()
 
-    def _write(self, messages: list[Message], now: float) -> None:
-        """Write messages, and what is due. Raises `OSError`."""
-        assert self._writer is not None and self._meshes is not None
+    def _as_record(self, message: Message) -> RecordedMessage:
+        return RecordedMessage(message.stamp, message.key.removeprefix(self.keys.root + "/"), message.payload)
+
+    def _rotate(self, writer: RecordingWriter, now: float) -> RecordingWriter:
+        """End the file and begin the next one. Raises `OSError`."""
+        if self._meshes is not None:
+            self._meshes.close()
+        writer.close()
+        self._writer = self._meshes = None
+        return self._begin_file(now)
+
+    def _write(self, writer: RecordingWriter, records: deque[RecordedMessage], now: float) -> None:
+        """Write records, each taken out of `records`, and what is due. Raises `OSError`."""
         if self._last_snapshot == -math.inf:
-            self._write_snapshot(now)
-        for message in messages:
-            topic = message.key.removeprefix(self.keys.root + "/")
-            self._writer.write(RecordedMessage(message.stamp, topic, message.payload))
-        self._meshes.update(now)
+            self._write_snapshot(writer, now)
+            while self._repeated:
+                writer.write(self._repeated.pop(0))
+        while records:
+            writer.write(records.popleft())
+        if self._meshes is not None:
+            self._meshes.update(now)
         if now - self._last_snapshot >= self.config.snapshot_period or self._repairs != self.memory.statistics.repairs:
-            self._write_snapshot(now)
+            self._write_snapshot(writer, now)
         if now - self._last_flush >= self.config.flush_period:
-            self._writer.flush()
+            writer.flush()
             self._last_flush = now
+            if self._last_snapshot > -math.inf or not self._selection.may_include(GRAPH):
+                self._files.note_beginning()
+            self._files.keep_limits()
+            self._tell_removed()
         if self._waits:
-            self._writer.flush()
+            writer.flush()
             self._waits = ""
             self.degraded = ""
-            self.log.warning("recording again, to %s; %d messages are missing", self._writer.path, self._unwritten)
+            self.log.warning("recording again, to %s; %d messages are missing", writer.path, self._unwritten)
 
     def _wait_for_room(self, error: OSError, missed: int, now: float) -> None:
-        """Close the file as it is, and try again later with the next one."""
-        self._retry_at = now + RETRY
-        self._unwritten += missed
-        if not self._waits:
-            self._waits = f"nothing is recorded ({error.strerror or error}); tried again every {RETRY:g} s"
-            self.log.error("%s", self._waits)
-        if self._writer is not None and self._meshes is not None:
-            self._meshes.close()
+        """Close the file as it is, and go on with the next one: at once in place of the oldest, or else later."""
+        if self._writer is not None:
+            missed += self._writer.unflushed
             self._writer.abandon()
+        if self._meshes is not None:
+            self._meshes.close()
         self._writer = self._meshes = None
+        self._unwritten += missed
+        said = error.strerror or str(error)
+        if error.errno in _NO_ROOM and self._files.drop_oldest():
+            self.log.warning("%s: the oldest file was removed; %d messages are missing", said, self._unwritten)
+            return
+        self._retry_at = now + RETRY
+        if not self._waits:
+            self._waits = f"nothing is recorded ({said}); tried again every {RETRY:g} s"
+            self.log.error("%s", self._waits)
 
     def teardown(self) -> None:
         """Write what is left and close the file, so that it has an index."""
         for inbox in self._inboxes:
             inbox.close()
-        self.tick(self.clock.now())
-        if self._writer is not None and self._meshes is not None:
+        self._record(self.clock.now(), ends=True)
+        for missing in self._selection.unheard:
+            self.log.warning("%s", missing)
+        if self._meshes is not None:
             self._meshes.close()
+        if self._writer is not None:
             try:
                 self._writer.close()
             except OSError as error:
                 self.log.error("the recording has no index (%s); it can be replayed all the same", error.strerror)
 
-    def _write_snapshot(self, now: float) -> None:
+    def _write_snapshot(self, writer: RecordingWriter, now: float) -> None:
         """Also after a repair: what it brought came in no message that is recorded."""
-        if self._writer is not None and self.memory.joined:
+        if self.memory.joined and self._selection.may_include(GRAPH):
             self._repairs = self.memory.statistics.repairs
-            self._writer.write(RecordedMessage(now, SNAPSHOT, self.memory.snapshot()))
+            writer.write(RecordedMessage(now, SNAPSHOT, self.memory.snapshot()))
             self._last_snapshot = now
+            self._images.begin_again()
 
     def _take(self, now: float) -> list[Message]:
         """What arrived and is to be recorded, oldest first."""
-        arrived = [message for inbox in self._inboxes for message in inbox.take()]
+        arrived = [message for inbox in self._inboxes for message in inbox.take() if self._is_wanted(message)]
         small = [message for message in arrived if not self._set_aside(message)]
-        return sorted([*small, *self._due_images(now)], key=lambda message: message.stamp)
+        return sorted([*small, *self._images.due(now)], key=lambda message: message.stamp)
+
+    def _is_wanted(self, message: Message) -> bool:
+        return self._selection.includes(message.key.removeprefix(self.keys.root + "/"), len(message.payload))
 
     def _set_aside(self, message: Message) -> bool:
         """Keep the newest image of each stream until it is due; false for anything that is recorded at once."""
-        if len(message.payload) < _LARGE or not message.key.startswith(self.keys.blob("")):
+        if len(message.payload) < IMAGE or not message.key.startswith(self.keys.blob("")):
             return False
-        self._images[message.key] = message
+        self._images.put(message)
         return True
 
-    def _due_images(self, now: float) -> list[Message]:
-        if self.config.frames_hz == 0.0:
-            self._images.clear()
-            return []
-        period = 1.0 / self.config.frames_hz
-        due = [key for key in self._images if now - self._image_stamps.get(key, -math.inf) >= period - 1e-6]
-        for key in due:
-            self._image_stamps[key] = now
-        return [self._packed(self._images.pop(key)) for key in due]
-
-    def _packed(self, message: Message) -> Message:
-        """The message with its images compressed; one that is no frame stays as it is."""
-        try:
-            frame = decode_frame(message.payload)
-        except WireError:
-            return message
-        return message._replace(payload=encode_frame(pack(frame, self.config.jpeg_quality)))
+    def _tell_removed(self) -> None:
+        if self._files.removed > self._told_removed:
+            self._told_removed = self._files.removed
+            self.log.info(
+                "the oldest files were removed to keep %s: %d until now", self._files.limits, self._told_removed
+            )
 
     def _report_losses(self) -> None:
         dropped = sum(inbox.dropped for inbox in self._inboxes)

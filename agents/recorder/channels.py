@@ -33,7 +33,7 @@ x y z (m) qx qy qz qw stamp (s), then, if known, a 6 x 6 covariance row by row. 
 _FRAME = """4 bytes little-endian header length; the header, a MessagePack array [stamp (s), meta, entries] with entries
 [name, dtype, shape, offset]; zero bytes up to a multiple of 8; the arrays at their offsets. See dsr/images/blobs.py.
 Images are packed as uint8 arrays:
-  color.jpeg  the colour image (height, width, 3) as a JPEG file
+  color.jpeg  the colour image (height, width, 3) as a JPEG file, or color.png: as a PNG file, without loss
   depth.png   the depth image (height, width) as a 16-bit PNG file in units of meta["depth_unit"] m, 0 where unknown
 """
 

@@ -1,37 +1,71 @@
-"""The command `dsr record`: a recorder that joins the running system from another terminal."""
+"""The command `dsr record`: records a running system from elsewhere; tells what a recording holds; exports it."""
 
 from __future__ import annotations
 
+import math
 import threading
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.progress import Progress
+from rich.table import Table
 
 from agents.recorder.agent import Recorder
+from agents.recorder.config import MB, RecorderConfig
+from agents.recorder.contents import RecordingContents, contents_of
+from agents.recorder.export import TABLES, Exported, ExportSelection, export_csv
 from agents.recorder.reader import FILE_NAME, read_recording
+from agents.recorder.selection import PARTS
+from agents.replay.source import ReplayedGraph
 from agents.segments import segments
-from dsr.cli.common import GraphOption, RouterOption, console, new_run_folder, shown
+from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, errors, new_run_folder, print_json, shown
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
 """Of the agent; the system may have a recorder already."""
 
-app = typer.Typer(
-    name="record", invoke_without_command=True, subcommand_metavar="",
-    context_settings={"allow_interspersed_args": True},
-)  # fmt: skip
+RecordingArgument = Annotated[Path, typer.Argument(help="A recording.mcap, or the folder of a run.")]
+
+app = typer.Typer(name="record", invoke_without_command=True, subcommand_metavar="[info|export ...]")
 
 
 @app.callback()
 def record(
+    context: typer.Context,
     folder: Annotated[
         Path | None, typer.Option(help="Gets recording.mcap, or recording-2.mcap, ...; default: a new one in runs/.")
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PART", help=f"Record only this: {', '.join(PARTS)}; or some of it: images/camera_wrist."),
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="Leave this out, likewise. Both may be repeated.")
+    ] = None,
     frames_hz: Annotated[float, typer.Option(min=0.0, metavar="HZ", help="Images a second and camera.")] = 2.0,
+    still_hz: Annotated[
+        float, typer.Option(min=0.0, metavar="HZ", help="The same while nothing moves in the picture.")
+    ] = 0.2,
+    lossless: Annotated[bool, typer.Option("--lossless", help="Keep every bit of images: thrice as large.")] = False,
+    rotate_mb: Annotated[
+        float, typer.Option(min=0.0, metavar="MB", help="Begin the next file after so much; 0 for never.")
+    ] = 0.0,
+    rotate_every: Annotated[
+        float, typer.Option(min=0.0, metavar="S", help="Begin the next file after so long; 0 for never.")
+    ] = 0.0,
+    keep_files: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Keep so many files: the oldest is removed; 0 for all.")
+    ] = 0,
+    keep_mb: Annotated[
+        float, typer.Option(min=0.0, metavar="MB", help="Keep so much: the oldest files are removed; 0 for all.")
+    ] = 0.0,
     seconds: Annotated[
         float | None, typer.Option("--for", min=0.0, metavar="S", help="End after so long; default: with Ctrl-C.")
     ] = None,
@@ -41,7 +75,19 @@ def record(
     """Record the running system until Ctrl-C: all changes of the graph, images, logs, statuses, devices.
 
     What the graph holds at the beginning is recorded too. Play it back with `dsr replay`.
+    `dsr record info` tells what a recording holds, `dsr record export` writes tables.
+    With --keep-files or --keep-mb, only files that were recorded so are ever removed.
+
+    Example: dsr record --folder runs/mine --without images --rotate-every 600 --keep-files 24
     """
+    if context.invoked_subcommand is not None:
+        return
+    config: dict[str, Any] = {
+        "only": only or [], "without": without or [],
+        "frames_hz": frames_hz, "still_hz": still_hz, "lossless": lossless,
+        "rotate_mb": rotate_mb, "rotate_period": rotate_every, "keep_files": keep_files, "keep_mb": keep_mb,
+    }  # fmt: skip
+    convert(config, RecorderConfig, "options")
     name = running_graph(graph) if router is None or graph is None else graph
     if router is None and not endpoints(name):
         raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
@@ -49,13 +95,13 @@ def record(
     before = set(segments(folder, FILE_NAME))
     stop = StopSignal()
     timer = threading.Timer(seconds, stop.set) if seconds is not None else None
-    config: dict[str, Any] = {"folder": str(folder), "frames_hz": frames_hz}
+    config["folder"] = str(folder)
     console.print(f"recording graph {name} to {folder}" + ("" if timer else "; Ctrl-C ends it"), soft_wrap=True)
     try:
         if timer:
             timer.start()
         with set_on_signals(stop):
-            run_process(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+            run_agent(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
     finally:
         if timer:
             timer.cancel()
@@ -69,3 +115,86 @@ def _report(file: Path) -> None:
     for _ in recording:
         pass
     console.print(shown(f"{file.parent}/{recording.reports[0]}"), soft_wrap=True)
+
+
+@app.command()
+def info(recording: RecordingArgument, as_json: JsonOption = False) -> None:
+    """Tell what a recording holds: messages and bytes by channel, how long it is, and whether it was cut.
+
+    MB are those of the file, shared out among the channels about as each would be compressed alone.
+    """
+    contents = contents_of(recording)
+    if as_json:
+        print_json(msgspec.to_builtins(contents, enc_hook=str) | {"mb_per_minute": contents.mb_per_minute})
+        return
+    for report in contents.files:
+        console.print(shown(str(report)), soft_wrap=True)
+    rate = f"{contents.size / MB:.2f} MB in {contents.seconds:.1f} s, {contents.mb_per_minute:.2f} MB a minute"
+    console.print(f"graph {shown(contents.metadata.get('graph', ''))}: {rate}", soft_wrap=True)
+    console.print(_table(contents))
+
+
+def _table(contents: RecordingContents) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("channel", overflow="fold")
+    for heading in ("messages", "Hz", "MB", "MB/min", "unpacked"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for channel in contents.channels:
+        rate, growth = "", ""
+        if contents.seconds > 0.0:
+            rate = f"{channel.messages / contents.seconds:.1f}"
+            growth = f"{channel.packed / MB / (contents.seconds / 60.0):.3f}"
+        packed, whole = f"{channel.packed / MB:.3f}", f"{channel.bytes / MB:.3f}"
+        table.add_row(shown(channel.channel), str(channel.messages), rate, packed, growth, whole)
+    return table
+
+
+@app.command()
+def export(
+    recording: RecordingArgument,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write tables as CSV files to this new folder.")
+    ] = None,
+    nodes: Annotated[
+        list[str] | None,
+        typer.Option("--node", "-n", metavar="NAME", help="Only what is about this node, or those like cube_*."),
+    ] = None,
+    tables: Annotated[
+        list[str] | None,
+        typer.Option("--table", "-t", metavar="TABLE", help=f"Only this table: {', '.join(it.name for it in TABLES)}."),
+    ] = None,
+    begin: Annotated[
+        float, typer.Option("--from", min=0.0, metavar="S", help="Since the first message; begins with what is known.")
+    ] = 0.0,
+    until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Until then, likewise.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a recording as tables for spreadsheets, pandas and the like: a row for each sample, a header, units.
+
+    README.txt in the folder tells what each table and column is. Units are in the columns' names (SI). Options --node
+    and --table may be repeated. A truncated recording is exported up to the cut. Images are not exported.
+
+    Example: dsr record export recording.mcap --csv tables --node "cube_*" --table poses --from 10 --until 20
+    """
+    if csv is None:
+        raise ConfigError("to what? Give a folder: --csv FOLDER")
+    wanted = ExportSelection(nodes or (), tables or (), begin, math.inf if until is None else until)
+    source = ReplayedGraph(recording)
+    for problem in source.problems:
+        errors.print(f"[yellow]{shown(problem)}; exported until there: {source.duration:.1f} s[/]", soft_wrap=True)
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
+        task = progress.add_task("exporting", total=None)
+        exported = export_csv(
+            source, csv, wanted, lambda time, end: progress.update(task, completed=time - begin, total=end - begin)
+        )
+    _tell_exported(exported, csv, as_json)
+
+
+def _tell_exported(exported: Exported, folder: Path, as_json: bool) -> None:
+    if as_json:
+        print_json(exported._asdict() | {"folder": str(folder)})
+        return
+    for name, rows in exported.rows.items():
+        console.print(shown(f"{folder}/{name}.csv  {rows} rows"), soft_wrap=True)
+    if exported.malformed:
+        errors.print(f"[yellow]{exported.malformed} messages that make no sense were left out[/]")

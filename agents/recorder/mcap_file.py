@@ -63,6 +63,8 @@ class RecordingWriter:
         self._schemas: dict[ChannelKind, int] = {}
         self._channels: dict[str, int] = {}
         self._flushed = False
+        self.unflushed = 0
+        """Messages that a kill, or a disk without room, would still cost."""
         try:
             self._writer.start(profile=PROFILE, library="dsr")
             self._writer.add_metadata(_METADATA, dict(metadata))
@@ -74,12 +76,19 @@ class RecordingWriter:
     def write(self, record: RecordedMessage) -> None:
         """Add a message; it is safe after the next `flush`."""
         time = round(record.stamp * 1e9)
+        self.unflushed += 1
         self._writer.add_message(self._channel(record.topic), time, record.payload, time)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file until now, without what was not flushed."""
+        return self._file.tell()
 
     def flush(self) -> None:
         """Hand everything so far to the operating system: a kill of this process does not lose it."""
         self._writer.flush()
         self._flushed = True
+        self.unflushed = 0
 
     def abandon(self) -> None:
         """Close the file as far as it was written; one that was never flushed holds nothing and is removed."""
@@ -110,6 +119,8 @@ class FilePiece(NamedTuple):
     position: int
     """Bytes before it in the file."""
     records: list[RecordedMessage]
+    packed: int
+    """Bytes of the file that hold them, compressed"""
 
 
 class RecordingFile:
@@ -171,7 +182,7 @@ class RecordingFile:
         begun = source.position
         for record in reader.records:
             if isinstance(record, Chunk):
-                yield FilePiece(begun, list(self._unpack(record, source.position)))
+                yield FilePiece(begun, list(self._unpack(record, source.position)), len(record.data))
             elif isinstance(record, Header) and record.profile != PROFILE:
                 raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, expected {PROFILE!r}")
             elif isinstance(record, Metadata) and record.name == _METADATA:

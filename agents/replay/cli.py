@@ -44,9 +44,7 @@ app = typer.Typer(
 @app.callback()
 def replay(
     recording: Annotated[Path | None, typer.Argument(help="A recording.mcap, or the folder of a run.")] = None,
-    name: Annotated[
-        str, typer.Option("--graph", "-g", help="Name of the graph that the replay runs as.")
-    ] = "replay",
+    name: Annotated[str, typer.Option("--graph", "-g", help="Name of the graph that the replay runs as.")] = "replay",
     speed: Annotated[str, typer.Option(help="Recorded seconds a second, or max.")] = "1",
     begin: Annotated[float, typer.Option("--from", min=0.0, metavar="S", help="Where to start.")] = 0.0,
     until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Where to end.")] = None,

@@ -15,7 +15,7 @@ from dsr.cli.common import GraphOption, console
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
 from dsr.network.rendezvous import graphs
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.signals import set_on_signals
 
 _GRAPH = "ros"
@@ -72,9 +72,7 @@ def run(
         if timer:
             timer.start()
         with set_on_signals(stop):
-            run_process(
-                RosBridge, graph=name, name=RosBridge.name, config=config, router=None, seed=0, stop=stop
-            )
+            run_agent(RosBridge, graph=name, name=RosBridge.name, config=config, router=None, seed=0, stop=stop)
     finally:
         if timer:
             timer.cancel()

@@ -164,7 +164,9 @@ def run_demo(seed: Seed = 0, json: JsonFile = None, view: View = None) -> None:
 def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Path | None, view: bool | None) -> None:
     """Run with these fields of `Run`, show and write the result; ends the program with its exit code."""
     viewer = view if view is not None else not lockstep
-    window = view is not False and viewer and has_display(os.environ, sys.platform)
+    window = viewer and has_display(os.environ, sys.platform)
+    if view and not window:
+        errors.print("there is no display: the view is only recorded; to watch the run elsewhere: dsr view --serve")
     plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
     if json:
         check_writable(json)

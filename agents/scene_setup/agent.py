@@ -28,6 +28,7 @@ class SceneSetup(Agent):
 
     name = "scene_setup"
     rate_hz = 1.0
+    shares_process = True
     writes = Access(
         nodes=("world", "table", *THINGS),
         edges=("RT",),

@@ -104,6 +104,7 @@ class SpatialRelations(Agent):
 
     name = "spatial_relations"
     rate_hz = 10.0
+    shares_process = True
     reads = Access(
         nodes=(*THINGS, *SURFACES, *MODELLED, QUERY),
         edges=("RT", "Virtual_RT", *WRITTEN),

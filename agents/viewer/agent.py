@@ -17,6 +17,7 @@ from agents.viewer.calibrations import CalibrationView
 from agents.viewer.chronicle import ChronicleView
 from agents.viewer.elapsed import Elapsed
 from agents.viewer.events import EventView
+from agents.viewer.framing import Focus, Framing
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
 from agents.viewer.mind import MindView
@@ -54,6 +55,8 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     """TCP port of the served page: the one that rerun takes by itself."""
     awaits_start: bool = False
     """A scenario will start, from which seconds count. Otherwise they count from the first look."""
+    listens: float = 0.0
+    """Seconds before the first look, if nobody tells a time 0: for a view of what may run already."""
     images_hz: float = 5.0
     """Camera images a second and camera."""
     jpeg_quality: int = 80
@@ -64,6 +67,8 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         if not (math.isfinite(self.images_hz) and self.images_hz > 0):
             raise ValueError(f"images_hz {self.images_hz}: expected a positive number")
+        if not (math.isfinite(self.listens) and self.listens >= 0):
+            raise ValueError(f"listens {self.listens}: expected a finite number of seconds, at least 0")
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality {self.jpeg_quality}: expected 1 to 100")
         for name in ("port", "web_port"):
@@ -101,7 +106,10 @@ class Viewer(Agent):
         self._images = ImageView(recording, self.memory, self.config.images_hz, self.config.jpeg_quality, self.log)
         self._series = SeriesView(recording, self.log)
         self._events = EventView(recording, self._elapsed, self.log)
-        self._arranged: tuple[list[str], bool] | None = None
+        self._resources.callback(self._events.close)
+        self._framing = Framing()
+        self._looks_from: float | None = None
+        self._arranged: tuple[list[str], bool, Focus] | None = None
         self._watch = self.memory.watch()
         keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys), replayed_key(self.keys))
         self._inboxes = [Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys]
@@ -115,6 +123,8 @@ class Viewer(Agent):
             self._elapsed.note_start(message)
         for message in self._replayed.take()[-1:]:
             self._elapsed.note_replayed(message)
+        if not self._looks(now):
+            return
         now = self._elapsed.now(now)
         self._elapsed.set(now)
         self._arrange()
@@ -126,12 +136,19 @@ class Viewer(Agent):
         self._topology.draw(self.memory)
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
+        self._framing.note(scene.beliefs, scene.tables)
         self._scene.draw(scene, now, self._meshes.draw(changes))
         self._persons.draw(self.memory)
         self._calibrations.draw(changes, self.memory, scene.cameras, now)
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)
         self._check_window()
+
+    def _looks(self, now: float) -> bool:
+        """Whether it is known what the seconds of the view count from, or was listened for long enough."""
+        if self._looks_from is None:
+            self._looks_from = now + self.config.listens
+        return self._elapsed.is_told or now >= self._looks_from
 
     def teardown(self) -> None:
         """Finish the file and close the window."""
@@ -176,7 +193,7 @@ class Viewer(Agent):
 
     def _arrange(self) -> None:
         """Send the blueprint: at first, and when there is more to arrange."""
-        content = (self._images.cameras, self._series.knows_truth)
+        content = (self._images.cameras, self._series.knows_truth, self._framing.focus)
         if content != self._arranged:
             self._arranged = content
             self._recording.send_blueprint(make_blueprint(*content))

@@ -8,51 +8,66 @@ import rerun.blueprint as rrb
 
 from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series, topology_view
 from agents.viewer.elapsed import ELAPSED
+from agents.viewer.framing import ANYWHERE, Focus
 
 APPLICATION = "dsr"
 """Of the recordings, by which rerun knows what arrangement belongs to them."""
-_OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
-_CLOSE_UP = rrb.EyeControls3D(position=(0.69, -0.24, 0.22), look_target=(0.35, 0.0, 0.03), eye_up=(0.0, 0.0, 1.0))
+_AFAR, _ALL = (1.35, -0.9, 0.85), (0.2, 0.03, 0.34)
+"""m, where the eye of the overview is and where it looks, if the objects are at the height of the world's origin."""
+_FROM = (0.74, -0.52, 0.42)
+"""Direction from what the close-up shows to its eye: from the front, at the right, from above."""
 _BACKGROUND = (24, 27, 32)
 
 
-def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
+def make_blueprint(cameras: Sequence[str], with_truth: bool, focus: Focus = ANYWHERE) -> rrb.Blueprint:
     """The arrangement: the scene large, around it what explains it.
 
     Args:
         cameras: that send images.
         with_truth: errors against the truth are known.
+        focus: of the close-up.
     """
-    below = rrb.Horizontal(_graph(), _images(cameras), column_shares=[2, 1])
+    left = rrb.Vertical(_scenes(cameras, focus), _graph(), row_shares=[6, 5])
+    right = rrb.Vertical(*_thoughts(), _numbers(with_truth), _happenings(), row_shares=[8, 8, 5, 6])
+    overview = rrb.Horizontal(left, right, column_shares=[5, 3], name="Overview")
+    return _blueprint(rrb.Tabs(overview, _memory("Working memory, large"), active_tab=0))
+
+
+def make_graph_blueprint() -> rrb.Blueprint:
+    """The arrangement with nothing but the graph."""
+    return _blueprint(_memory("Working memory"))
+
+
+def _blueprint(content: rrb.Container | rrb.View) -> rrb.Blueprint:
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(_scenes(), below, row_shares=[5, 3]),
-            rrb.Vertical(*_thoughts(), _numbers(with_truth), _happenings(), row_shares=[8, 8, 5, 6]),
-            column_shares=[5, 3],
-        ),
+        content,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
     )
 
 
-def make_graph_blueprint() -> rrb.Blueprint:
-    """The arrangement with nothing but the graph, and beside it the attributes of the node that is selected."""
-    return rrb.Blueprint(
-        _memory("Working memory"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="expanded"),
-        rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
+def _scenes(cameras: Sequence[str], focus: Focus) -> rrb.Container:
+    """All of it and what cameras see of it, and its objects from nearby."""
+    all_of_it = _scene("Scene", ["$origin/**", f"- $origin/{scene.NAMES}"], _afar(focus))
+    parts = ("table", "percepts", "beliefs", "surprising", "robot/grippers", scene.NAMES)
+    close_up = _scene(
+        "Belief solid, held green; percepts orange; surprising red",
+        [f"$origin/{part}" for part in parts],
+        _nearby(focus),
     )
+    return rrb.Horizontal(rrb.Vertical(all_of_it, _images(cameras)), close_up, column_shares=[2, 3])
 
 
-def _scenes() -> rrb.Container:
-    """All of it, and its objects from nearby. A click shows the graph instead, as large."""
-    all_of_it = _scene("Scene", ["$origin/**"], _OVERVIEW)
-    objects = [f"$origin/{part}" for part in ("table", "percepts", "beliefs", "surprising", "robot/grippers", "names")]
-    close_up = _scene("Belief solid, held green; percepts orange; surprising red", objects, _CLOSE_UP)
-    scenes = rrb.Horizontal(all_of_it, close_up, column_shares=[2, 3], name="Scene and objects")
-    return rrb.Tabs(scenes, _memory("Working memory, large"), active_tab=0)
+def _afar(focus: Focus) -> rrb.EyeControls3D:
+    raised = focus.at[2] - ANYWHERE.at[2]
+    position, target = ((x, y, z + raised) for x, y, z in (_AFAR, _ALL))
+    return rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
+
+
+def _nearby(focus: Focus) -> rrb.EyeControls3D:
+    position = [at + focus.distance * along for at, along in zip(focus.at, _FROM, strict=True)]
+    return rrb.EyeControls3D(position=position, look_target=focus.at, eye_up=(0.0, 0.0, 1.0))
 
 
 def _scene(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.View:
@@ -84,7 +99,7 @@ def _worlds() -> rrb.View:
 
 def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
     views = [rrb.Spatial2DView(origin=scene.camera_entity(camera), name=camera) for camera in cameras]
-    return rrb.Tabs(*views) if views else rrb.TextLogView(origin="none", name="no camera image yet")
+    return rrb.Tabs(*views) if views else rrb.TextDocumentView(origin="none", name="no camera image yet")
 
 
 def _numbers(with_truth: bool) -> rrb.Container:

@@ -18,12 +18,13 @@ from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, e
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.display import has_display
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "view"
 """Of the agent; the system may have a viewer already."""
+_LISTENS = 1.5  # s: a scenario tells its start once a second, and a replay its time more often
 _DEFAULTS = ViewerConfig()
 
 app = typer.Typer(name="view", invoke_without_command=True, subcommand_metavar="")
@@ -81,9 +82,9 @@ def view(
 
     with tempfile.TemporaryDirectory(prefix="dsr-view-") as folder:
         config: dict[str, Any] = {"folder": folder, "record": False, "spawn": not serve, "serve": serve}
-        config |= {"bind": bind, "port": port, "web_port": web_port}
+        config |= {"bind": bind, "port": port, "web_port": web_port, "listens": _LISTENS}
         with set_on_signals(stop):
-            run_process(_View, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+            run_agent(_View, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
     if serve and said:
         raise WindowError(f"the server ended: {said[0].splitlines()[-1] if said[0] else 'it said nothing'}")
 

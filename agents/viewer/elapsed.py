@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 
 import rerun as rr
 
@@ -35,6 +34,12 @@ class Elapsed:
         self._log = log
         self._zero: float | None = None
         self._replayed: float | None = None
+        self._is_told = False
+
+    @property
+    def is_told(self) -> bool:
+        """Whether a scenario or a replay has told its time 0."""
+        return self._is_told
 
     def note_start(self, message: Message) -> None:
         """Count from the start in a message; malformed ones are counted and left out."""
@@ -43,7 +48,7 @@ class Elapsed:
         except WireError as error:
             self._drop(message, error)
         else:
-            self._awaits = False
+            self._awaits, self._is_told = False, True
 
     def note_replayed(self, message: Message) -> None:
         """Go by the time of the recording in a message; malformed ones are counted and left out."""
@@ -52,7 +57,8 @@ class Elapsed:
         except WireError as error:
             self._drop(message, error)
         else:
-            self._awaits, self._zero, self._replayed = False, replayed.begin, replayed.stamp
+            self._awaits, self._is_told = False, True
+            self._zero, self._replayed = replayed.begin, replayed.stamp
 
     def now(self, clock: float) -> float:
         """Time (s) of what is shown: that of the recording while one is replayed, else that of the clock."""
@@ -64,20 +70,19 @@ class Elapsed:
             return -LEAD
         if self._zero is None:
             self._zero = stamp
-        since = stamp - self._zero
-        return since if abs(since) < _NEVER else math.copysign(_NEVER, since)
+        return stamp - self._zero
 
     def text(self, stamp: float) -> str:
         """The same for people, as wide as in the story of a run."""
         seconds = self.seconds(stamp)
-        return f"{seconds:6.1f} s" if abs(seconds) < _NEVER else "at no time"
+        return f"{round(seconds, 1) + 0.0:6.1f} s" if abs(seconds) < _NEVER else "at no time"
 
     def set(self, stamp: float) -> None:
-        """Let all that is logged from now on be of the time `stamp` (s since 1970)."""
+        """Let all that is logged from now on be of the time `stamp` (s since 1970); what is no time changes nothing."""
         seconds = self.seconds(stamp)
         if abs(seconds) < _NEVER:
             self._recording.set_time(TIME_OF_DAY, timestamp=stamp)
-        self._recording.set_time(ELAPSED, duration=seconds)
+            self._recording.set_time(ELAPSED, duration=seconds)
 
     def _drop(self, message: Message, error: Exception) -> None:
         self.malformed += 1

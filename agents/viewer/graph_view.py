@@ -9,8 +9,9 @@ from typing import Any
 import rerun as rr
 
 from agents.viewer.folding import Folded, fold
-from agents.viewer.layout import DrawnEdge, DrawnNode, arrange
+from agents.viewer.layout import Drawing, DrawnNode, arrange
 from agents.viewer.palette import Color
+from agents.viewer.routing import DrawnEdge, EdgeLabel
 from agents.viewer.texts import drawable
 from dsr import Change, Memory, Pose
 
@@ -19,7 +20,8 @@ BACKGROUND: Color = (14, 16, 20)
 """Colour of the view, and so of the frame that keeps labels from being cut off."""
 _TOLD_EVERY = 1.0  # s; poses change at every frame, and nobody reads faster
 _POINT = rr.Radius.ui_points(5.0)
-_LINE = rr.Radius.ui_points(1.2)
+_LINE = rr.Radius.ui_points(1.0)
+_INVISIBLE = rr.Radius.ui_points(0.0)
 _MEASURED = ("RT", "Virtual_RT")
 
 
@@ -55,33 +57,40 @@ class GraphView:
         self._recording.log([ENTITY, "frame"], rr.LineStrips2D([corners], colors=[BACKGROUND], radii=_LINE))
         for node in drawing.nodes:
             self._draw_node(node)
-        self._draw_edges(drawing.edges)
+        self._draw_edges(drawing)
 
     def _draw_node(self, node: DrawnNode) -> None:
         looks = rr.Points2D([node.at], radii=_POINT, colors=[node.color], labels=[node.label], show_labels=True)
         self._recording.log(_node(node.name), looks)
 
-    def _draw_edges(self, edges: list[DrawnEdge]) -> None:
+    def _draw_edges(self, drawing: Drawing) -> None:
         by_type: dict[str, list[DrawnEdge]] = defaultdict(list)
-        for edge in edges:
+        for edge in drawing.edges:
             by_type[edge.key[2]].append(edge)
         for type in self._types - by_type.keys():
-            self._recording.log([ENTITY, "edges", type], rr.Clear(recursive=True))
+            self._recording.log(_edges(type), rr.Clear(recursive=True))
         self._types = set(by_type)
         for type, same in by_type.items():
-            self._log_arrows([ENTITY, "edges", type], [edge for edge in same if not edge.label])
-            # apart, because labels are shown for all arrows of an entity, also empty ones
-            self._log_arrows([ENTITY, "edges", type, "labelled"], [edge for edge in same if edge.label])
+            color = same[0].color
+            self._recording.log(
+                _edges(type), rr.LineStrips2D([edge.path[:-1] for edge in same], colors=[color], radii=_LINE)
+            )
+            ends = [edge.path[-2:] for edge in same]
+            vectors = [(head[0] - tail[0], head[1] - tail[1]) for tail, head in ends]
+            arrows = rr.Arrows2D(origins=[tail for tail, _ in ends], vectors=vectors, colors=[color], radii=_LINE)
+            self._recording.log([*_edges(type), "ends"], arrows)
+            self._draw_labels(type, [label for label in drawing.labels if label.text == type])
 
-    def _log_arrows(self, entity: list[object], edges: list[DrawnEdge]) -> None:
-        arrows = rr.Arrows2D(
-            origins=[edge.begin for edge in edges],
-            vectors=[(edge.end[0] - edge.begin[0], edge.end[1] - edge.begin[1]) for edge in edges],
-            colors=[edge.color for edge in edges],
-            labels=[drawable(edge.label) for edge in edges] if any(edge.label for edge in edges) else None,
-            radii=_LINE,
+    def _draw_labels(self, type: str, labels: list[EdgeLabel]) -> None:
+        """Beneath invisible points: labels of lines would be where rerun finds their middle."""
+        points = rr.Points2D(
+            [label.at for label in labels],
+            colors=[label.color for label in labels],
+            labels=[drawable(label.text) for label in labels],
+            radii=_INVISIBLE,
+            show_labels=True,
         )
-        self._recording.log(entity, arrows)
+        self._recording.log([*_edges(type), "labels"], points)
 
     def _tell(self, memory: Memory) -> None:
         """Log the attributes of each node, and where it is, for the panel that shows what is selected."""
@@ -107,6 +116,10 @@ class GraphView:
 
 def _node(name: str) -> list[object]:
     return [ENTITY, "nodes", name]
+
+
+def _edges(type: str) -> list[object]:
+    return [ENTITY, "edges", type]
 
 
 def _numbers(values: Iterable[float]) -> str:

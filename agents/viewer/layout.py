@@ -6,7 +6,6 @@ the table. Labels are as large on the screen whatever the zoom, and stand below 
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
@@ -14,22 +13,26 @@ from typing import NamedTuple
 
 from agents.viewer import palette
 from agents.viewer.palette import Color
+from agents.viewer.routing import (
+    LETTER,
+    TOWARDS_DESTINATION,
+    Column,
+    DrawnEdge,
+    EdgeKey,
+    EdgeLabel,
+    Place,
+    Point,
+    label_gaps,
+    route,
+)
 
-EdgeKey = tuple[str, str, str]
-"""(source, destination, type)"""
-Point = tuple[float, float]
-"""px to the right, px down"""
-
-_ROW = 48.0  # px from one row to the next: a node, and its label of 12 px below; all lengths below in px, too
-_LETTER = 7.5  # width of a letter of a label of 12 px
-_GAP = 36.0  # from the labels of one column to those of the next, for the arrows
+_ROW = 52.0  # px from one row to the next: a node, its label of 12 px, and arrows that pass below; px all below, too
+_GAP = 44.0  # from the labels of one column to those of the next, for the arrows
+_ASPECT = 2.8  # width over height up to which gaps are widened: that of the view in a window of 1280 by 720 px
+_WIDEST = 160.0  # by which a gap is widened at most
 _MARGIN = 30.0  # around everything, for labels at the border
-_RADIUS = 9.0  # from the middle of a node to the ends of its arrows
-_BESIDE = 6.0  # between arrows that join the same two nodes
 _TALLEST = 6  # leaves below one another
-_STRUCTURE = ("has", "next")
-"""Types of edges of parts and plans. They have no label: where their nodes stand says enough."""
-_TOWARDS_DESTINATION = ("on", "in")
+_DEEPEST = 100  # columns; what stands deeper begins anew at the left
 _PARENTS = ("on", "in", "has", "next", "RT", "Virtual_RT")
 """Types of edges by which a node is placed, the best first."""
 _FIRST = {"robot": 0, "camera": 1, "mind": 2, "table": 4}
@@ -45,22 +48,13 @@ class DrawnNode(NamedTuple):
     at: Point
 
 
-class DrawnEdge(NamedTuple):
-    """An arrow from node to node."""
-
-    key: EdgeKey
-    label: str
-    """Type of the edge; empty if another edge beside it says it already."""
-    color: Color
-    begin: Point
-    end: Point
-
-
 class Drawing(NamedTuple):
     """The elements of a drawing."""
 
     nodes: list[DrawnNode]
     edges: list[DrawnEdge]
+    labels: list[EdgeLabel]
+    """Types of edges, one for each bundle."""
     frame: tuple[Point, Point]
     """Corners of the rectangle that holds everything, labels included: the upper left and the lower right one."""
 
@@ -92,14 +86,21 @@ def arrange(nodes: Mapping[str, str], edges: Iterable[EdgeKey], labels: Mapping[
     """
     items = {name: _Item(name, (labels or {}).get(name, name), type) for name, type in nodes.items()}
     keys = sorted(edges)
-    parents: dict[str, list[tuple[int, str]]] = defaultdict(list)
+    _place(items, _parents(keys))
+    columns = _columns(items.values(), label_gaps(keys, {name: item.column for name, item in items.items()}))
+    places = {name: Place(item.column, (columns[item.column].middle, item.row * _ROW)) for name, item in items.items()}
+    drawn = [DrawnNode(name, item.label, palette.of_node(item.type), places[name].at) for name, item in items.items()]
+    arrows, told = route(keys, places, columns)
+    return Drawing(drawn, arrows, told, _frame(drawn, arrows, told))
+
+
+def _parents(keys: Iterable[EdgeKey]) -> dict[str, list[str]]:
+    """What each node may stand right of, the best first."""
+    found: dict[str, list[tuple[int, str]]] = defaultdict(list)
     for src, dst, type in keys:
-        child, parent = (src, dst) if type in _TOWARDS_DESTINATION else (dst, src)
-        parents[child].append((_PARENTS.index(type) if type in _PARENTS else len(_PARENTS), parent))
-    _place(items, {name: [parent for _, parent in sorted(ranked)] for name, ranked in parents.items()})
-    places = _places(list(items.values()))
-    drawn = [DrawnNode(name, item.label, palette.of_node(item.type), places[name]) for name, item in items.items()]
-    return Drawing(drawn, _arrows(keys, places), _frame(drawn))
+        child, parent = (src, dst) if type in TOWARDS_DESTINATION else (dst, src)
+        found[child].append((_PARENTS.index(type) if type in _PARENTS else len(_PARENTS), parent))
+    return {name: [parent for _, parent in sorted(ranked)] for name, ranked in found.items()}
 
 
 def _place(items: Mapping[str, _Item], parents: Mapping[str, list[str]]) -> None:
@@ -107,9 +108,9 @@ def _place(items: Mapping[str, _Item], parents: Mapping[str, list[str]]) -> None
     for name, item in items.items():
         if parents.get(name):
             items[parents[name][0]].children.append(item)
-    roots = sorted((item for name, item in items.items() if not parents.get(name)), key=lambda item: item.order)
+    ordered = sorted(items.values(), key=lambda item: item.order)
     row = 0.0
-    for item in [*roots, *sorted(items.values(), key=lambda item: item.order)]:  # the latter for cycles
+    for item in [*(root for root in ordered if not parents.get(root.name)), *ordered]:  # the latter for cycles
         if not item.placed:
             row = _descend(item, 0, row)
 
@@ -117,7 +118,8 @@ def _place(items: Mapping[str, _Item], parents: Mapping[str, list[str]]) -> None
 def _descend(item: _Item, column: int, row: float) -> float:
     """Place a subtree whose first leaf is in `row`; returns the next free row."""
     item.placed, item.column, item.row = True, column, row
-    children = sorted((child for child in item.children if not child.placed), key=lambda child: child.order)
+    below = item.children if column < _DEEPEST else []
+    children = sorted((child for child in below if not child.placed), key=lambda child: child.order)
     leaves = [child for child in children if not child.children]
     if len(leaves) <= _TALLEST:
         leaves = []
@@ -140,56 +142,31 @@ def _place_grid(leaves: list[_Item], column: int, row: float) -> float:
     return row + min(len(leaves), _TALLEST)
 
 
-def _places(items: list[_Item]) -> dict[str, Point]:
-    """The middle of each node."""
+def _columns(items: Iterable[_Item], gaps: Mapping[int, float]) -> list[Column]:
+    """The columns from left to right, each with the gap that follows."""
     widths: dict[int, float] = defaultdict(float)
+    rows: dict[int, list[float]] = defaultdict(list)
     for item in items:
-        widths[item.column] = max(widths[item.column], len(item.label) * _LETTER)
-    centres, x = {}, 0.0
-    for column in range(max(widths, default=0) + 1):
-        centres[column] = x + widths[column] / 2
-        x += widths[column] + _GAP
-    return {item.name: (centres[item.column], item.row * _ROW) for item in items}
+        widths[item.column] = max(widths[item.column], len(item.label) * LETTER)
+        rows[item.column].append(item.row * _ROW)
+    numbers = range(max(widths, default=-1) + 1)
+    all_gaps = [max(_GAP, gaps.get(number, 0.0)) for number in numbers]
+    height = max((y for ys in rows.values() for y in ys), default=0.0) + _ROW
+    spare = (_ASPECT * height - sum(widths.values()) - sum(all_gaps)) / max(1, len(all_gaps))
+    columns, left = [], 0.0
+    for number in numbers:
+        gap = all_gaps[number] + min(max(0.0, spare), _WIDEST)
+        columns.append(Column(left, left + widths[number], gap, tuple(sorted(rows[number]))))
+        left += widths[number] + gap
+    return columns
 
 
-def _arrows(keys: list[EdgeKey], places: Mapping[str, Point]) -> list[DrawnEdge]:
-    """The arrows; of those of one type at one node, the one in the middle has the label."""
-    groups: dict[tuple[str, str], list[EdgeKey]] = defaultdict(list)
-    pairs: dict[tuple[str, ...], list[EdgeKey]] = defaultdict(list)
-    for key in keys:
-        src, dst, type = key
-        groups[dst if type in _TOWARDS_DESTINATION else src, type].append(key)
-        pairs[tuple(sorted((src, dst)))].append(key)
-    labelled = {same[len(same) // 2] for (_, type), same in groups.items() if type not in _STRUCTURE}
-    arrows = []
-    for src, dst, type in keys:
-        beside = pairs[tuple(sorted((src, dst)))]
-        shift = (beside.index((src, dst, type)) - (len(beside) - 1) / 2) * _BESIDE
-        begin, end = _ends(places[src], places[dst], shift if src <= dst else -shift)
-        label = type if (src, dst, type) in labelled else ""
-        arrows.append(DrawnEdge((src, dst, type), label, palette.of_edge(type), begin, end))
-    return arrows
-
-
-def _ends(a: Point, b: Point, shift: float) -> tuple[Point, Point]:
-    """Ends of an arrow outside of its nodes, moved sideways by `shift`; of an edge to itself, a short one below."""
-    length = math.dist(a, b)
-    if length <= 2 * _RADIUS:
-        return (a[0] - _RADIUS, a[1] + _RADIUS), (a[0] + _RADIUS, a[1] + _RADIUS)
-    along = (b[0] - a[0]) / length, (b[1] - a[1]) / length
-    dx, dy = -along[1] * shift, along[0] * shift
-    return (
-        (a[0] + along[0] * _RADIUS + dx, a[1] + along[1] * _RADIUS + dy),
-        (b[0] - along[0] * _RADIUS + dx, b[1] - along[1] * _RADIUS + dy),
-    )
-
-
-def _frame(nodes: list[DrawnNode]) -> tuple[Point, Point]:
-    halves = [len(node.label) * _LETTER / 2 for node in nodes]
-    left = min((node.at[0] - half for node, half in zip(nodes, halves, strict=True)), default=0.0)
-    right = max((node.at[0] + half for node, half in zip(nodes, halves, strict=True)), default=0.0)
-    top = min((node.at[1] for node in nodes), default=0.0)
-    bottom = max((node.at[1] for node in nodes), default=0.0)
+def _frame(nodes: list[DrawnNode], edges: list[DrawnEdge], labels: list[EdgeLabel]) -> tuple[Point, Point]:
+    named = [(node.label, node.at) for node in nodes] + [(label.text, label.at) for label in labels]
+    xs = [at[0] + side * len(text) * LETTER / 2 for text, at in named for side in (-1, 1)]
+    xs += [point[0] for edge in edges for point in edge.path]
+    ys = [at[1] for _, at in named] + [point[1] for edge in edges for point in edge.path]
+    left, right, top, bottom = min(xs, default=0.0), max(xs, default=0.0), min(ys, default=0.0), max(ys, default=0.0)
     return (left - _MARGIN, top - _MARGIN), (right + _MARGIN, bottom + 2 * _MARGIN)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
 
 import rerun as rr
@@ -12,7 +13,7 @@ from dsr import Memory, Node
 from dsr.timeline import explanations
 from dsr.vocabulary.intentions import RUNNING, WANTED, describe_action
 from dsr.vocabulary.relations import nodes_by_name
-from dsr.vocabulary.sentences import explained_sentence, rejected_sentences
+from dsr.vocabulary.sentences import explained_sentence, listed, rejected_sentences
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -42,11 +43,23 @@ class MindView:
 
 
 def plan_page(memory: Memory) -> str:
-    """Markdown: each intention with its status and its actions, and what the gripper holds."""
+    """Markdown: what the robot and others hold, and each intention with its status and its actions."""
     intentions = nodes_by_name(memory, "intention")
-    held = sorted(edge.dst for edge in memory.edges("grasping"))
-    holds = f"Holds **{markdown(', '.join(held))}**." if held else "Holds nothing."
-    return "\n\n".join([holds, *([_intention(memory, node) for node in intentions] or ["*Nothing is wanted.*"])])
+    return "\n\n".join(
+        [_held(memory), *([_intention(memory, node) for node in intentions] or ["*Nothing is wanted.*"])]
+    )
+
+
+def _held(memory: Memory) -> str:
+    """What the robot holds, then what each hand holds."""
+    held: dict[str, list[str]] = defaultdict(list)
+    for edge in sorted(memory.edges("grasping"), key=lambda edge: (edge.src, edge.dst)):
+        node = memory.get_node(edge.src)
+        held["" if node is None or node.type != "hand" else edge.src].append(edge.dst)
+    own = held.pop("", [])
+    sentences = [f"Holds **{markdown(listed(own))}**." if own else "Holds nothing."]
+    sentences += [f"{markdown(hand)} holds **{markdown(listed(things))}**." for hand, things in held.items()]
+    return " ".join(sentences)
 
 
 def _intention(memory: Memory, intention: Node) -> str:

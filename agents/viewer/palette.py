@@ -41,7 +41,7 @@ NODE_TYPES: dict[str, Color] = {
 EDGE_TYPES: dict[str, Color] = {
     "RT": PERCEPT,
     "Virtual_RT": BELIEF,
-    "on": (140, 220, 90),
+    "on": (170, 215, 60),
     "in": (90, 200, 160),
     "grasping": HELD,
     "sees": CAMERA,

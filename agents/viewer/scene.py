@@ -23,6 +23,8 @@ from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import nodes_by_name
 
 ENTITY = "world"
+NAMES = "names"
+"""Below that, of the objects. Names stand close enough to be read from nearby only."""
 _LINK_RADIUS = 0.038  # m, as all lengths below
 _LEAST_LINK = 0.01
 _AXIS = 0.08
@@ -59,7 +61,7 @@ class SceneView:
         self._update("percepts", scene.ghosts, _percepts)
         self._update("beliefs", [solid for solid in scene.beliefs if solid.name not in meshed], _beliefs)
         self._update("surprising", self._marked(scene, now), _surprising)
-        self._update("names", list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
+        self._update(NAMES, list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
         for camera in scene.cameras:
             self._draw_camera(camera)
 
@@ -133,9 +135,13 @@ def _parts(parts: list[DrawnSolid]) -> rr.Boxes3D:
     return _boxes(parts, colors=[palette.JOINT] * len(parts), fill_mode="majorwireframe", radii=[0.0008] * len(parts))
 
 
-def _names(solids: list[DrawnSolid]) -> rr.Points3D:
-    """A name beside each object, where it does not hide what is above; all but invisible points carry them."""
+def _names(known: list[DrawnSolid]) -> rr.Points3D:
+    """A name beside each object, where it does not hide what is above; all but invisible points carry them.
+
+    Fingers have none: that of the hand is enough.
+    """
     x, y = _ASIDE
+    solids = [solid for solid in known if solid.type != "finger"]
     beside = [(at[0] + x, at[1] + y, at[2]) for solid in solids for at in [solid.place.translation]]
     return rr.Points3D(
         np.array(beside).reshape(-1, 3),

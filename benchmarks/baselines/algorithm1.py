@@ -22,6 +22,9 @@ class Algorithm1:
 
     name = "algorithm1"
 
+    def prepare(self) -> None:
+        """Nothing is to be prepared."""
+
     def explain(self, situation: Situation) -> Explanation | None:
         """What Algorithm 1 makes of the surprising objects that are seen; of the others it says nothing."""
         hypothesis, changes, ended = Hypothesis(), list[ExplainedChange](), []

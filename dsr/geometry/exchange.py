@@ -21,6 +21,7 @@ from dsr.geometry.store import MeshStore
 from dsr.geometry.transfer import EVERYBODY, Transfer
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.threads import new_thread
 
 ANSWER_TIMEOUT = 5.0
 """s that whoever is asked for a mesh, or a piece of one, has to answer."""
@@ -288,7 +289,7 @@ class MeshExchange:
 
     def _start_thread(self) -> None:
         if self.threaded and self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="dsr-meshes", daemon=True)
+            self._thread = new_thread(self._run, "dsr-meshes")
             self._thread.start()
 
     def _run(self) -> None:

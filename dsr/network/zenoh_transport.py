@@ -18,6 +18,7 @@ from dsr.network.askers import newest_of_each
 from dsr.network.bulk import BulkReader, BulkWriter, Handler
 from dsr.network.keys import descriptor_key
 from dsr.network.transport import MAX_ASKERS, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.zenoh")
 
@@ -317,7 +318,7 @@ class ZenohTransport:
             raise TransportError(f"{key}: {_reason(error)}") from error
 
     def _run(self, name: str, target: Callable[[], None]) -> None:
-        thread = threading.Thread(target=target, name=name, daemon=True)
+        thread = new_thread(target, name)
         with self._lock:
             thread.start()
             self._threads = [*(other for other in self._threads if other.is_alive()), thread]
@@ -351,6 +352,8 @@ def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+        # ms that opening waits for connections; every third session waits so long although all are there already
+        "scouting/delay": 100,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "scouting/gossip/autoconnect": {"router": [], "peer": []},

@@ -30,6 +30,7 @@ from dsr.persistence.pending import PendingWrites, pieces
 from dsr.persistence.records import append_record
 from dsr.replication.collector import collector_paused
 from dsr.replication.wire import encode_delta
+from dsr.threads import new_thread
 
 PERIOD = 0.25
 """s between two searches for new changes."""
@@ -70,7 +71,7 @@ class StateKeeper:
         """Whether anything is newer than the snapshot."""
         self._flushing = threading.Lock()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="dsr-state", daemon=True) if threaded else None
+        self._thread = new_thread(self._run, "dsr-state") if threaded else None
         self._claim = _claimed(folder)
         try:
             self._generations = Generations(folder)

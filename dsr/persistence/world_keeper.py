@@ -21,6 +21,7 @@ from dsr.network.keys import BASE
 from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
 from dsr.replication.collector import collector_paused
+from dsr.threads import new_thread
 
 PERIOD = 0.25
 """s between two looks at the list of worlds."""
@@ -51,7 +52,7 @@ class WorldKeeper:
         self.base = StateKeeper(memory, folder, threaded=threaded)
         """The keeper of the base."""
         self._look()
-        self._thread = threading.Thread(target=self._run, name="dsr-worlds", daemon=True) if threaded else None
+        self._thread = new_thread(self._run, "dsr-worlds") if threaded else None
         memory.on_close(self.close)
         if self._thread:
             self._thread.start()

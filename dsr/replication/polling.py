@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from dsr.clock import Clock
+from dsr.threads import new_thread
 
 TICK = 0.05
 """s between two rounds, in which every replica is polled."""
@@ -36,7 +37,7 @@ class Poller:
             self._polls = (*self._polls, poll)
             self._asked.append(poll)
             if self._thread is None:
-                self._thread = threading.Thread(target=self._run, name="dsr-sync", daemon=True)
+                self._thread = new_thread(self._run, "dsr-sync")
                 self._thread.start()
         self._bell.set()
 

@@ -29,6 +29,7 @@ from dsr.replication.polling import Poller
 from dsr.replication.renaming import going_on_as, next_id
 from dsr.replication.sync import REQUEST_TIMEOUT, ChangeGate, Synchroniser
 from dsr.replication.wire import encode_delta
+from dsr.threads import new_thread
 
 MAX_INBOX = 10_000
 """Messages that may wait for `poll`; the synchroniser's repair makes up for those beyond."""
@@ -289,7 +290,7 @@ class Replica:
 
     def start(self, poller: Poller) -> None:
         """Let `poller` do the work that is due, and run a thread that sends."""
-        self._sender = threading.Thread(target=self._run_sending, name="dsr-send", daemon=True)
+        self._sender = new_thread(self._run_sending, "dsr-send")
         self._sender.start()
         self._poller = poller
         poller.add(self._poll_guarded)

@@ -1,4 +1,4 @@
-"""An agent as a process of its own: command line, connection, tick loop on the wall clock, signals, exit code."""
+"""An agent on the wall clock: connection, tick loop, exit code; and as a process with command line and signals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import inspect
 import logging
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +27,11 @@ from dsr.network.keys import Keys
 from dsr.network.rendezvous import running_graph
 from dsr.network.transport import Transport
 from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
-from dsr.runtime.logs import BusLogHandler, log_to_terminal
+from dsr.runtime.logs import BusLogHandler, log_to_terminal, said_by
 from dsr.runtime.resources import shortage
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
+from dsr.threads import acting_for
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2
@@ -63,10 +64,11 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     log_to_terminal(options.name, options.log_level)
     stop = StopSignal()
     launcher_is_gone = follow_launcher(os.environ, stop)
-    try:
+
+    def run() -> None:
         graph = running_graph(options.graph)
         with set_on_signals(stop):
-            run_process(
+            run_agent(
                 kind,
                 graph=graph,
                 name=options.name,
@@ -74,9 +76,21 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
                 router=options.connect,
                 seed=options.seed,
                 stop=stop,
+                restarts=int(os.environ.get(LAUNCHED, "0")),
             )
         if launcher_is_gone.is_set():
             clear_up_after_launcher(graph)
+
+    return exit_code(run)
+
+
+def exit_code(run: Callable[[], None]) -> int:
+    """Let an agent run; returns the exit code that tells how it ended, and logs why unless it ended well.
+
+    Raises what it has not been prepared for.
+    """
+    try:
+        run()
     except ConfigError as error:
         _log.error("%s", error)
         return EXIT_USAGE
@@ -92,7 +106,7 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     return 0
 
 
-def run_process(
+def run_agent(
     kind: type[Agent],
     *,
     graph: str,
@@ -101,19 +115,27 @@ def run_process(
     router: str | None,
     seed: int,
     stop: StopSignal,
+    restarts: int = 0,
+    alone: bool = True,
 ) -> None:
-    """Join `graph` as agent `name` and tick until `stop` is set; raises what ends the agent otherwise."""
+    """Join `graph` as agent `name` and tick until `stop` is set; raises what ends the agent otherwise.
+
+    Agents may run in threads of one process: each has a connection, a memory and a log of its own. Only of one that is
+    `alone` the log also tells what threads say which work for nobody in particular.
+    """
     kind = kind.configured(config)
     with contextlib.ExitStack() as resources:
+        resources.enter_context(acting_for(name))
         memory, bus, rid = _join(kind, graph, name, [router] if router else [], resources)
         handler = BusLogHandler(bus, Keys(graph), name, WALL_CLOCK)
+        handler.addFilter(said_by(name, *([""] if alone else [])))
         logging.getLogger().addHandler(handler)
         resources.callback(logging.getLogger().removeHandler, handler)
         agent = make_agent(
             kind, name=name, config=config, bus=bus, keys=Keys(graph), clock=WALL_CLOCK, memory=memory, seed=seed
         )
         agent.wake = stop.bell.set
-        runner = Runner(agent, rid=rid, pid=os.getpid(), restarts=int(os.environ.get(LAUNCHED, "0")))
+        runner = Runner(agent, rid=rid, pid=os.getpid(), restarts=restarts)
         resources.callback(runner.teardown)
         runner.setup()
         gc.freeze()  # what was imported and set up stays: looking through it for garbage takes as long as a tick

@@ -1,4 +1,4 @@
-"""Starts the agents of a system as processes, waits until they are ready, restarts crashed ones, stops all.
+"""Starts the agents of a system in processes, waits until they are ready, restarts crashed ones, stops all.
 
     with Launcher(load_system("tabletop"), folder) as launcher:
         launcher.wait_ready()
@@ -14,7 +14,7 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -27,6 +27,8 @@ from dsr.files.private_files import FOLDER_MODE, lock_file
 from dsr.network.rendezvous import claim_file
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
+from dsr.runtime.launched import Launched, Program, Seat, SharedProgram
+from dsr.runtime.orders import StartAgent
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System
@@ -35,6 +37,7 @@ POLL_PERIOD = 0.05
 """s between two looks at the processes."""
 STOP_PATIENCE = 5.0
 """s that agents get to tear down until they are killed."""
+_PYTHON = (sys.executable, "-P", "-m")  # -P: a folder called dsr where we are is not this one
 _MOST_NAMES = 100
 
 _log = logging.getLogger("dsr.runtime.launcher")
@@ -133,24 +136,48 @@ class Launcher:
             self._content.put_into(self.memory)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
         self._resources.callback(self.board.close)
+        environment = self._environment()
+        if SECURITY in environment:  # who can read a process's memory has the keys of all agents in it
+            self.system = self.system.apart(*(spec.name for spec in self.system.agents))
+        launched = {
+            name: agent
+            for process, specs in self.system.processes().items()
+            for name, agent in self._launched(process, specs, environment).items()
+        }
         for spec in self.system.agents:
-            process = Supervised(
-                self._command(spec),
-                self.folder / f"{spec.name}.log",
-                clock=self.clock,
-                environment=self._environment(),
-                restart=spec.restart,
-            )
-            self._processes[spec.name] = process
-            process.start()
+            self._processes[spec.name] = Supervised(launched[spec.name], clock=self.clock, restart=spec.restart)
+        for supervised in self._processes.values():
+            supervised.start()
+
+    def _launched(
+        self, process: str, specs: Sequence[AgentSpec], environment: Mapping[str, str]
+    ) -> dict[str, Launched]:
+        """The agents of one process, yet to be started."""
+        if len(specs) == 1:
+            spec = specs[0]
+            return {spec.name: Program(self._command(spec), self._log_file(spec.name), environment)}
+        shared = SharedProgram(Program(self._shared_command(process), self._log_file(process), environment))
+        return {spec.name: Seat(shared, self._order(spec)) for spec in specs}
 
     def _command(self, spec: AgentSpec) -> list[str]:
-        command = [sys.executable, "-P", "-m", "dsr.runtime"]  # -P: a folder called dsr where we are is not this one
-        command += ["--beside", str(self.system.folder)] if self.system.folder else []
-        command += [spec.program, "--graph", self.graph, "--name", spec.name]
-        command += ["--config", msgspec.json.encode(spec.config).decode(), "--seed", str(self._seed)]
-        command += ["--log-level", self._log_level]
-        return command + (["--connect", self._router] if self._router else [])
+        command = [*_PYTHON, "dsr.runtime", *self._beside(), spec.program, "--name", spec.name]
+        return [*command, "--config", msgspec.json.encode(spec.config).decode(), *self._common_options()]
+
+    def _shared_command(self, process: str) -> list[str]:
+        return [*_PYTHON, "dsr.runtime.shared_process", process, *self._beside(), *self._common_options()]
+
+    def _order(self, spec: AgentSpec) -> StartAgent:
+        return StartAgent(spec.name, spec.program, spec.config, str(self._log_file(spec.name)), 0)
+
+    def _beside(self) -> list[str]:
+        return ["--beside", str(self.system.folder)] if self.system.folder else []
+
+    def _common_options(self) -> list[str]:
+        options = ["--graph", self.graph, "--seed", str(self._seed), "--log-level", self._log_level]
+        return options + (["--connect", self._router] if self._router else [])
+
+    def _log_file(self, name: str) -> Path:
+        return self.folder / f"{name}.log"
 
     def _environment(self) -> dict[str, str]:
         secured = {SECURITY: str(self._security.resolve())} if self._security else {}
@@ -172,7 +199,7 @@ class Launcher:
 
     def _row(self, name: str, process: Supervised) -> AgentRow:
         heard = self.board.get(name)
-        if heard is not None and heard.status.pid != process.pid:
+        if heard is not None and (heard.status.pid, heard.status.restarts) != (process.pid, process.restarts):
             heard = None
         if process.pid is None:
             state = "ended" if process.ended else "restarting"

@@ -1,9 +1,11 @@
-"""Log records of agents: to the terminal with the agent's name, and over the bus for viewers and recordings."""
+"""Log records of agents: to the terminal or a file of their own, and over the bus for viewers and recordings."""
 
 from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
+from pathlib import Path
 
 import msgspec
 
@@ -11,6 +13,7 @@ from dsr.clock import Clock
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Transport
+from dsr.threads import acting_agent
 
 _MOST_TEXT = 2000
 
@@ -95,8 +98,27 @@ class BusLogHandler(logging.Handler):
         return True
 
 
-def log_to_terminal(agent: str, level: str) -> None:
-    """Log all records of this process to stderr, each line with the agent's name."""
+def said_by(*agents: str) -> Callable[[logging.LogRecord], bool]:
+    """A filter that passes what threads log which work for these agents; "" stands for those that work for nobody."""
+    return lambda record: acting_agent() in agents
+
+
+def log_to_terminal(agent: str, level: str) -> logging.Handler:
+    """Log all records of this process to stderr, each line with the agent's name; returns what does so."""
     handler = logging.StreamHandler()
-    handler.setFormatter(PlainFormatter(f"%(asctime)s %(levelname)-7s {agent}: %(message)s", datefmt="%H:%M:%S"))
+    handler.setFormatter(_lines_of(agent))
     logging.basicConfig(level=level.upper(), handlers=[handler])
+    return handler
+
+
+def log_to_file(agent: str, file: Path) -> logging.Handler:
+    """Log the records of `agent` alone, one of several in this process, to the end of a file; returns what does so."""
+    handler = logging.FileHandler(file, encoding="utf-8")
+    handler.setFormatter(_lines_of(agent))
+    handler.addFilter(said_by(agent))
+    logging.getLogger().addHandler(handler)
+    return handler
+
+
+def _lines_of(agent: str) -> PlainFormatter:
+    return PlainFormatter(f"%(asctime)s %(levelname)-7s {agent}: %(message)s", datefmt="%H:%M:%S")

@@ -6,14 +6,24 @@ import contextlib
 import ctypes
 import os
 import sys
+import threading
 from collections.abc import Iterator
 
 _STREAMS = (1, 2)
+_one_at_a_time = threading.RLock()
 
 
 @contextlib.contextmanager
 def silenced() -> Iterator[None]:
-    """Send what C code prints inside to nowhere, also what it only buffers. Python's output is lost too."""
+    """Send what C code prints inside to nowhere, also what it only buffers. Python's output is lost too.
+
+    Another thread that wants the same waits until this one is done.
+    """
+    with _one_at_a_time:
+        yield from _silenced()
+
+
+def _silenced() -> Iterator[None]:
     _flush()
     saved = [os.dup(number) for number in _STREAMS]
     null = os.open(os.devnull, os.O_WRONLY)

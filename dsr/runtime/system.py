@@ -25,6 +25,8 @@ from dsr.graph.access import check_writers
 from dsr.network.keys import check_name
 from dsr.runtime.native_output import silenced
 
+SHARED = "shared"
+"""Process of the agents that may share one, where the system file names none."""
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
 _log = logging.getLogger("dsr.system")
@@ -43,9 +45,13 @@ class AgentSpec:
     """Start it again when it crashed."""
     ready_timeout: float = 30.0
     """s it may take until its first good tick."""
+    process: str = ""
+    """Name of the process in which it runs, together with all others of that process; empty for the default."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", self.kind.configured(self.config))
+        if not self.process:
+            object.__setattr__(self, "process", SHARED if self.kind.shares_process else self.name)
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,30 @@ class System:
     def __post_init__(self) -> None:
         check_name("graph name", self.graph)
         check_writers({spec.name: spec.kind.writes for spec in self.agents})
+        self._check_processes()
+
+    def _check_processes(self) -> None:
+        names = {spec.name for spec in self.agents}
+        for process, specs in self.processes().items():
+            if len(specs) > 1 and process in names:
+                shared = ", ".join(spec.name for spec in specs)
+                raise ConfigError(
+                    f"process {process!r}, which {shared} share, has the name of an agent; "
+                    f"name it otherwise, or give {process} alone its own name"
+                )
+
+    def processes(self) -> dict[str, list[AgentSpec]]:
+        """The agents by the process in which they run, in order."""
+        found: dict[str, list[AgentSpec]] = {}
+        for spec in self.agents:
+            found.setdefault(spec.process, []).append(spec)
+        return found
+
+    def apart(self, *names: str) -> System:
+        """A copy in which each agent called so has a process of its own. Raises `ConfigError` for an unknown name."""
+        chosen = [self.agent(name) for name in names]
+        agents = (dataclasses.replace(spec, process=spec.name) if spec in chosen else spec for spec in self.agents)
+        return dataclasses.replace(self, agents=tuple(agents))
 
     def agent(self, name: str) -> AgentSpec:
         """The agent called `name`. Raises `ConfigError`."""
@@ -106,6 +136,8 @@ class _AgentTable(msgspec.Struct, frozen=True):
     config: dict[str, Any] = {}
     restart: bool = True
     ready_timeout: float = 30.0
+    process: str = ""
+    """Name of the process that it shares with all others of that process; its own name for one of its own."""
     optional: bool = False
     """Whether the system runs without the agent where the libraries of its extra are not installed."""
 
@@ -156,7 +188,11 @@ def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, 
             return None
     if table.config:
         source.convert(kind.Config, (*path, "config"))
-    return AgentSpec(table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout)
+    with _located(source, (*path, "process")):
+        process = check_name("process name", table.process) if table.process else ""
+    return AgentSpec(
+        table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout, process
+    )
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import ConfigError, ListenError
 from dsr.security.authority import Lifetime, SecurityFolder
 from dsr.security.identity import Identity
+from dsr.threads import new_thread
 
 PERIOD = 5.0
 """s between two looks at the files."""
@@ -100,4 +101,4 @@ def watch_certificate(transport: Reopening, identity: Identity, clock: Clock = W
         while not clock.wait(transport.closing, PERIOD):
             watch.look()
 
-    threading.Thread(target=run, name="dsr-certificate", daemon=True).start()
+    new_thread(run, "dsr-certificate").start()

@@ -78,8 +78,13 @@ class ByHypotheses:
         self._is_complete = True  # whether all was simulated that had to be
         self._last: Hypothesis | None = None
 
+    def prepare(self) -> None:
+        """Start the processes that simulate."""
+        self._pool.start()
+
     def explain(self, situation: Situation) -> Explanation | None:
         """The best hypothesis, if it leads clearly or waiting will not help."""
+        self._pool.start()
         self._deadline = self._clock.monotonic() + situation.config.explain_budget
         self._is_complete = True
         first = self._last if self._last and self._fits(self._last, situation) else None

@@ -8,8 +8,8 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from dsr.math3d import quaternions
 from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
@@ -120,7 +120,7 @@ def _motion(situation: Situation, names: Collection[str]) -> tuple[Array, Array]
 def _points(solid: Solid, has_rotation: bool) -> Array:
     """(7, 3) m: the centre, and points around it that turn with the object."""
     around = _ARM * np.vstack([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-    turned = Rotation.from_quat(solid.rotation).apply(around) if has_rotation else np.zeros((7, 3))
+    turned = around @ np.transpose(quaternions.to_matrix(solid.rotation)) if has_rotation else np.zeros((7, 3))
     result: Array = np.array(solid.position) + turned
     return result
 
@@ -137,8 +137,8 @@ def _may_agree(situation: Situation, name: str, rotation: Array, shift: Array) -
     position, turned = _moved(shown, rotation, shift)
     if math.dist(position, believed.position) > _NEARLY:
         return False
-    angle = (Rotation.from_quat(turned) * Rotation.from_quat(believed.rotation).inv()).magnitude()
-    return not _tells_rotation(situation, name) or float(angle) < _TURNED
+    turn = quaternions.to_rotvec(quaternions.product(turned, quaternions.conjugate(believed.rotation)))
+    return not _tells_rotation(situation, name) or math.hypot(*turn) < _TURNED
 
 
 def _misfit(situation: Situation, name: str, rotation: Array, shift: Array) -> float:
@@ -156,5 +156,4 @@ def _carried(seen: Seen, situation: Situation, rotation: Array, shift: Array) ->
 
 def _moved(solid: Solid, rotation: Array, shift: Array) -> tuple[tuple[float, float, float], Quaternion]:
     x, y, z = (rotation @ np.array(solid.position) + shift).tolist()
-    qx, qy, qz, qw = (Rotation.from_matrix(rotation) * Rotation.from_quat(solid.rotation)).as_quat().tolist()
-    return (x, y, z), (qx, qy, qz, qw)
+    return (x, y, z), quaternions.product(quaternions.from_matrix(rotation.tolist()), solid.rotation)

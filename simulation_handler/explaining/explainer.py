@@ -108,6 +108,8 @@ class Explainer:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _BENEATH_REMEMBERED)
         self._discrepancies.update(now, self.visibility)
+        if self.waiting or self.missing(now):
+            self._policy.prepare()
         for name, item in self._bodies.objects.items():
             is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:

@@ -50,6 +50,9 @@ class ExplainingPolicy(Protocol):
 
     name: str
 
+    def prepare(self) -> None:
+        """Something is not as believed: an explanation may be asked for soon. Called again and again."""
+
     def explain(self, situation: Situation) -> Explanation | None:
         """The best explanation of `situation.surprising`; None to wait for more evidence."""
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from functools import cache
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import norm, qmc
 
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.relations import Relation
@@ -25,6 +25,7 @@ _METRES = 0.01  # standard deviation of where along each axis it is, of what nob
 _SPEED = 0.1  # m/s, likewise of how fast
 _SPIN = 5.0  # rad/s, likewise of how fast it turns
 _SPREAD: Array = np.repeat((_METRES, _SPEED, _SPIN), 3)  # m, m/s and rad/s, along each axis
+_BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23)  # 1, a prime for each dimension of position, velocity and spin
 _SECONDS = 1.5  # after which it lies
 _MOST = 0.9  # of all ends
 _LYING = 0.02  # m/s and rad/s
@@ -140,11 +141,22 @@ class Spilling:
 
 @cache
 def _normal() -> Array:
-    """(_TRIES, 9) evenly spread samples of a normal distribution: a Halton sequence."""
-    sequence = qmc.Halton(9, scramble=False)  # count of dimensions: position, velocity and spin
-    sequence.fast_forward(1)
-    samples: Array = norm.ppf(sequence.random(_TRIES))
-    return samples
+    """(_TRIES, 9) evenly spread samples of a normal distribution: a Halton sequence from its second point on.
+
+    `scipy.stats` has it, too, but takes longer to import than most processes take to start.
+    """
+    quantile = NormalDist().inv_cdf
+    return np.array([[quantile(_mirrored(n, base)) for base in _BASES] for n in range(1, _TRIES + 1)])
+
+
+def _mirrored(number: int, base: int) -> float:
+    """The digits of `number`, mirrored at the point: van der Corput's sequence."""
+    share, result = 1.0, 0.0
+    while number:
+        number, digit = divmod(number, base)
+        share /= base
+        result += digit * share
+    return result
 
 
 def _sum(vector: Vector3, change: Array) -> Vector3:

@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
@@ -29,6 +28,8 @@ def faces(shape: Shape) -> tuple[Vector3, ...]:
     The largest first; none where they are sides of its bounding box. A cylinder counts as a prism of 16 sides, a sphere
     as a box.
     """
+    from scipy.spatial import ConvexHull, QhullError  # takes 0.4 s, for which scenes of boxes need not wait
+
     try:
         hull = ConvexHull(np.concatenate([_corners(part) for part in shape]))
     except QhullError:  # too thin

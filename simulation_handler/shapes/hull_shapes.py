@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from dsr.math3d import quaternions
 from dsr.math3d.shapes import Part, Shape
@@ -41,6 +40,8 @@ def _corners(part: Part) -> NDArray[np.float64]:
 
 
 def _as_obj(hulls: list[NDArray[np.float64]]) -> str:
+    from scipy.spatial import ConvexHull  # takes 0.4 s, for which scenes without meshes need not wait
+
     lines: list[str] = []
     first = 1
     for number, hull in enumerate(hulls):

@@ -1,17 +1,17 @@
-"""Meshes in the simulation: convex hulls of few corners, of each connected piece or of its convex parts."""
+"""Meshes in the simulation: convex hulls of few corners, of each connected piece or of its convex parts.
+
+SciPy is imported where it is used: that takes 0.4 s, for which scenes without meshes need not wait.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError
 
 from dsr.errors import SchemaError
 from dsr.geometry import Bounds, Mesh, mesh_hashes
@@ -20,6 +20,9 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import MOST_PARTS, Part, Shape
 from dsr.memory import Memory
 from simulation_handler.shapes.decomposing import decomposed
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 Points = NDArray[np.float64]
 
@@ -152,6 +155,9 @@ def _connected(whole: _Piece) -> list[_Piece]:
 
     Triangles are connected where just two of them share an edge: pieces that only touch have edges of four.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     points, triangles = whole
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     keys = edges @ (len(points), 1)
@@ -172,6 +178,8 @@ def _connected(whole: _Piece) -> list[_Piece]:
 
 def _hull(points: Points) -> Points:
     """Corners of the convex hull, at most 64: the farthest in as many directions; a flat one is made a thin box."""
+    from scipy.spatial import ConvexHull, QhullError
+
     low, high = points.min(axis=0), points.max(axis=0)
     try:
         corners = points[ConvexHull(points).vertices] if (high - low).min() >= _THINNEST else None
@@ -199,6 +207,8 @@ def _farthest(points: Points, directions: Points) -> Points:
 
 def _is_filled(piece: _Piece, outermost: Points, hulls: list[Points]) -> bool:
     """Whether these hulls fill too much of what is empty in the convex hull of a piece."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         hull = ConvexHull(outermost)
     except QhullError:

@@ -74,6 +74,7 @@ def test_what_is_surprising_is_explained_soon_however_slow_the_workers_are(
 
     def make_policy(config: BeliefConfig, clock: object) -> ByHypotheses:
         pools.append(Pool(2, clock=WALL_CLOCK))
+        pools[0].start()
         return ByHypotheses(pools[0], WALL_CLOCK)
 
     monkeypatch.setattr(agent_module, "make_policy", make_policy)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
+from scipy.stats import norm, qmc
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.motion.spilling import Spilling
+from simulation_handler.motion.spilling import Spilling, _normal
 from simulation_handler.state.bodies import Bodies
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
 
@@ -107,3 +109,10 @@ def test_what_is_known_otherwise_is_left_alone(pouring: Pouring, reason: str) ->
     before = bodies.sim.position("ball")
     spilling.update([], [], NOW + 2.05)
     assert bodies.sim.position("ball") == before
+
+
+def test_the_ways_of_falling_are_a_halton_sequence_of_a_normal_distribution() -> None:
+    samples = _normal()
+    sequence = qmc.Halton(samples.shape[1], scramble=False)
+    sequence.fast_forward(1)
+    assert np.allclose(samples, norm.ppf(sequence.random(len(samples))), rtol=0.0, atol=1e-12)

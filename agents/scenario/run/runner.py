@@ -210,7 +210,7 @@ def _get_ready(lockstep: Lockstep, agents: list[str]) -> None:
 
 
 def run_live(run: Run, observer: RunObserver | None = None) -> Result:
-    """Run with every agent a process of its own, on the wall clock. Ctrl-C stops them all.
+    """Run with the agents in processes, on the wall clock. Ctrl-C stops them all.
 
     Raises:
         ConfigError: if the scenario does not fit its system.

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from agents.scenario.format.events import Kill
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
 from dsr.errors import ConfigError
@@ -54,6 +55,7 @@ def make_run(name_or_path: str | Path, **options: Any) -> Run:
 def staged_system(run: Run) -> System:
     """The system of the scenario, configured for this run. Raises `ConfigError`.
 
+    An agent that the scenario kills has a process of its own: no other agent dies with it.
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
     """
     system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
@@ -62,6 +64,7 @@ def staged_system(run: Run) -> System:
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)
+    system = system.apart(*_names(system).intersection(_killed(run.scenario)))
     if "recorder" in _names(system):
         system = system.with_config("recorder", about=_about(run, system))
     return system if run.folder else without(system, "recorder", "viewer")
@@ -78,6 +81,10 @@ def plant_alone(run: Run) -> System:
 def without(system: System, *agents: str) -> System:
     """The system without those of `agents` that it has."""
     return system.without(*_names(system).intersection(agents))
+
+
+def _killed(scenario: Scenario) -> list[str]:
+    return [event.agent for event in scenario.events if isinstance(event, Kill)]
 
 
 def _settings(run: Run) -> dict[str, dict[str, Any]]:

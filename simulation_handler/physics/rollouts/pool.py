@@ -32,9 +32,10 @@ class Pool:
             back is given up. Without: how many scenes are simulated, the first ones.
         clock: measures the budget.
 
-    Workers start at once; they end with this process, however it ends. While none of them answers, because they are
-    still starting, or the machine is busy, scenes are simulated here, one by one, within the same budget. Only what has
-    killed a worker is left to workers. One that dies is started again; if that fails time after time, it is given up.
+    Workers start with `start`, or the first run; they end with this process, however it ends. While none of them
+    answers, because they are still starting, or the machine is busy, scenes are simulated here, one by one, within the
+    same budget. Only what has killed a worker is left to workers. One that dies is started again; if that fails time
+    after time, it is given up.
     """
 
     def __init__(self, workers: int, budget: float = math.inf, clock: Clock = WALL_CLOCK) -> None:
@@ -45,7 +46,8 @@ class Pool:
         self._numbers = count(1)
         self._engine: Engine | None = None
         self._is_here = workers == 0
-        self._workers = [WorkerProcess(clock.monotonic()) for _ in range(workers)]
+        self._to_start = workers
+        self._workers: list[WorkerProcess] = []
 
     def __enter__(self) -> Pool:
         return self
@@ -54,6 +56,15 @@ class Pool:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def start(self) -> None:
+        """Start the workers: a run that comes some tenths of a second later finds them ready. Harmless when repeated.
+
+        Each takes about 45 MB from then on.
+        """
+        now = self._clock.monotonic()
+        self._workers += [WorkerProcess(now) for _ in range(self._to_start)]
+        self._to_start = 0
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -72,6 +83,7 @@ class Pool:
         if self._is_here:
             return self._run_here(scenes, seconds, lambda index: index < budget)
         deadline = self._clock.monotonic() + budget
+        self.start()
         if self._workers:
             jobs = [RolloutJob(next(self._numbers), scene.bodies, seconds) for scene in scenes]
             run = _Run(self._workers, jobs, lambda index: self._simulate(scenes[index], seconds), self._clock)
@@ -97,6 +109,7 @@ class Pool:
 
     def close(self) -> None:
         """End the workers and free the simulation; harmless when repeated."""
+        self._to_start = 0
         while self._workers:
             self._workers.pop().close()
         if self._engine is not None:

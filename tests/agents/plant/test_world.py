@@ -99,6 +99,9 @@ def test_no_file_is_left_while_an_object_that_comes_back_looks_as_before(
         return eye.render(camera, Intrinsics.from_fov(64, 48, 1.0)).color
 
     before = look()
+    assert look() is before, "nothing has moved: the picture is not made again"
+    with pytest.raises(ValueError, match="read-only"):
+        before[:] = 0
     world.remove("cube_3")
     assert np.any(look() != before)
     world.put("cube_3", upright((0.35, 0.0, 0.02), 0.0))

@@ -13,7 +13,9 @@ from typer.testing import CliRunner
 
 import dsr
 from agents.recorder.cli import app
+from agents.recorder.reader import read_recording
 from agents.replay import ReplayedGraph
+from agents.segments import segments
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 
@@ -50,6 +52,62 @@ def test_the_running_graph_is_recorded_until_told_to_end(tmp_path: Path, ending:
     found = graph.at(graph.duration)
     assert found.node("cube_3")["mass"] == 29.0 or not ending
     assert "world" in found
+
+
+def last_mass(folder: Path) -> float:
+    """The last value of `cube_3` in a recording that is still being written."""
+    graph = ReplayedGraph(folder)
+    node = graph.at(graph.duration).get_node("cube_3")
+    return 0.0 if node is None else float(node["mass"])
+
+
+def test_a_kill_in_the_middle_of_a_chunk_leaves_all_that_was_flushed(tmp_path: Path) -> None:
+    """Whatever could be read before the kill can be read after it, in files that begin with the whole graph."""
+    folder = tmp_path / "run"
+    options = ["--folder", str(folder), "--rotate-every", "1.5", "--without", "statuses"]
+    with dsr.connect("scene", agent="owner") as memory:
+        memory.add_node("cube_3", "cube", mass=0.0)
+        with subprocess.Popen(COMMAND + options, stdout=subprocess.DEVNULL) as process:
+            step, before = 0, 0.0
+            while before < 40.0 or len(list(folder.glob("*.mcap"))) < 3:
+                step += 1
+                memory.update_node("cube_3", mass=float(step))
+                WALL_CLOCK.wait(threading.Event(), 0.05)
+                if step % 20 == 0 and (folder / "recording-2.mcap").exists():
+                    before = last_mass(folder)
+            process.kill()
+            process.wait(10)
+    for file in segments(folder, "recording.mcap")[:-1]:
+        assert ReplayedGraph(file).problems == []
+    newest = ReplayedGraph(folder)
+    assert "cut off" in newest.problems[0]
+    assert before <= newest.at(newest.duration).node("cube_3")["mass"] <= step
+    assert not any(record.topic.startswith("status/") for record in read_recording(folder))
+
+
+def test_a_recording_within_limits_removes_the_oldest(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    options = ["--folder", str(folder), "--rotate-every", "1", "--keep-files", "2", "--for", "8"]
+    with dsr.connect("scene", agent="owner") as memory:
+        memory.add_node("cube_3", "cube", mass=0.0)
+        done = subprocess.run(COMMAND + options, capture_output=True, text=True, check=True)
+    left = segments(folder, "recording.mcap")
+    assert len(left) == 2 and left[0].name != "recording.mcap"
+    assert "cube_3" in ReplayedGraph(left[0]).at(0.5)
+    assert all(file.name in done.stdout for file in left)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--only", "imges"], "did you mean 'images'"),
+        (["--without", "graph"], "streams without graph"),
+        (["--keep-files", "2"], "expected rotate_mb or rotate_period"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused_at_once(options: list[str], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        CliRunner().invoke(app, options, catch_exceptions=False)
 
 
 def test_without_a_running_graph_it_says_so() -> None:

@@ -123,6 +123,17 @@ def test_in_lockstep_the_viewer_runs_along_on_request(recorded: Recorded, argume
     assert [(mode, run.viewer) for mode, run in recorded.runs] == [("lockstep", viewer)]
 
 
+def test_a_view_that_is_wanted_without_a_display_is_only_recorded_and_that_is_said(
+    recorded: Recorded, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert "only recorded" in invoke("run", "hovering", "--view")[1]
+    assert "only recorded" not in invoke("run", "hovering")[1]
+    assert not any(run.window for _, run in recorded.runs)
+
+
 def test_ctrl_c_is_no_error_message(recorded: Recorded):
     recorded.error = KeyboardInterrupt()
     code, output = invoke("run", "hovering")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.scenario.format.scenario import scenario_files
+from agents.scenario.format.scenario import find_scenario, scenario_files
 from agents.scenario.run.staging import Policy, make_run, staged_system
 from dsr.errors import ConfigError
 
@@ -116,3 +116,15 @@ def test_the_scenarios_of_expectation_violation_are_there_and_differ_by_seed():
         scenario = make_run(name).scenario
         assert scenario.random.position > 0.0 and scenario.random.yaw > 0.0, name
         assert any(not event.by_runner for event in scenario.events), name
+
+
+def test_an_agent_that_is_killed_shares_no_process(tmp_path: Path):
+    """No other agent dies with it; the others share as ever."""
+    file = tmp_path / "kills.toml"
+    text = find_scenario("hovering_kill").read_text(encoding="utf-8")
+    file.write_text(text.replace('agent = "simulation_handler"', 'agent = "surprise"'), encoding="utf-8")
+    shared = {spec.process for spec in staged_system(make_run("hovering")).agents if spec.name == "surprise"}
+    assert shared == {"shared"}
+    processes = staged_system(make_run(file)).processes()
+    assert [spec.name for spec in processes["surprise"]] == ["surprise"]
+    assert len(processes["shared"]) > 1

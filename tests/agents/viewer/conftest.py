@@ -103,6 +103,11 @@ class Shown:
                 rows += zip(times, batch.column(component).to_pylist(), strict=True)
         return [value for _, value in sorted(rows, key=lambda row: row[0]) if value is not None]
 
+    def times(self, entity: str) -> list[float]:
+        """Seconds of the rows of an entity, as the story of the run counts them."""
+        chunks = [chunk.to_record_batch() for chunk in self._chunks if chunk.entity_path == entity]
+        return [time / 1e9 for chunk in chunks for time in chunk.column("elapsed").cast("int64").to_pylist()]
+
     def texts(self, entity: str = "/log/graph") -> list[str]:
         """Lines of the event log without their times."""
         return [value[0].strip().partition("  ")[2] for value in self.values(entity, "TextLog:text")]

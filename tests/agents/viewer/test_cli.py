@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -94,16 +94,37 @@ def test_the_page_is_served_to_this_machine_only_until_ctrl_c(served: Served) ->
         socket.create_connection((LOOPBACK, served.web_port), 1.0)
 
 
+GRAPH_TAB = (180, 50)
+BLUE, AMBER, TABLE = "blue", "amber", "table"
+
+
+def shows(page: browser.Browser, *colors: str) -> bool:
+    """Whether more than a few pixels have the colour of beliefs, of `RT` edges, or of the table in its light."""
+    red, green, blue = page.picture().astype(int).transpose(2, 0, 1)
+    found = {
+        BLUE: np.count_nonzero((blue > red + 80) & (blue > green + 40)) > 100,
+        AMBER: np.count_nonzero((red > 220) & (abs(green - 176) < 25) & (blue < 60)) > 100,
+        TABLE: np.count_nonzero((abs(red - green - 22) < 8) & (abs(green - blue - 22) < 8) & (red > 80)) > 5000,
+    }
+    return all(found[color] for color in colors)
+
+
+def wait_for(condition: Callable[[], bool], otherwise: str) -> None:
+    for _ in range(120):
+        WALL_CLOCK.wait(threading.Event(), 1.0)
+        if condition():
+            return
+    pytest.fail(otherwise)
+
+
 @pytest.mark.skipif(browser.PROGRAM is None, reason="no chromium or google-chrome on the path")
+@pytest.mark.timeout(400)  # a page without a graphics card, on a busy machine
 def test_a_browser_shows_the_view(served: Served, tmp_path: Path) -> None:
-    """The belief of the cube is drawn in blue on the dark page, once the program in the page has started."""
+    """The dark page draws the belief of the cube in blue; a click on the tab shows the graph as large as the page."""
     with browser.Browser(page_url(served.port, served.web_port), tmp_path) as page:
-        for _ in range(120):
-            WALL_CLOCK.wait(threading.Event(), 1.0)
-            red, green, blue = page.picture().astype(int).transpose(2, 0, 1)
-            if np.count_nonzero((blue > red + 80) & (blue > green + 40)) > 100:
-                return
-    pytest.fail("the page never showed the blue cube")
+        wait_for(lambda: shows(page, BLUE, TABLE), "the page never showed the blue cube on its table")
+        page.click(*GRAPH_TAB)
+        wait_for(lambda: shows(page, AMBER) and not shows(page, TABLE), "the page never showed the graph alone")
 
 
 @pytest.mark.parametrize(("place", "option"), [(0, "--port"), (1, "--web-port")])
@@ -140,7 +161,9 @@ def test_equal_ports_are_refused(table: Memory) -> None:
     assert isinstance(answer.exception, ConfigError) and "must differ" in str(answer.exception)
 
 
-@pytest.mark.parametrize("wrong", [{"port": 0}, {"web_port": 70_000}, {"port": 9090}, {"record": False}])
+@pytest.mark.parametrize(
+    "wrong", [{"port": 0}, {"web_port": 70_000}, {"port": 9090}, {"record": False}, {"listens": -1}]
+)
 def test_a_viewer_that_could_not_show_anything_is_refused(wrong: dict[str, int]) -> None:
     with pytest.raises(ValueError):
         ViewerConfig(**wrong)  # type: ignore[arg-type]

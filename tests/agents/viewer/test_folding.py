@@ -1,10 +1,11 @@
-"""What the graph view folds: links of arms and finished actions, and what it leaves out."""
+"""What the graph view folds: links of arms, fingers of hands and finished actions, and what it leaves out."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from agents.viewer.folding import fold
+from dsr import Pose
 
 
 def build_arm(memory: Any) -> None:
@@ -28,6 +29,21 @@ def test_links_are_folded_into_their_arm(stage: Any) -> None:
     assert set(folded.nodes) == {"world", "robot", "arm", "gripper"}
     assert folded.labels["arm"] == "arm (3 links)"
     assert ("arm", "gripper", "has") in folded.edges and len(folded.edges) == 3
+
+
+def test_fingers_are_folded_into_their_hand_wherever_they_are_measured_from(stage: Any) -> None:
+    memory = stage.memory
+    memory.add_node("world", "world")
+    memory.add_node("hand_0", "hand")
+    memory.add_edge("world", "hand_0", "RT", pose=Pose())
+    for count, expected in ((1, "hand_0 (1 finger)"), (2, "hand_0 (2 fingers)")):
+        finger = f"hand_0_finger_{count}"
+        memory.add_node(finger, "finger")
+        memory.add_edge("hand_0", finger, "has")
+        memory.add_edge("world", finger, "RT", pose=Pose())
+        folded = fold(memory)
+        assert set(folded.nodes) == {"world", "hand_0"} and folded.labels["hand_0"] == expected
+    assert folded.edges == [("world", "hand_0", "RT")]
 
 
 def test_a_body_without_an_arm_is_drawn(stage: Any) -> None:

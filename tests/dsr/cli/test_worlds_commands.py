@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from dsr import ConfigError, Memory, Pose
 from dsr.cli.main import app
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.worlds import Filter
 
 
@@ -56,7 +56,7 @@ def test_topology_shows_agents_and_other_processes(
 ) -> None:
     stop = StopSignal()
     options = {"graph": "scene", "name": "copy", "config": {}, "router": None, "seed": 0, "stop": stop}
-    thread = threading.Thread(target=run_process, args=(Copy,), kwargs=options)
+    thread = threading.Thread(target=run_agent, args=(Copy,), kwargs=options)
     thread.start()
     try:
         changes = memory.watch(node_type="world_record")

@@ -16,6 +16,7 @@ import pytest
 from dsr import ManualClock, WallClock
 from dsr.errors import AgentError
 from dsr.network.rendezvous import graphs
+from dsr.runtime.launched import Program
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System, load_class, load_system
@@ -177,6 +178,7 @@ def test_running_ends_when_asked(tmp_path: Path) -> None:
 LAUNCH = """
 import sys, threading
 from pathlib import Path
+from dsr.runtime.launched import Program
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system
 with Launcher(load_system(sys.argv[1]), Path(sys.argv[2])) as launcher:
@@ -217,7 +219,8 @@ def test_an_agent_that_cannot_end_in_an_orderly_way_ends_with_its_children_when_
 
 def test_the_back_off_doubles_up_to_its_limit_and_a_success_is_final(tmp_path: Path) -> None:
     clock = ManualClock()
-    process = Supervised([sys.executable, "-c", "exit(3)"], tmp_path / "log", clock=clock, environment=os.environ)
+    program = Program([sys.executable, "-c", "exit(3)"], tmp_path / "log", os.environ)
+    process = Supervised(program, clock=clock)
     process.start()
     waits = []
     for _ in range(7):
@@ -234,9 +237,8 @@ def test_the_back_off_doubles_up_to_its_limit_and_a_success_is_final(tmp_path: P
 
 @pytest.mark.parametrize("code", [0, 2])
 def test_what_ended_well_or_was_wrongly_configured_is_not_started_again(tmp_path: Path, code: int) -> None:
-    process = Supervised(
-        [sys.executable, "-c", f"exit({code})"], tmp_path / "log", clock=WallClock(), environment=os.environ
-    )
+    program = Program([sys.executable, "-c", f"exit({code})"], tmp_path / "log", os.environ)
+    process = Supervised(program, clock=WallClock())
     process.start()
     wait_for(lambda: (process.poll(), process.ended)[1])
     assert (process.exit_code, process.pid, process.restarts) == (code, None, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
 import signal
@@ -165,6 +166,18 @@ def test_a_secured_system_works_restarts_and_is_looked_into(
         assert eventually(lambda: dict(count) != before)
         with pytest.raises(dsr.ConfigError, match="is secured"):
             dsr.connect("counters", agent="first")
+
+
+def test_agents_of_a_secured_graph_share_no_process(folder: Path, tmp_path: Path) -> None:
+    """Who can read the memory of a process has the keys of all agents in it."""
+    system = load_system(SYSTEMS / "counters.toml")
+    together = dataclasses.replace(
+        system, agents=tuple(dataclasses.replace(spec, process="both") for spec in system.agents)
+    )
+    with Launcher(together, tmp_path / "run", security=folder) as launcher:
+        launcher.wait_ready()
+        first, second = launcher.rows()
+        assert first.pid != second.pid
 
 
 def test_a_hub_connects_secured_machines(keys: SecurityFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,6 +44,8 @@ def wait_until(is_true: Callable[[], bool], timeout: float = 20.0) -> bool:
 
 def wait_until_ready(pool: Pool) -> None:
     """Until all workers have said that they are."""
+    pool.start()
+    pool.start()
     assert wait_until(lambda: all(select.select([worker.connection], [], [], 0)[0] for worker in pool._workers))
 
 
@@ -100,6 +102,19 @@ def test_a_worker_answers_with_the_error_what_cannot_be_simulated_and_goes_on():
     assert done.number == 2 and done.outcome is not None
 
 
+def test_workers_start_when_they_may_be_needed_and_only_once():
+    with Pool(2, PLENTY) as pool:
+        assert pool.pids == ()
+        pool.start()
+        pids = pool.pids
+        assert len(set(pids)) == 2
+        pool.start()
+        pool.run(SCENES, 0.3)
+        assert pool.pids == pids
+    pool.start()
+    assert pool.pids == (), "a closed pool starts nobody"
+
+
 def test_a_worker_that_dies_is_replaced_and_its_scene_is_not_lost():
     with Pool(1, PLENTY) as pool:
         expected = pool.run(SCENES, 0.3)
@@ -154,6 +169,7 @@ def test_workers_that_start_slowly_are_not_stuck_and_meanwhile_scenes_are_simula
     monkeypatch.setattr(process_module, "_MOST_REST", 0.0)
     monkeypatch.setattr(process_module, "_MOST_WORK", 0.0)
     with Pool(2, PLENTY) as pool, Pool(0) as here:
+        pool.start()
         pids, expected = pool.pids, here.run(SCENES, 0.3)
         for _ in range(3):
             assert pool.run(SCENES, 0.3) == expected
@@ -179,8 +195,8 @@ def test_workers_that_are_slow_with_each_job_hold_up_nothing(monkeypatch: pytest
 
 def test_workers_that_have_waited_for_long_are_not_stuck(monkeypatch: pytest.MonkeyPatch):
     with Pool(2, PLENTY) as pool:
-        pids = pool.pids
         wait_until_ready(pool)
+        pids = pool.pids
         monkeypatch.setattr(process_module, "_MOST_REST", 0.0)
         pool.run([], 0.1)
         assert pool.pids == pids
@@ -205,8 +221,9 @@ def test_workers_that_cannot_live_are_given_up_and_the_work_is_done_here(monkeyp
 def test_closing_ends_the_workers_and_leaves_no_descriptor():
     before = set(Path("/proc/self/fd").iterdir())
     with Pool(2, PLENTY) as pool:
-        pids = pool.pids
         pool.run(SCENES[:2], 0.1)
+        pids = pool.pids
+        assert len(pids) == 2
     assert not any(map(psutil.pid_exists, pids))
     assert len(set(Path("/proc/self/fd").iterdir()) - before) == 0
     pool.close()

@@ -201,9 +201,7 @@ def test_a_detection_of_a_node_that_is_no_thing_is_told() -> None:
 def test_frames_of_the_memorys_cameras_go_out_while_somebody_listens() -> None:
     with bridged(CAMERA) as system:
         node = "camera.top"
-        system.memory.add_node(
-            node, "camera", stream=node, fx=500.0, fy=505.0, cx=2.5, cy=1.5, width=6, height=4
-        )
+        system.memory.add_node(node, "camera", stream=node, fx=500.0, fy=505.0, cx=2.5, cy=1.5, width=6, height=4)
         system.run()
         system.memory.put_frame(node, Frame(system.now, {"color": COLOR, "depth": DEPTH}, {}))
         system.run()
