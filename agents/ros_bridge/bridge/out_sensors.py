@@ -6,7 +6,7 @@ import math
 import re
 
 from agents.ros_bridge.bridge.config import Send
-from agents.ros_bridge.bridge.core import BridgeCore, Outlet
+from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
 from agents.ros_bridge.mapping.images import IMAGE, to_image
 from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
@@ -50,7 +50,7 @@ class JointsOut:
             self._send(self._outlet, stamp, names, positions, known)
 
     def _send(
-        self, outlet: Outlet, stamp: float, names: list[str], positions: tuple[float, ...], known: tuple[float, ...]
+        self, outlet: RosOutlet, stamp: float, names: list[str], positions: tuple[float, ...], known: tuple[float, ...]
     ) -> None:
         outlet.send(lambda: to_joint_state(self._core.types, stamp, names, positions, known))
 
@@ -67,7 +67,7 @@ class _Stream:
         self._depth = core.outlet(f"{base}/depth", IMAGE)
         self._info = core.outlet(f"{base}/camera_info", CAMERA_INFO)
         self._reader: FrameReader | None = None
-        self._wanted: set[Outlet] = set()
+        self._wanted: set[RosOutlet] = set()
         self._looked = -math.inf
 
     def update(self, now: float) -> None:
