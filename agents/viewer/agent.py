@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import threading
 from pathlib import Path
 from typing import ClassVar
 
@@ -34,6 +35,7 @@ from dsr.vocabulary.scenario_start import start_key
 FILE_NAME = "recording.rrd"
 _MOST_WAITING = 2_000
 _LAST_PORT = 65_535
+_PATIENCE = 2.0  # s for the end of the recording to reach the window or the server
 
 
 class ViewerConfig(msgspec.Struct, frozen=True):
@@ -164,17 +166,15 @@ class Viewer(Agent):
             path = next_segment(folder, FILE_NAME)
             sinks.append(rr.FileSink(path))
             self.log.info("recording to %s", path)
-        # closed in reverse order; a window that hangs would hold up the end of the recording, a server would lose it
-        if not config.serve:
-            self._resources.callback(recording.disconnect)
+        ending = threading.Thread(target=recording.disconnect, daemon=True)
+        self._resources.callback(_await, ending)  # after the end of a window that held it up
         try:
             self._window = self._open_window(folder / "window.log")
         except WindowError as error:
             if not config.record:
                 raise
             self.log.warning("no window (%s); recording to %s only", error, path)
-        if config.serve:
-            self._resources.callback(recording.disconnect)
+        self._resources.callback(_end_soon, ending)
         if self._window is not None:
             sinks.append(rr.GrpcSink(self._window.url))
         recording.set_sinks(*sinks)
@@ -215,3 +215,15 @@ class Viewer(Agent):
     def window_closed(self, log_file: Path) -> None:
         """Say that the window or the server ended, whose output is in `log_file`; the recording goes on."""
         self.log.info("the window was closed (see %s); the file goes on", log_file)
+
+
+def _end_soon(ending: threading.Thread) -> None:
+    """Let the window or the server have the end of the recording, but wait for none that hangs."""
+    ending.start()
+    ending.join(_PATIENCE)
+
+
+def _await(ending: threading.Thread) -> None:
+    """Wait until the file is complete; without a window that was wanted, nothing began."""
+    if ending.ident is not None:
+        ending.join()
