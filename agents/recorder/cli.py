@@ -209,11 +209,10 @@ def export(
     target = csv or ros2
     if target is None or (csv is not None and ros2 is not None):
         raise ConfigError("to what? Give either a folder for tables, --csv FOLDER, or a bag: --ros2 FILE.mcap")
-    for option, given, owner, other in (
-        ("--table", tables, "--csv", ros2), ("--topic", topics, "--ros2", csv), ("--raw-images", raw_images, "--ros2", csv),
-    ):  # fmt: skip
-        if given and other is not None:
-            raise ConfigError(f"{option} goes with {owner}")
+    if csv is not None and (topics or raw_images):
+        raise ConfigError("--topic and --raw-images go with --ros2")
+    if ros2 is not None and tables:
+        raise ConfigError("--table goes with --csv; choose topics: --topic")
     wanted = ExportSelection(nodes or (), tables or (), begin, math.inf if until is None else until)
     to_bag = load(EXPORTERS, "ros2") if ros2 is not None else None
     source = ReplayedGraph(recording)

@@ -140,7 +140,7 @@ class _Export:
         """Make the parts: they find in the graph all that is known at the beginning."""
         source, clock, tally = self._source, self._clock, self._tally
         clock.advance_to(max(clock.now(), source.index.begin + self._wanted.since))
-        keys = self._keys = Keys(source.memory.graph_name)
+        self._keys = Keys(source.memory.graph_name)
         self._core = core = _RecordedCore(
             source.memory, self._bag, types_of(DISTRO), FrameNames(), TimeSource(clock, "wall", tally), tally, clock,
             "", _nothing, self._wanted.fits,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agents.recorder.images import unpack
-from agents.ros_bridge.bridge.core import BridgeCore, Outlet
+from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
 from agents.ros_bridge.bridge.out_sensors import sensor_topic
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
@@ -30,7 +30,7 @@ class FramesOut:
 
     def __init__(self, core: BridgeCore, *, raw: bool) -> None:
         self._core, self._raw = core, raw
-        self._outlets: dict[str, Outlet] = {}
+        self._outlets: dict[str, RosOutlet] = {}
 
     def send(self, topic: str, payload: bytes) -> None:
         """Publish what a message on `blob/...` holds. Raises `WireError` for one that is malformed."""

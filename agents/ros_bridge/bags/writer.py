@@ -7,22 +7,21 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.interfaces import Qos as BagQos
-from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from agents.ros_bridge.errors import RosLinkError
-from agents.ros_bridge.link.link import Endpoint, Publisher, Qos, Received, Served, Subscription, Topic
+from agents.ros_bridge.link.link import Endpoint, Publisher, Qos, Received, RosSubscription, Served, Topic
 from agents.ros_bridge.messages.types import RosTypes
 from dsr.clock import Clock
 from dsr.errors import ConfigError
 
 SUFFIX = ".mcap"
 """Of bags that are one file"""
-_NAME = "bag"
-_VERSION = 8
+_VERSION: Literal[8] = 8
 """Of the format: that of Iron and Jazzy, which later releases read"""
 _UNLIMITED = QosTime(9223372036, 854775807)
 """2^63 - 1 ns: as rosbag2 writes a deadline or lease that there is not"""
@@ -65,8 +64,8 @@ class BagWriter:
     def write(self, topic: Topic, cdr: bytes) -> None:
         """Add a message."""
         if self._writer is None:
-            name = self._path.stem if self._path.suffix == SUFFIX else self._path.name
-            self._writer = Writer(self._under_way / (name or _NAME), version=_VERSION, storage_plugin=StoragePlugin.MCAP)
+            folder = self._under_way / self._path.name.removesuffix(SUFFIX)
+            self._writer = Writer(folder, version=_VERSION, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
         if topic not in self._connections:
@@ -99,7 +98,7 @@ class BagWriter:
 
     # ---- nobody else is there
 
-    def subscribe(self, topic: Topic, receive: Callable[[Received], None]) -> Subscription:
+    def subscribe(self, topic: Topic, receive: Callable[[Received], None]) -> RosSubscription:
         """Refuse: nobody is heard."""
         raise RosLinkError("nobody is heard in a bag that is being written")
 

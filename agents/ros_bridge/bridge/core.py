@@ -28,7 +28,8 @@ class BridgeCore:
 
     def __init__(
         self, memory: Memory, link: RosLink, types: RosTypes, names: FrameNames, times: TimeSource, tally: Tally,
-        clock: Clock, agent: str, notify: Callable[[], None], wants: Callable[[Iterable[str]], bool] = lambda names: True,
+        clock: Clock, agent: str, notify: Callable[[], None],
+        wants: Callable[[Iterable[str]], bool] = lambda names: True,
     ) -> None:  # fmt: skip
         self.memory, self.link, self.types, self.names = memory, link, types, names
         self.times, self.tally, self.clock = times, tally, clock
