@@ -202,7 +202,8 @@ class RecordingFile:
             if isinstance(record, Chunk):
                 yield FilePiece(begun, list(self._unpack(record, source.position)), len(record.data))
             elif isinstance(record, Header) and record.profile != self._profile:
-                expected = f"expected {self._profile!r}"
+                bag = "; `dsr replay` and `dsr record export` take bags of ROS 2" if record.profile == "ros2" else ""
+                expected = f"expected {self._profile!r}{bag}"
                 raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, {expected}")
             elif isinstance(record, Metadata) and record.name == _METADATA:
                 self.metadata = record.metadata

@@ -81,13 +81,14 @@ class Bag:
     def __init__(self, path: Path | str, types: RosTypes) -> None:
         self.path = Path(path)
         self._types = types
-        self._parts = [part for part in _parts(self.path) if any(count for _, _, count, _ in part.topics)]
-        self.problems = [problem for part in self._parts for problem in part.problems]
+        parts = _parts(self.path)
+        self._parts = [part for part in parts if any(count for _, _, count, _ in part.topics)]
+        self.problems = [problem for part in parts for problem in part.problems]
         """What of it is cut off or damaged"""
         self.malformed = 0
         """Messages of ROS 1 that were dropped because they are none of their type"""
         if not self._parts:
-            raise RecordingError(f"{path}: a bag without messages")
+            raise RecordingError("; ".join([f"{path}: a bag without messages", *self.problems]))
         self.begin, self.end = min(part.begin for part in self._parts), max(part.end for part in self._parts)
         """s since the Unix epoch, times of the first and the last message"""
         self.topics: dict[str, BagTopic] = {}

@@ -37,14 +37,14 @@ class _View(NamedTuple):
 
 def derived_config(bag: Bag, types: RosTypes) -> dict[str, Any]:
     """The configuration of a bridge that takes all from a bag that it can."""
-    readable = {topic.name: topic.type for topic in bag.topics.values() if not topic.complaint}
+    readable = _readable(bag)
     ours = {Send().beliefs}
     others = {
         name: type for name, type in readable.items()
         if type in RECEIVED and type not in (IMAGE, COMPRESSED) and name not in ours
     }  # fmt: skip
     found = receive(others)
-    found["cameras"] = _cameras(bag, types, readable)
+    found["cameras"] = cameras_of(bag, types)
     follows = CLOCK_TOPIC in readable
     return {"receive": found, "world_frame": _world_frame(bag, readable), "clock": "follow" if follows else "wall"}
 
@@ -67,8 +67,12 @@ def received_topics(bag: Bag, config: RosBridgeConfig) -> list[str]:
     return [*found, *(name for name in optional if name in bag.topics and not bag.topics[name].complaint)]
 
 
-def _cameras(bag: Bag, types: RosTypes, readable: dict[str, str]) -> dict[str, dict[str, str]]:
-    """A camera for each topic of colour, with the depth that is aligned with it; and one for each other depth."""
+def cameras_of(bag: Bag, types: RosTypes) -> dict[str, dict[str, str]]:
+    """The topics of each camera, by its node.
+
+    There is a camera for each topic of colour, with the depth of the same frame and size; and one for each other depth.
+    """
+    readable = _readable(bag)
     views = [
         view for name, type in sorted(readable.items())
         if type in (IMAGE, COMPRESSED) and not _is_copy(name, readable)
@@ -92,6 +96,11 @@ def _cameras(bag: Bag, types: RosTypes, readable: dict[str, str]) -> dict[str, d
         info = RosCameraTopics(**topics).info_topic
         found[name] = topics if info in readable else {**topics, **_info_beside(view.topic, readable)}
     return found
+
+
+def _readable(bag: Bag) -> dict[str, str]:
+    """Types of the topics that can be read."""
+    return {topic.name: topic.type for topic in bag.topics.values() if not topic.complaint}
 
 
 def _node(view: _View, taken: dict[str, Any]) -> str:
