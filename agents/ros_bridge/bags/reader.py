@@ -15,7 +15,7 @@ from agents.ros_bridge.bags.definitions import complaint
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.messages.transforms import TF_MESSAGE
 from agents.ros_bridge.messages.types import RosTypes
-from dsr.errors import ConfigError, suggest
+from dsr.errors import ConfigError
 
 PROFILE = "ros2"
 """Of MCAP files that are bags"""
@@ -103,7 +103,7 @@ class Bag:
     def topic(self, name: str) -> BagTopic:
         """A topic that can be read. Raises `ConfigError` if there is none of this name, or its type is not known."""
         if name not in self.topics:
-            raise ConfigError(f"{self.path}: no topic {name}; {suggest(name, self.topics, most=len(self.topics))}")
+            raise ConfigError(f"{self.path}: no topic {name}; there are {', '.join(sorted(self.topics))}")
         topic = self.topics[name]
         if topic.complaint:
             raise ConfigError(f"{self.path}: {name} ({topic.type}) cannot be read: {topic.complaint}")
