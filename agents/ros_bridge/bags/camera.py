@@ -90,17 +90,17 @@ class BagCamera:
     def frame(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""
         now = self.clock.now()
+        if self._next is None and self._loop and now >= self._time_of(self._bag.end) + _GAP:
+            self._started = now
+            self._rewind()
         while self._next is not None and self._time_of(self._next.time) <= now:
             self._publish(self._next)
             self._next = next(self._messages, None)
-            if self._next is None and self._loop:
-                self._started = max(self._time_of(self._bag.end), now) + _GAP
-                self._rewind()
         return self._source.frame()
 
     def close(self) -> None:
         """Read no more; harmless when repeated."""
-        self._next, self._messages = None, iter(())
+        self._next, self._messages, self._loop = None, iter(()), False
         self._source.close()
 
     def _rewind(self) -> None:
