@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import NamedTuple
 
+from agents.recorder.channels import SNAPSHOT
 from agents.recorder.export import ExportSelection
 from agents.recorder.index import TimedRecord
 from agents.replay.source import ReplayedGraph
@@ -34,6 +35,7 @@ DISTRO = "jazzy"
 """Release whose messages are written; the definitions are in the bag"""
 _STATUS = "status/"
 _SEND = Send()
+_PERIOD = 1.0 / _SEND.beliefs_hz
 _log = logging.getLogger("dsr.ros.export")
 _log.addHandler(logging.NullHandler())  # what is told is returned
 
@@ -126,12 +128,16 @@ class _Export:
             source.next()
         self._begin()
         end = min(wanted.until, source.duration)
-        while source.next_time <= wanted.until and (record := source.next()) is not None:
+        while source.next_time <= end:
+            self._tell_beliefs(source.index.begin + source.next_time)
+            record = source.next()
+            assert record is not None
             self._clock.advance_to(max(self._clock.now(), source.index.begin + record.time))
             self._take(record)
             self._update(record.topic)
             if on_progress is not None:
                 on_progress(record.time, end)
+        self._tell_beliefs(source.index.begin + max(end, wanted.since) + _PERIOD)
         self._core.close()
         malformed = self._malformed + source.malformed + self._tally.counts["not sent"]
         return ExportedBag(dict(sorted(self._bag.counts.items())), source.problems, malformed, self._tally.told)
@@ -148,6 +154,8 @@ class _Export:
         self._tf, self._joints, self._beliefs = TfOut(core, _SEND), JointsOut(core, _SEND), BeliefsOut(core, _SEND)
         self._events, self._frames = RecordedEventsOut(core, _SEND), FramesOut(core, raw=self._raw)
         self._diagnostics: DiagnosticsOut | None = None
+        self._has_news, self._due = True, clock.now()
+        self._tell_graph(clock.now())
 
     def _take(self, record: TimedRecord) -> None:
         try:
@@ -164,13 +172,23 @@ class _Export:
 
     def _update(self, topic: str) -> None:
         now = self._clock.now()
-        if topic == "snapshot" or topic.startswith(("d/", "rt/")):
-            self._tf.update()
-            self._joints.update()
-            self._events.update(now)
-        self._beliefs.update(now)
+        if topic == SNAPSHOT or topic.startswith(("d/", "rt/")):
+            self._tell_graph(now)
+            self._has_news = True
         if self._diagnostics is not None:
             self._diagnostics.update(now)
+
+    def _tell_graph(self, now: float) -> None:
+        self._tf.update()
+        self._joints.update()
+        self._events.update(now)
+
+    def _tell_beliefs(self, now: float) -> None:
+        """Send what is believed, if that is due until now (s) and there is any news."""
+        if self._has_news and self._due <= now:
+            self._clock.advance_to(max(self._clock.now(), self._due))
+            self._beliefs.update(self._clock.now())
+            self._has_news, self._due = False, self._clock.now() + _PERIOD
 
 
 def _nothing() -> None:
