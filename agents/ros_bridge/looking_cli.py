@@ -21,7 +21,7 @@ _NODE = "/dsr/looking"
 _ROUTER = LinkConfig().router
 
 
-class Transport(StrEnum):
+class TransportName(StrEnum):
     """How ROS 2 is reached."""
 
     zenoh = "zenoh"
@@ -29,7 +29,7 @@ class Transport(StrEnum):
 
 
 TransportOption = Annotated[
-    Transport, typer.Option(help="zenoh for nodes under rmw_zenoh_cpp, dds for those under any DDS.")
+    TransportName, typer.Option(help="zenoh for nodes under rmw_zenoh_cpp, dds for those under any DDS.")
 ]
 DomainOption = Annotated[
     int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, max=232, metavar="N", help="ROS_DOMAIN_ID of the robot.")
@@ -47,7 +47,7 @@ BeyondOption = Annotated[
 
 
 def list_topics(
-    transport: TransportOption = Transport.zenoh,
+    transport: TransportOption = TransportName.zenoh,
     domain: DomainOption = 0,
     distro: DistroOption = "jazzy",
     ros_router: RosRouterOption = _ROUTER,
@@ -74,7 +74,7 @@ def check(
     topics: Annotated[
         list[str] | None, typer.Argument(metavar="[TOPIC]...", help="Such as /tf: listen to these.")
     ] = None,
-    transport: TransportOption = Transport.zenoh,
+    transport: TransportOption = TransportName.zenoh,
     domain: DomainOption = 0,
     distro: DistroOption = "jazzy",
     ros_router: RosRouterOption = _ROUTER,

@@ -36,7 +36,7 @@ class TopicSeen(msgspec.Struct):
     """Why it cannot be listened to; empty if it can."""
 
 
-class Findings(msgspec.Struct):
+class RosFindings(msgspec.Struct):
     """What a check found."""
 
     versions: dict[str, str]
@@ -68,7 +68,7 @@ def look(link: RosLink, types: RosTypes, seconds: float) -> list[TopicSeen]:
     return found
 
 
-def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[str], seconds: float) -> Findings:
+def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[str], seconds: float) -> RosFindings:
     """Look for reasons why messages do not arrive, in general and on `topics`, to which it listens for `seconds`."""
     seen = {one.name: one for one in look(link, types, 0.0)}
     problems = []
@@ -86,7 +86,7 @@ def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[s
             who = ", ".join(one.publishers)
             problems.append(f"{one.name}: {who} publishes, but nothing came within {seconds:g} s")
     nodes = {endpoint.node for endpoint in link.endpoints() if not endpoint.mine and endpoint.node}
-    return Findings(_versions(), _reached(config), sorted(nodes), [*link.problems(), *problems])
+    return RosFindings(_versions(), _reached(config), sorted(nodes), [*link.problems(), *problems])
 
 
 def _listed(endpoints: Iterable[Endpoint], types: RosTypes) -> Iterable[TopicSeen]:

@@ -23,7 +23,7 @@ _ID_BYTES = 16
 Feedback = Callable[[Any], None]
 
 
-class Outcome(msgspec.Struct, frozen=True):
+class ActionOutcome(msgspec.Struct, frozen=True):
     """How a goal ended."""
 
     status: int
@@ -32,7 +32,7 @@ class Outcome(msgspec.Struct, frozen=True):
     """Message of the action's result type"""
 
 
-class Goal:
+class ActionGoal:
     """A goal that a server accepted."""
 
     def __init__(self, client: ActionClient, id: bytes) -> None:
@@ -40,11 +40,11 @@ class Goal:
         """16 bytes"""
         self._client = client
 
-    def outcome(self, timeout: float) -> Outcome:
+    def outcome(self, timeout: float) -> ActionOutcome:
         """Wait for the end of the goal; raises `RosTimeoutError` after `timeout` s, and may be asked again."""
         response = self._client.ask("get_result", "GetResult", timeout, goal_id=self._client.uuid(self.id))
         self._client.forget(self.id)
-        return Outcome(response.status, response.result)
+        return ActionOutcome(response.status, response.result)
 
     def cancel(self, timeout: float) -> bool:
         """Ask the server to end the goal early; false if it refuses. The outcome tells when it has ended."""
@@ -73,7 +73,7 @@ class ActionClient:
         topic = Topic(f"{name}/_action/feedback", f"{type}_FeedbackMessage")
         self._subscription = link.subscribe(topic, self._on_feedback)
 
-    def send(self, goal: Any, timeout: float, feedback: Feedback | None = None) -> Goal:
+    def send(self, goal: Any, timeout: float, feedback: Feedback | None = None) -> ActionGoal:
         """Send a goal and wait until the server accepts it.
 
         Args:
@@ -96,7 +96,7 @@ class ActionClient:
         except RosLinkError:
             self.forget(id)
             raise
-        return Goal(self, id)
+        return ActionGoal(self, id)
 
     def ask(self, service: str, kind: str, timeout: float, **fields: Any) -> Any:
         """Ask one of the services behind the action; gives its response. Errors as of `RosLink.call`."""

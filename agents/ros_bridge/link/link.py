@@ -58,7 +58,7 @@ class Endpoint(msgspec.Struct, frozen=True):
     """16 bytes, `Received.writer` of what a publisher sends; empty if the transport does not tell"""
 
 
-class Subscription(Protocol):
+class RosSubscription(Protocol):
     """A subscription that can be taken back."""
 
     def publishers(self) -> int:
@@ -97,7 +97,7 @@ class RosLink(Protocol):
     def publisher(self, topic: Topic) -> Publisher:
         """Announce a publisher. Raises `RosMessageError` for a type that is not known."""
 
-    def subscribe(self, topic: Topic, receive: Callable[[Received], None]) -> Subscription:
+    def subscribe(self, topic: Topic, receive: Callable[[Received], None]) -> RosSubscription:
         """Call `receive` with each message, from a thread of the link: it must not block.
 
         Raises `RosMessageError` for a type that is not known.

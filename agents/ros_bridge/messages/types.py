@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -64,7 +64,7 @@ class RosTypes:
         """Whether a message, service or action type is known."""
         return type in self._store.types or type in self._services or type in self._actions
 
-    def __iter__(self) -> Iterable[str]:
+    def __iter__(self) -> Iterator[str]:
         """The names of all message types."""
         return iter(self._store.types)
 

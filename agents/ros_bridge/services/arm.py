@@ -8,7 +8,7 @@ from typing import Any
 
 from agents.drivers import ArmState
 from agents.ros_bridge.errors import RosLinkError, RosMessageError, RosTimeoutError
-from agents.ros_bridge.link.actions import ABORTED, ActionClient, Goal, Outcome
+from agents.ros_bridge.link.actions import ABORTED, ActionClient, ActionGoal, ActionOutcome
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_duration
@@ -195,7 +195,7 @@ class RosArm(RosDevice):
             self._arm_lane.do(lambda motion=self._motions: self._send([(_SHORTEST, state.positions)], motion))  # type: ignore[misc]
 
     @staticmethod
-    def _outcome(goal: Goal, is_over: Callable[[], bool]) -> Outcome | None:
+    def _outcome(goal: ActionGoal, is_over: Callable[[], bool]) -> ActionOutcome | None:
         """How a goal ended; None if something newer is to be done before."""
         while not is_over():
             try:

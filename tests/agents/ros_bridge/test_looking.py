@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from agents.ros_bridge.cli import app
 from agents.ros_bridge.link.link import LinkConfig, Publisher, Qos, Topic
 from agents.ros_bridge.link.zenoh.zenoh_link import ZenohLink
-from agents.ros_bridge.watching import Findings, TopicSeen, check, look
+from agents.ros_bridge.watching import RosFindings, TopicSeen, check, look
 from dsr.clock import WALL_CLOCK
 from tests.agents.ros_bridge.conftest import Router
 from tests.agents.ros_bridge.samples import TYPES
@@ -95,7 +95,9 @@ def test_the_commands(robot: ZenohLink, router: Router) -> None:
     assert (fine.exit_code, "nothing stands in the way" in fine.output) == (0, True), fine.output
     wrong = CliRunner().invoke(app, ["check", "/wanted", *place, "--for", "0.1", "--json"])
     assert wrong.exit_code == 1
-    assert msgspec.json.decode(wrong.output, type=Findings).problems == ["/wanted: nobody publishes (/robot listens)"]
+    assert msgspec.json.decode(wrong.output, type=RosFindings).problems == [
+        "/wanted: nobody publishes (/robot listens)"
+    ]
     assert json.loads(wrong.output)["nodes"]
 
 

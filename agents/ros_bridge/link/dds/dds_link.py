@@ -15,7 +15,7 @@ from cyclonedds.topic import Topic as DdsTopic
 from cyclonedds.util import duration
 
 from agents.ros_bridge.errors import RosLinkError
-from agents.ros_bridge.link.dds.discovery import Discovery, dds_qos
+from agents.ros_bridge.link.dds.discovery import DdsDiscovery, dds_qos
 from agents.ros_bridge.link.dds.participant import join
 from agents.ros_bridge.link.dds.raw_type import RawMessage, raw_type
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, Topic
@@ -149,7 +149,7 @@ class DdsLink:
         self._topics: dict[tuple[str, str], DdsTopic[Any]] = {}
         self._publishers: list[DdsPublisher] = []
         self._subscriptions: list[DdsSubscription] = []
-        self._discovery: Discovery | None = Discovery(self._participant, node, self._types)
+        self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
         self._tell()
 
     def publisher(self, topic: Topic) -> DdsPublisher:

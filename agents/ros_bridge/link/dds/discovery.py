@@ -51,7 +51,7 @@ def dds_qos(qos: Qos, type_hash: str) -> DdsQos:
     return DdsQos(*policies)
 
 
-class Discovery:
+class DdsDiscovery:
     """Reads what is visible, and tells others about our node."""
 
     def __init__(self, participant: DomainParticipant, node: str, types: RosTypes) -> None:

@@ -18,18 +18,18 @@ _LOOPBACK_ONLY = """
     <AllowMulticast>false</AllowMulticast>
     <MaxMessageSize>65500B</MaxMessageSize>
   </General>
-  <Discovery>
+  <DdsDiscovery>
     <ParticipantIndex>auto</ParticipantIndex>
     <MaxAutoParticipantIndex>50</MaxAutoParticipantIndex>
     <Peers><Peer address="127.0.0.1"/></Peers>
-  </Discovery>
+  </DdsDiscovery>
 </Domain></CycloneDDS>
 """
 """As ROS 2 has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no multicast, up to 50 processes"""
 _ANYWHERE = """
 <CycloneDDS><Domain>
   <General><AllowMulticast>true</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>
-  <Discovery><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex></Discovery>
+  <DdsDiscovery><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex></DdsDiscovery>
 </Domain></CycloneDDS>
 """
 _LAST_DOMAIN = 232

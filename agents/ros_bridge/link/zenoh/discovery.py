@@ -14,7 +14,7 @@ _MOST_TOKENS = 20_000
 """That are kept: robots have some hundreds; beyond these, somebody floods"""
 
 
-class Discovery:
+class ZenohDiscovery:
     """All tokens of one session's neighbourhood, kept up to date from Zenoh's threads."""
 
     def __init__(self, session: zenoh.Session, domain: int) -> None:

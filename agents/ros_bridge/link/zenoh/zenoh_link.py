@@ -10,7 +10,7 @@ import zenoh
 
 from agents.ros_bridge.errors import RosLinkError, RosTimeoutError
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Qos, Received, Topic
-from agents.ros_bridge.link.zenoh.discovery import Discovery
+from agents.ros_bridge.link.zenoh.discovery import ZenohDiscovery
 from agents.ros_bridge.link.zenoh.services import ZenohClient, ZenohServed
 from agents.ros_bridge.link.zenoh.session import is_loopback, open_session
 from agents.ros_bridge.link.zenoh.tokens import Entity, Kind
@@ -47,7 +47,7 @@ class ZenohLink:
         self._closed = False
         self._declared: list[ZenohPublisher | ZenohSubscription | ZenohServed] = []
         self._clients: dict[str, ZenohClient] = {}
-        self._discovery = Discovery(self._session, config.domain)
+        self._discovery = ZenohDiscovery(self._session, config.domain)
         self._own = Entity("node", config.domain, str(self._session.zid()), _ONLY_NODE, _ONLY_NODE, node)
         self._token = self._session.liveliness().declare_token(self._own.token())
 
