@@ -79,6 +79,14 @@ LAYERS = (
     "agents.scenario.truth agents.calibrator.watch",
     "agents.scenario.judge",
     "agents.scenario.run agents.scenario.check",
+    "agents.ros_bridge.errors",
+    "agents.ros_bridge.messages",
+    "agents.ros_bridge.link",
+    "agents.ros_bridge.mapping",
+    "agents.ros_bridge.bridge",
+    "agents.ros_bridge.services",
+    "agents.ros_bridge.agent",
+    "agents.ros_bridge.run_cli",
 )
 """From the bottom up: what a module or room is in it may import its own layer and those above it here."""
 TIME = {

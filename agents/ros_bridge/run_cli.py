@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
-from agents.ros_bridge.bridge.agent import RosBridge
+from agents.ros_bridge.agent import RosBridge
 from agents.ros_bridge.bridge.topics import receive
 from agents.ros_bridge.link.link import LinkConfig, RosLink
 from dsr.cli.common import GraphOption, console

@@ -1,1 +1,1 @@
-"""The agent between ROS and the memory: a module for each concept and direction."""
+"""What the agent does: a module for each concept and direction, with what they share in `core.py`."""

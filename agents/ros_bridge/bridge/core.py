@@ -45,12 +45,12 @@ class BridgeCore:
         self._closers.append(inbox.close)
         return inbox
 
-    def outlet(self, name: str, type: str, qos: Qos | None = None) -> Outlet:
+    def outlet(self, name: str, type: str, qos: Qos | None = None) -> RosOutlet:
         """Publish on a topic. Raises `RosMessageError` for a name or type that there is not."""
         publisher = self.link.publisher(Topic(name, type, qos or Qos()))
         self.own.add(publisher.writer)
         self._closers.append(publisher.close)
-        return Outlet(self, publisher, name, type)
+        return RosOutlet(self, publisher, name, type)
 
     def on_close(self, close: Callable[[], None]) -> None:
         """Call `close` in the end."""
@@ -67,7 +67,7 @@ class BridgeCore:
         return write is not None and agent_of(write.writer) == self._agent
 
 
-class Outlet:
+class RosOutlet:
     """Sends messages on one topic; what cannot be sent is counted and told, and nothing waits for it."""
 
     def __init__(self, core: BridgeCore, publisher: Publisher, name: str, type: str) -> None:

@@ -37,13 +37,16 @@ _STATIC_QOS = Qos(transient_local=True, depth=100)
 class _Frame(msgspec.Struct):
     """What is known of one frame that comes from ROS."""
 
+    child: str
     parent: str
+    spelled: tuple[str, str]
+    """Parent and child as the messages name them"""
     writer: bytes
     heard: float
     """s, our monotonic time of its last message"""
     stamp: float
     """s, of its newest transform"""
-    pose: Pose | None = None
+    newest: StampedTransform | None = None
     """The newest transform, until it is written"""
     written: float = -math.inf
     """s, our time when it was last written"""
@@ -69,6 +72,8 @@ class TfIn:
         self._static = core.inbox(TF_STATIC, TF_MESSAGE, _MOST_WAITING, _STATIC_QOS)
         self._inbox = core.inbox(TF, TF_MESSAGE, _MOST_WAITING, Qos(depth=100))
         self._frames: dict[str, _Frame] = {}
+        self._known: dict[str, _Frame] = {}
+        """The same by their names in messages, as far as nobody else writes them"""
         self._waiting: dict[str, _Frame] = {}
         """Those with a transform that is not written yet"""
         self._looked = -math.inf
@@ -96,42 +101,51 @@ class TfIn:
             self._core.tally.tell("malformed", TF, f"a message of tf was dropped: {error}")
             return
         heard = self._core.clock.monotonic()
+        told, stamp = -1.0, 0.0
         for transform in transforms:
-            try:
-                self._take(transform, message, heard, static)
-            except RosMessageError as error:
-                self._core.tally.tell("malformed", transform.child, f"a transform was dropped: {error}")
+            if not static and (then := transform.sec + transform.nanosec * 1e-9) != told:
+                found = usable_stamp(
+                    self._core, then, message.at, restamp=self._config.restamp, subject=transform.child
+                )
+                if found is None:
+                    continue
+                told, stamp = then, found
+            frame = self._known.get(transform.child)
+            if frame is None or frame.spelled[0] != transform.parent or frame.writer != message.writer:
+                try:
+                    frame = self._looked_up(transform, message.writer, heard, stamp)
+                except RosMessageError as error:
+                    self._core.tally.tell("malformed", transform.child, f"a transform was dropped: {error}")
+                    continue
+                if frame is None:
+                    continue
+            elif not static and not self._is_newer(frame, stamp):
+                continue
+            frame.heard, frame.stamp, frame.newest = heard, stamp, transform
+            self._waiting[frame.child] = frame
 
-    def _take(self, transform: StampedTransform, message: Arrived, heard: float, static: bool) -> None:
+    def _looked_up(self, transform: StampedTransform, writer: bytes, heard: float, stamp: float) -> _Frame | None:
+        """The frame of a transform that comes from elsewhere than its last one; None if it does not count."""
         core = self._core
         if transform.child.lstrip("/").startswith(BELIEF):
             core.tally.count("own frames passed on")
-            return
+            return None
         parent, child = core.names.node(transform.parent), core.names.node(transform.child)
         if self._is_echo(parent, child):
-            return
+            return None
         frame = self._frames.get(child)
         if frame is None and len(self._frames) >= MOST_FRAMES:
             core.tally.tell("too many frames", TF, f"more than {MOST_FRAMES} frames on tf: further ones are dropped")
-            return
-        if frame is not None and not self._may_write(frame, parent, child, message.writer, heard):
-            return
-        stamp: float | None = 0.0
-        if not static:
-            told = transform.sec + transform.nanosec * 1e-9
-            stamp = usable_stamp(core, told, message.at, restamp=self._config.restamp, subject=transform.child)
-        if stamp is None or (frame is not None and stamp and not self._is_newer(frame, child, stamp)):
-            return
-        pose = read_transform(transform, stamp)
+            return None
         if frame is None:
-            frame = self._frames[child] = _Frame(parent, message.writer, heard, stamp)
+            frame = self._frames[child] = _Frame(child, parent, ("", ""), writer, heard, stamp)
+        elif not self._may_write(frame, parent, child, writer, heard) or (stamp and not self._is_newer(frame, stamp)):
+            return None
         elif frame.parent != parent:
             self._leave_parent(child, frame, parent)
-        frame.writer, frame.heard, frame.stamp = message.writer, heard, stamp
-        if static and frame.shown is not None and frame.shown.stamp == 0.0 and is_same(frame.shown, pose):
-            return
-        frame.pose = pose
-        self._waiting[child] = frame
+        frame.writer, frame.spelled = writer, (transform.parent, transform.child)
+        self._known[transform.child] = frame
+        return frame
 
     def _is_echo(self, parent: str, child: str) -> bool:
         """Whether we publish this frame ourselves: it is never taken back, whoever sends it."""
@@ -160,12 +174,12 @@ class TfIn:
         self._core.tally.tell("frames with two parents", child, refused)
         return False
 
-    def _is_newer(self, frame: _Frame, child: str, stamp: float) -> bool:
+    def _is_newer(self, frame: _Frame, stamp: float) -> bool:
         if stamp > frame.stamp:
             return True
         if frame.stamp - stamp > _MOST_BACK:
-            back = f"the clock behind frame {child!r} was set back by {frame.stamp - stamp:.1f} s"
-            self._core.tally.tell("clock set back", child, back)
+            back = f"the clock behind frame {frame.child!r} was set back by {frame.stamp - stamp:.1f} s"
+            self._core.tally.tell("clock set back", frame.child, back)
             return True
         self._core.tally.count("late or repeated transforms")
         return False
@@ -174,32 +188,40 @@ class TfIn:
 
     def _write_due(self, now: float, monotonic: float) -> None:
         held: dict[str, _Frame] = {}
+        due = now - self._period * (1.0 - _EARLY)
         with self._core.memory.batch():
             for child, frame in self._waiting.items():
-                if now - frame.written < self._period * (1.0 - _EARLY) or monotonic < frame.refused_until:
+                if frame.written > due or monotonic < frame.refused_until:
                     held[child] = frame
-                elif frame.pose is not None:
-                    self._write(child, frame, frame.pose, now, monotonic)
+                elif frame.newest is not None:
+                    self._write(frame, frame.newest, now, monotonic)
         self._waiting = held
 
-    def _write(self, child: str, frame: _Frame, pose: Pose, now: float, monotonic: float) -> None:
-        memory = self._core.memory
+    def _write(self, frame: _Frame, transform: StampedTransform, now: float, monotonic: float) -> None:
+        memory, child = self._core.memory, frame.child
+        frame.newest = None
         try:
+            pose = read_transform(transform, frame.stamp)
             if frame.shown is None:
                 if not self._is_free(child, frame.parent):
                     frame.refused_until = monotonic + _AGAIN
                     return
                 for name in (frame.parent, child):
                     self._ensure(name)
+            elif pose.stamp == 0.0 and frame.shown.stamp == 0.0 and is_same(frame.shown, pose):
+                return
             memory.add_edge(frame.parent, child, "RT", pose=pose)
         except CycleError as error:
             self._core.tally.tell("loops", child, f"tf has a loop, and an edge was not written: {error}")
-            frame.refused_until = monotonic + _AGAIN
+            frame.refused_until, frame.newest = monotonic + _AGAIN, transform
+        except RosMessageError as error:
+            self._core.tally.tell("malformed", child, f"a transform was dropped: {error}")
         except DsrError as error:
             self._core.tally.tell("not written", child, f"frame {child!r} was not written: {error}")
-            frame.refused_until = monotonic + _AGAIN
+            frame.refused_until, frame.newest = monotonic + _AGAIN, transform
         else:
-            frame.shown, frame.written, frame.pose = pose, now, None
+            frame.shown, frame.written = pose, now
+            self._out.received.add(child)
             self._core.tally.count("edges written")
 
     def _ensure(self, name: str) -> None:
@@ -243,12 +265,14 @@ class TfIn:
         """Who else writes our frames meanwhile, and which frame hangs from nothing."""
         memory = self._core.memory
         self.unattached = ""
+        self._known = {name: frame for name, frame in self._known.items() if self._out.parent_of(frame.child) is None}
         for child, frame in self._frames.items():
             if frame.shown is None:
                 continue
             others = memory.edges("RT", dst=child)
             if len(others) > 1 or (others and not self._core.came_from_ros(others[0], "pose")):
                 frame.shown = None  # so that it is looked at before it is written again
+                self._out.received.discard(child)
                 if others[0].src == frame.parent and len(others) == 1:
                     continue
                 mine = memory.get_edge(frame.parent, child, "RT")

@@ -6,7 +6,7 @@ import math
 import re
 
 from agents.ros_bridge.bridge.config import Send
-from agents.ros_bridge.bridge.core import BridgeCore, Outlet
+from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
 from agents.ros_bridge.mapping.images import IMAGE, to_image
 from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
@@ -17,6 +17,8 @@ from dsr.vocabulary.intrinsics import read_distortion, read_intrinsics
 
 _LOOK = 0.5
 """s until it is looked again whether anybody wants the images of a camera"""
+_JOINTED = ("robot", "arm", "gripper", "hand", "body")
+"""Types of nodes that may have joints"""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_]")
 
 
@@ -27,7 +29,7 @@ class JointsOut:
         self._core = core
         self._outlet = core.outlet(config.joints, JOINT_STATE) if config.joints else None
         if self._outlet is not None:
-            self._watch = core.memory.watch(attribute="joint_positions")
+            self._watch = core.memory.watch(node_type=_JOINTED, attribute="joint_positions")
             core.on_close(self._watch.close)
 
     def update(self) -> None:
@@ -48,7 +50,7 @@ class JointsOut:
             self._send(self._outlet, stamp, names, positions, known)
 
     def _send(
-        self, outlet: Outlet, stamp: float, names: list[str], positions: tuple[float, ...], known: tuple[float, ...]
+        self, outlet: RosOutlet, stamp: float, names: list[str], positions: tuple[float, ...], known: tuple[float, ...]
     ) -> None:
         outlet.send(lambda: to_joint_state(self._core.types, stamp, names, positions, known))
 
@@ -65,7 +67,7 @@ class _Stream:
         self._depth = core.outlet(f"{base}/depth", IMAGE)
         self._info = core.outlet(f"{base}/camera_info", CAMERA_INFO)
         self._reader: FrameReader | None = None
-        self._wanted: set[Outlet] = set()
+        self._wanted: set[RosOutlet] = set()
         self._looked = -math.inf
 
     def update(self, now: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from agents.ros_bridge.bridge.config import Send
-from agents.ros_bridge.bridge.core import BridgeCore, Outlet
+from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
 from agents.ros_bridge.mapping.diagnostics import DIAGNOSTICS, to_diagnostics
 from agents.ros_bridge.mapping.events import EVENT, to_event
 from agents.ros_bridge.mapping.stamps import CLOCK, to_clock
@@ -78,7 +78,7 @@ class ClockOut:
 
     def __init__(self, core: BridgeCore) -> None:
         self._core = core
-        self._outlet: Outlet | None = None
+        self._outlet: RosOutlet | None = None
         self._sent = -math.inf
 
     def update(self) -> None:

@@ -43,9 +43,9 @@ class TfOut:
             self._latched = core.outlet("/tf_static", TF_MESSAGE, LATCHED)
             self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=core.notify)
             core.on_close(self._watch.close)
-            self._gone = core.memory.watch(edge_type=types, existing=False)
-            core.on_close(self._gone.close)
         self._sends = bool(types)
+        self.received: set[str] = set()
+        """Nodes whose edges the bridge itself writes: they are passed over without a look at who wrote them"""
 
     def parent_of(self, child: str) -> str | None:
         """The node from which we hang a frame in tf; None if we do not publish it."""
@@ -56,13 +56,14 @@ class TfOut:
         """Send what changed since the last call."""
         if not self._sends:
             return
-        for gone in self._gone.poll():
-            if gone.kind == "removed" and self._published.get((gone.type, gone.dst), ("",))[0] == gone.src:
-                del self._published[gone.type, gone.dst]
-                self._static.pop((gone.type, gone.dst), None)
         dynamic: list[StampedTransform] = []
         latched = False
         for change in self._watch.poll():
+            if change.kind == "removed":
+                self._forget(change.type, change.src, change.dst)
+                continue
+            if change.type == _RT and change.dst in self.received:
+                continue
             edge = self._core.memory.get_edge(change.src, change.dst, change.type)
             pose = None if edge is None else edge.get("pose")
             if edge is None or pose is None or not self._is_to_be_sent(edge, pose):
@@ -82,6 +83,12 @@ class TfOut:
             self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
         if latched:
             self._latched.send_cdr(encode_transforms(self._static.values()))
+
+    def _forget(self, type: str, parent: str, child: str) -> None:
+        """An edge is gone; tf keeps its last transform for as long as it keeps any."""
+        if self._published.get((type, child), ("",))[0] == parent:
+            del self._published[type, child]
+            self._static.pop((type, child), None)
 
     def _is_to_be_sent(self, edge: Edge, pose: Pose) -> bool:
         """Not what came from ROS, nor a sample twice, nor one below a parent that is not the frame's in tf."""

@@ -292,3 +292,19 @@ def test_own_publishers_are_not_heard(system: Bridged) -> None:
     echo.send(b"malformed")
     system.run()
     assert "malformed" not in system.counts and "from /tf" not in system.counts
+
+
+def test_a_frame_that_the_memory_takes_over_goes_out_from_then_on(system: Bridged) -> None:
+    """First ROS alone tells where it is; then an agent hangs it elsewhere, and the memory's holds."""
+    found = system.robot.listen_tf()
+    system.robot.tf(("map", "tool", system.now, A))
+    system.run()
+    system.memory.add_node("hand", "hand")
+    system.memory.add_edge("hand", "tool", "RT", pose=B.with_stamp(system.now))
+    for _ in range(30):
+        system.robot.tf(("map", "tool", system.now, A))
+        system.memory.update_edge("hand", "tool", "RT", pose=B.with_stamp(system.now))
+        system.run(0.1)
+    assert [edge.src for edge in system.memory.edges("RT", dst="tool")] == ["hand"]
+    assert {(one.parent, one.child) for one in found} == {("hand", "tool")}
+    assert "'tool'" in system.trouble
