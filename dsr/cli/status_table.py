@@ -29,30 +29,20 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     add_names(table, "agent")
     table.add_column("state", no_wrap=True)
-<<<<<<< HEAD
-    for column in ("Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts"):
-        table.add_column(column, justify="right", no_wrap=True)
-    problems, counts = [], []
-=======
     add_numbers(table, "Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts")
-    rows, problems = list(rows), []
->>>>>>> main
+    rows, problems, counts = list(rows), [], []
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
         table.add_row(shown(row.agent), f"[{colour}]{row.state}[/]", *_numbers(row))
         clock = row.heard.status.clock if row.heard else ""
         for problem in filter(None, (row.last_error, clock)):
             problems.append(Text.from_markup(f"[{colour}]{shown(row.agent)}[/]: {shown(problem)}"))
-<<<<<<< HEAD
         if row.heard and row.heard.status.counts:
             told = ", ".join(f"{name} {count}" for name, count in row.heard.status.counts.items())
             counts.append(Text.from_markup(f"[dim]{shown(row.agent)}: {shown(told)}[/]"))
-    return Group(table, *problems, *counts)
-=======
     if late := overloaded(rows):
         problems.append(Text(printable(late), style="red"))
-    return Group(table, *problems)
->>>>>>> main
+    return Group(table, *problems, *counts)
 
 
 def overloaded(rows: Iterable[AgentRow]) -> str:
