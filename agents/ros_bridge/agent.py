@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from agents.ros_bridge.bridge.config import Receive, RosBridgeConfig
+from agents.ros_bridge.bridge.config import RosBridgeConfig
 from agents.ros_bridge.bridge.core import SENSOR, BridgeCore
 from agents.ros_bridge.bridge.in_detections import DetectionsIn
 from agents.ros_bridge.bridge.in_sensors import CamerasIn, CloudsIn, JointsIn
@@ -38,10 +38,15 @@ _LOOK = 1.0
 """s between two looks at what may be wrong with the connection"""
 
 
-def _writes(receive: Receive, types: Mapping[str, str]) -> Access:
-    """What a bridge that receives this may write."""
-    nodes = {"world", "body", "mind", "intention", *types.values()}
-    attributes = {"goal", "maintain", "priority", "status"}
+def _writes(config: RosBridgeConfig) -> Access:
+    """What a bridge with this configuration may write."""
+    receive = config.receive
+    nodes, edges = {"world", "body", *config.types.values()}, {"RT"}
+    attributes: set[str] = set()
+    if config.send.services:  # one of which asks for missions
+        nodes |= {"mind", "intention"}
+        edges |= {"has"}
+        attributes |= {"goal", "maintain", "priority", "status"}
     if receive.joints:
         nodes |= {"robot"}
         attributes |= set(_JOINTS)
@@ -53,7 +58,7 @@ def _writes(receive: Receive, types: Mapping[str, str]) -> Access:
     if receive.detections:
         nodes |= {*THINGS, *(type for one in receive.detections.values() for type in one.types.values())}
         attributes |= {"perceived", "last_seen", "size"}
-    return Access(nodes=tuple(sorted(nodes)), edges=("RT", "has"), attributes=tuple(sorted(attributes)))
+    return Access(nodes=tuple(sorted(nodes)), edges=tuple(sorted(edges)), attributes=tuple(sorted(attributes)))
 
 
 class RosBridge(Agent):
@@ -66,7 +71,7 @@ class RosBridge(Agent):
     name = "ros_bridge"
     rate_hz = 50.0
     reads = Access(nodes=("*",), edges=("*",), attributes=("*",))
-    writes = _writes(Receive(), {})
+    writes = _writes(RosBridgeConfig())
     publishes = ("blob/*",)
     Config = RosBridgeConfig
     config: RosBridgeConfig
@@ -80,7 +85,7 @@ class RosBridge(Agent):
             read = msgspec.convert(dict(config), RosBridgeConfig)
         except msgspec.ValidationError:
             return cls  # the error is told where the agent is made
-        told = {"writes": _writes(read.receive, read.types), "__module__": cls.__module__, "__doc__": cls.__doc__}
+        told = {"writes": _writes(read), "__module__": cls.__module__, "__doc__": cls.__doc__}
         return type(cls.__name__, (cls,), told)
 
     def setup(self) -> None:

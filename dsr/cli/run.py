@@ -62,8 +62,9 @@ def run(
         bool, typer.Option("--detach", "-d", help="Go on in the background; see `dsr logs` and `dsr stop`.")
     ] = False,
 ) -> None:
-    """Start the agents of a system as processes and supervise them until Ctrl-C.
+    """Start the agents of a system in processes and supervise them until Ctrl-C.
 
+    Light agents share the process "shared"; `process` in the system file says otherwise.
     Modules beside the file of the system are imported and run: give only files that you trust.
     Agents that crash are started again. Look into the working memory from another terminal: dsr ls, dsr tree,
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.

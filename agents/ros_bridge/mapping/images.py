@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import to_header
 from agents.ros_bridge.messages.types import RosTypes
+from dsr.config.extras import missing_extra
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -158,8 +159,10 @@ def _bytes(message: Any) -> bytes:
 
 def _unpacked(data: bytes) -> NDArray[Any]:
     """The pixels of a JPEG or PNG, blue first. Raises `RosMessageError`; what claims to be huge is not unpacked."""
-    import cv2  # takes long to load, and most cameras send plain images
-
+    try:
+        import cv2  # takes long to load, and most cameras send plain images
+    except ModuleNotFoundError as error:
+        raise RosMessageError(f"compressed images cannot be read: {missing_extra(error) or error}") from error
     size = encoded_size(data)
     if size is None or size[0] * size[1] > MOST_PIXELS:
         raise RosMessageError(f"compressed data of {len(data)} bytes: no JPEG or PNG of at most {MOST_PIXELS} pixels")

@@ -16,7 +16,7 @@ from agents.scenario.judge.overload import moment, overload
 from agents.scenario.judge.result import Result
 from agents.scenario.judge.verdicts import judge_check
 from agents.scenario.judge.worlds import WorldWatch
-from agents.scenario.truth.history import Error, Explained, History, Inferred, Load, MissionState, Sample
+from agents.scenario.truth.history import Error, Explained, History, Inferred, LateTicks, MissionState, Sample
 from dsr.errors import TransformError, WireError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
@@ -290,7 +290,7 @@ class Judge:
             self._drop(error)
             return
         if status.overloaded:
-            self.history.loads.append(Load(status.stamp - self._start, status.agent, status.waiting))
+            self.history.loads.append(LateTicks(status.stamp - self._start, status.agent, status.waiting))
         started = (status.agent, status.rid)
         if status.state in (State.READY, State.DEGRADED) and started not in self._running:
             self._running.add(started)

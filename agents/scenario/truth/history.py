@@ -105,7 +105,7 @@ class Inferred(msgspec.Struct, frozen=True):
     confidence: float = 1.0
 
 
-class Load(msgspec.Struct, frozen=True):
+class LateTicks(msgspec.Struct, frozen=True):
     """An agent said that it had left out ticks because it waited for a processor."""
 
     time: float
@@ -138,7 +138,7 @@ class History:
         """In the order in which they were written."""
         self.frames: list[float] = []
         """When (s after the start) the newest frame of a camera had been looked at; of live runs only."""
-        self.loads: list[Load] = []
+        self.loads: list[LateTicks] = []
         """What agents told of an overloaded machine; in lockstep there is none."""
         self.end = scenario.duration
         """s after the start: when the run ended"""

@@ -27,6 +27,7 @@ from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.network.rendezvous import endpoints
 from dsr.runtime.system import load_system
+from dsr.security.policy import system_grants
 from tests.agents.ros_bridge.conftest import Router
 from tests.agents.ros_bridge.robot import TYPES
 from tests.agents.ros_bridge.told import eventually
@@ -155,3 +156,5 @@ def test_the_system_file_is_a_whole_system() -> None:
     assert names >= {"ros_bridge", "scene_estimator", "simulation_handler", "surprise", "recorder"}
     bridge = next(spec for spec in system.agents if spec.name == "ros_bridge")
     assert bridge.kind.writes.includes("camera") and not bridge.kind.writes.includes("perceived")
+    grant = system_grants(system)["ros_bridge"]
+    assert "joint_positions" in grant.writes.attributes and "perceived" not in grant.writes.attributes

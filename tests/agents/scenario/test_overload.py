@@ -18,7 +18,7 @@ from agents.scenario.judge.overload import FRAMES_STOP, counted, moment, overloa
 from agents.scenario.judge.result import Result, Verdict
 from agents.scenario.judge.verdicts import judge_check
 from agents.scenario.run.report import show_result
-from agents.scenario.truth.history import History, Load, Sample
+from agents.scenario.truth.history import History, LateTicks, Sample
 from dsr.clock import ManualClock
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -49,11 +49,11 @@ FRAMES = [step / 10 for step in range(161)]
 MOVED, STOPPED, CAME = 5.0, 5.2, 10.2
 """s: when the cube has been moved; last frame for a long time, in which it was not seen there; the next frame"""
 GAP = [time for time in FRAMES if not STOPPED < time < CAME]
-BUSY = [Load(float(time), "plant", 0.6) for time in range(5, 12)]
+BUSY = [LateTicks(float(time), "plant", 0.6) for time in range(5, 12)]
 
 
 def course(
-    expectation: str, *, right_from: float = CAME + 0.5, frames: Iterable[float] = (), loads: Iterable[Load] = ()
+    expectation: str, *, right_from: float = CAME + 0.5, frames: Iterable[float] = (), loads: Iterable[LateTicks] = ()
 ) -> History:
     """A run of 16 s in which the cube moves until 5 s and the belief is right from `right_from` (s) on."""
     history = History(parse_scenario(FILE + expectation))
@@ -87,12 +87,12 @@ def test_time_without_frames_counts_for_no_delay_and_is_told() -> None:
     [
         (FRAMES, BUSY),  # frames came all the time: the belief is late
         (GAP, ()),  # nobody waited for a processor: something else is wrong
-        (GAP, [Load(1.0, "plant", 0.6), Load(15.0, "plant", 0.6)]),  # at other times only
+        (GAP, [LateTicks(1.0, "plant", 0.6), LateTicks(15.0, "plant", 0.6)]),  # at other times only
         ((), BUSY),  # nothing is known of frames
     ],
 )
 def test_a_late_belief_fails_unless_an_overloaded_machine_brought_no_frames(
-    frames: Iterable[float], loads: Iterable[Load]
+    frames: Iterable[float], loads: Iterable[LateTicks]
 ) -> None:
     found = verdict(RECOVERED, frames=frames, loads=loads)
     assert not found.passed and "5.70 s" in found.actual and "without a frame" not in found.actual
@@ -145,7 +145,7 @@ def test_without_overload_times_are_what_they_were_to_the_last_bit() -> None:
 
 
 def test_overload_is_told_with_who_lagged() -> None:
-    history = course(RECOVERED, frames=GAP, loads=[*BUSY, Load(7.0, "arm", 0.3), Load(-3.0, "arm", 0.9)])
+    history = course(RECOVERED, frames=GAP, loads=[*BUSY, LateTicks(7.0, "arm", 0.3), LateTicks(-3.0, "arm", 0.9)])
     found = overload(history)
     assert found is not None
     assert found.lagging_s == {"plant": 7.0, "arm": 1.0} and found.waiting["arm"] == 0.3
@@ -186,7 +186,7 @@ def test_the_judge_notes_frames_and_overload_of_live_runs_only() -> None:
         plant.publish(keys.status("plant"), encode_status(one))
     network.deliver()
     assert live.history.frames == [2.0, 2.0] and lockstep.history.frames == []
-    assert live.history.loads == [Load(2.0, "plant", 0.6)]
+    assert live.history.loads == [LateTicks(2.0, "plant", 0.6)]
 
 
 def test_a_run_lingers_for_frames() -> None:

@@ -37,18 +37,7 @@ class ZenohPublisher:
         self.closed = False
         """Whether it was taken back."""
         self._lock = threading.Lock()
-        kept = entity.qos.transient_local
-        self._publisher = zenoh.ext.declare_advanced_publisher(
-            session, entity.key(),
-            congestion_control=zenoh.CongestionControl.DROP,
-            express=True,
-            reliability=zenoh.Reliability.RELIABLE if entity.qos.reliable else zenoh.Reliability.BEST_EFFORT,
-            allowed_destination=zenoh.Locality.REMOTE,
-            cache=zenoh.ext.CacheConfig(entity.qos.depth) if kept else None,
-            publisher_detection=kept,
-            sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT)
-            if kept and entity.qos.reliable else None,
-        )  # fmt: skip
+        self._publisher = self._declare(session, entity)
         self._token = session.liveliness().declare_token(token)
 
     def send(self, cdr: bytes) -> None:
@@ -74,6 +63,23 @@ class ZenohPublisher:
                 self.closed = True
                 undeclare(self._token)
                 undeclare(self._publisher)
+
+    @staticmethod
+    def _declare(session: zenoh.Session, entity: Entity) -> Any:
+        """Plain if it keeps nothing: on the wire, that is the same."""
+        reliability = zenoh.Reliability
+        options: dict[str, Any] = {
+            "congestion_control": zenoh.CongestionControl.DROP,
+            "reliability": reliability.RELIABLE if entity.qos.reliable else reliability.BEST_EFFORT,
+            "allowed_destination": zenoh.Locality.REMOTE,
+        }
+        if not entity.qos.transient_local:
+            return session.declare_publisher(entity.key(), **options)
+        detected = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT)
+        return zenoh.ext.declare_advanced_publisher(
+            session, entity.key(), cache=zenoh.ext.CacheConfig(max(entity.qos.depth, 1)), publisher_detection=True,
+            sample_miss_detection=detected if entity.qos.reliable else None, **options,
+        )  # fmt: skip
 
 
 class ZenohSubscription:

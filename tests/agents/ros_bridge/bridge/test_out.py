@@ -193,6 +193,8 @@ def test_the_bridge_may_write_what_it_receives_and_no_more() -> None:
     assert RosBridge.configured({"receive": {"detections": {"/a": {}}}}).writes.includes("perceived")
     assert RosBridge.configured({"types": {"cup": "cup"}}).writes.includes("cup")
     assert RosBridge.configured({"nonsense": 1}) is RosBridge
+    assert RosBridge.writes.includes("intention")
+    assert not RosBridge.configured({"send": {"services": ""}}).writes.includes("intention")
 
 
 def test_a_huge_message_is_dropped_and_told() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import sys
 from typing import Any
 
 import cv2
@@ -168,6 +169,12 @@ def test_data_that_claim_to_be_huge_are_not_unpacked() -> None:
     jpeg = packed(".jpg", COLOR)
     assert images.encoded_size(jpeg) == (8, 6)
     assert images.encoded_size(packed(".png", COLOR)) == (8, 6)
+
+
+def test_without_its_library_compressed_images_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(RosMessageError, match="cannot be read"):
+        images.read_compressed_color(compressed("png", b""))
 
 
 @settings(max_examples=200)
