@@ -34,7 +34,7 @@ docs: setup
 
 bench: setup
 	@.venv/bin/python -m pip install --quiet --no-deps -r requirements-bench.lock
-	@.venv/bin/dsr bench --json runs/bench/rows.json --plots runs/bench $(ARGS)
+	@.venv/bin/dsr bench --json-file runs/bench/rows.json --plots runs/bench $(ARGS)
 
 setup:
 	@PYTHON="$(PYTHON)" .ci/setup

@@ -7,20 +7,22 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
+from rich.console import Console
 from rich.markup import escape
 
 from benchmarks import curves, groups, session
 from benchmarks.report import rows_table, specs_table
 from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError
-from dsr.cli.common import console, errors
-from dsr.errors import ConfigError
-from dsr.files.private_files import write_json
+from dsr.cli.common import JsonFileOption, JsonOption, check_writable, console, errors, for_people, put_json
 
 _INTERRUPTED = 130
 _QUIET = 0.5
 """Load above which figures are worse than what the machine could do."""
+_PROBE = ".dsr-bench"
+"""File that shows whether a folder can be written; it is removed at once."""
 _ROWS = "Parts of rows' names, or names of groups; default: all."
 
 app = typer.Typer(
@@ -35,9 +37,10 @@ def bench(
     list_rows: Annotated[bool, typer.Option("--list", help="Show rows and targets; measure nothing.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer samples: faster, and rough.")] = False,
     repeat: Annotated[int, typer.Option(min=1, metavar="N", help="Run everything N times and report medians.")] = 1,
-    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows to this file.")] = None,
     plots: Annotated[Path | None, typer.Option("--plots", metavar="FOLDER", help="Write plots (PNG, CSV).")] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit with 1 if a target is missed.")] = False,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
 ) -> None:
     """Measure the memory beside raw TCP, raw Zenoh, ZeroMQ, pycrdt, Loro, Spark-DSG and pytransform3d.
 
@@ -51,18 +54,21 @@ def bench(
     """
     chosen = groups.choose(rows or [])
     if list_rows:
-        console.print(specs_table(chosen))
+        specs = [msgspec.to_builtins(spec) | {"group": group.name} for group, specs in chosen for spec in specs]
+        put_json(specs, as_json=as_json, file=json_file)
+        if not as_json:
+            console.print(specs_table(chosen))
         return
-    if json:
-        _check_writable(json)
+    check_writable(json_file)
     if plots:
-        _check_writable(plots / ".dsr-bench").unlink()
+        check_writable(plots / _PROBE, "--plots")
+        (plots / _PROBE).unlink()
     if os.getloadavg()[0] > _QUIET:
         errors.print(f"[yellow]other programs are busy (load {os.getloadavg()[0]:.1f}): times will be too long[/]")
     findings = Findings()
     code = 0
     try:
-        with session.private_runtime(), errors.status("starting") as status:
+        with session.private_runtime(), errors.status("starting", spinner="line") as status:
             for group, specs in chosen:
                 try:
                     session.measure(group, specs, findings, quick=quick, repeat=repeat, tell=status.update)
@@ -72,43 +78,31 @@ def bench(
     except KeyboardInterrupt:
         errors.print("stopped; these rows were measured until then")
         code = _INTERRUPTED
-    _finish(findings, json, plots)
+    _finish(findings, for_people(as_json), plots)
+    put_json(findings.rows, as_json=as_json, file=json_file)
     missed = any(row.meets is False for row in findings.rows)
     raise typer.Exit(code or (1 if check and missed else 0))
 
 
-def _check_writable(file: Path) -> Path:
-    """The file, opened once. Raise `ConfigError` before the run rather than lose its result after it."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.open("a").close()
-        return file
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be written ({error.strerror})") from error
-
-
-def _finish(findings: Findings, json: Path | None, plots: Path | None) -> None:
-    """Show and write what was measured."""
+def _finish(findings: Findings, console: Console, plots: Path | None) -> None:
+    """Show what was measured, and draw it."""
     console.print(rows_table(findings.rows))
     met = [row.meets for row in findings.rows if row.meets is not None]
     console.print(f"{sum(met)} of {len(met)} targets met")
     for module in sorted(findings.missing):
         errors.print(f"[yellow]{escape(module)} is not installed and was not measured: pip install 'dsr\\[bench]'[/]")
-    if json:
-        write_json(findings.rows, json)
-        console.print(f"rows   {json}", soft_wrap=True)
     if plots:
-        _draw(findings, plots)
+        _draw(findings, console, plots)
 
 
-def _draw(findings: Findings, folder: Path) -> None:
+def _draw(findings: Findings, console: Console, folder: Path) -> None:
     """Write the curves as CSV, and all plots if matplotlib is there."""
     for file in curves.write(findings.curves, folder):
-        console.print(f"curve  {file}", soft_wrap=True)
+        console.print(f"curve      {file}", soft_wrap=True)
     if not find_spec("matplotlib"):
         errors.print("[yellow]matplotlib is not installed, so nothing was drawn: pip install 'dsr\\[bench]'[/]")
         return
     from benchmarks.plots import draw
 
     for file in draw(findings, folder):
-        console.print(f"plot   {file}", soft_wrap=True)
+        console.print(f"plot       {file}", soft_wrap=True)

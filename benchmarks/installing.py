@@ -36,7 +36,7 @@ _CHECKS = {
     "": (("python", "-c", _ALONE),),
     "cli": (("dsr", "--version"), ("dsr", "security", "--help")),
     "sim": (("dsr", "scenario", "list"), _PLAY),
-    "view": (("python", "-c", "import agents.viewer"),),
+    "view": (("python", "-c", "import agents.viewer.views"),),
     "planning": (("python", "-c", "from planner.solver import probe; print(probe())"),),
 }
 """What must work with each extra: programs with their arguments, exit code 0."""

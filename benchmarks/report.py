@@ -9,15 +9,16 @@ from rich.table import Table
 
 from benchmarks.group import Group
 from benchmarks.rows import Row, Spec, number
+from dsr.cli.common import add_names, add_numbers
 
 _VERDICTS = {True: "[green]yes[/]", False: "[red]no[/]", None: "-"}
 
 
 def rows_table(rows: Sequence[Row]) -> Table:
     """The measured rows, each with its peers and its note below."""
-    table = Table("row, peers", title="dsr bench", caption="ratio: our value by that of the first peer")
-    for heading in ("value", "target", "ratio", "meets"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = Table(title="dsr bench", caption="ratio: our value by that of the first peer")
+    add_names(table, "row, peers")
+    add_numbers(table, "value", "target", "ratio", "meets")
     for row in rows:
         target = "-" if row.target is None else number(row.target)
         ratio = "-" if row.ratio is None else number(row.ratio)
@@ -32,8 +33,9 @@ def _described(row: Row) -> str:
 
 def specs_table(chosen: Sequence[tuple[Group, Sequence[Spec]]]) -> Table:
     """The rows that can be measured."""
-    table = Table("group", "row, how it is measured")
-    table.add_column("target", justify="right", no_wrap=True)
+    table = Table()
+    add_names(table, "group", "row, how it is measured")
+    add_numbers(table, "target")
     for group, specs in chosen:
         for index, spec in enumerate(specs):
             row = f"{escape(spec.row)}\n[dim]{escape(spec.about)}[/]" if spec.about else escape(spec.row)

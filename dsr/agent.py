@@ -53,6 +53,9 @@ class Agent:
     shares_process: ClassVar[bool] = False
     """Whether the agent shares a process with others that do, unless the system file says otherwise: its ticks are
     short, and it calls no library that may crash or block."""
+    libraries: ClassVar[tuple[str, ...]] = ()
+    """Modules that `setup` imports, because whoever only looks at the class need not wait for them. A system does
+    without an `optional` agent where one of them is not installed."""
     most_failures: ClassVar[int] = 25
     """Number of failed ticks in a row after which the agent gives up."""
     Config: ClassVar[type[Any]] = NoConfig

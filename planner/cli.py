@@ -13,10 +13,12 @@ from rich.table import Table
 from rich.text import Text
 
 from dsr.cli.common import (
+    AsOption,
     GraphOption,
     JsonOption,
     RouterOption,
     SecurityOption,
+    add_names,
     console,
     errors,
     print_json,
@@ -24,6 +26,7 @@ from dsr.cli.common import (
     shown,
     writing,
 )
+from dsr.cli.streams import redraws
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
 from dsr.memory import Memory
@@ -66,7 +69,7 @@ def mission(
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
-    agent: Annotated[str, typer.Option("--as", metavar="AGENT", help="With security: whose certificate.")] = "dsr",
+    agent: AsOption = "dsr",
 ) -> None:
     """Give the robot a goal in the running system, and show its progress until it is reached or given up.
 
@@ -147,9 +150,9 @@ def _show(live: Live, memory: Memory, state: dict[str, Any], told: str) -> str:
     if nobody := nobody_pursues(memory):
         state = state | {"explanation": nobody}
     over = state["status"] in GIVEN_UP
-    if console.is_terminal:
+    if redraws(console):
         live.update(_picture(state | {"explanation": ""} if over else state), refresh=True)
-    if console.is_terminal or over:
+    if redraws(console) or over:
         return ""
     line = f"{state['intention']}: {state['status']}{f' ({reason})' if (reason := state['explanation']) else ''}"
     if line != told:
@@ -159,6 +162,7 @@ def _show(live: Live, memory: Memory, state: dict[str, Any], told: str) -> str:
 
 def _picture(state: dict[str, Any]) -> Group:
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_header=False)
+    add_names(table, "", "", "")
     for action in state["actions"]:
         words = " ".join(word for word in (action["skill"], action["target"], action["destination"]) if word)
         table.add_row(_MARKS.get(action["status"], "[dim]·[/]"), shown(words), shown(action["explanation"]))

@@ -15,10 +15,13 @@ from rich.table import Table
 from agents.calibrator.recorded import calibrate_recorded
 from agents.replay.source import ReplayedGraph
 from dsr.cli.common import (
+    AsOption,
     GraphOption,
     JsonOption,
     RouterOption,
     SecurityOption,
+    add_names,
+    add_numbers,
     console,
     errors,
     print_json,
@@ -77,7 +80,7 @@ def calibrate(
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
-    agent: Annotated[str, typer.Option("--as", metavar="AGENT", help="With security: whose certificate.")] = "dsr",
+    agent: AsOption = "dsr",
 ) -> None:
     """Find out where a camera is, by objects that it sees and whose places are believed; adopt that.
 
@@ -153,10 +156,9 @@ def _wait(memory: Memory, name: str) -> Report:
 
 def _show(report: Report) -> None:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("object", no_wrap=True)
-    for column in ("before (mm)", "(deg)", "after (mm)", "(deg)"):
-        table.add_column(column, justify="right")
-    table.add_column("")
+    add_names(table, "object")
+    add_numbers(table, "before (mm)", "(deg)", "after (mm)", "(deg)")
+    add_names(table, "")
     for one in report.objects:
         before, after = (one.before_m, one.before_rad), (one.after_m, one.after_rad)
         numbers = [text for m, rad in (before, after) for text in (f"{1e3 * m:.1f}", f"{math.degrees(rad):.2f}")]

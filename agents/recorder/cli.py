@@ -21,7 +21,18 @@ from agents.recorder.reader import FILE_NAME, read_recording
 from agents.recorder.selection import PARTS
 from agents.replay.source import ReplayedGraph
 from agents.segments import segments
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, errors, new_run_folder, print_json, shown
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    add_names,
+    add_numbers,
+    console,
+    errors,
+    new_run_folder,
+    print_json,
+    shown,
+)
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
@@ -136,9 +147,8 @@ def info(recording: RecordingArgument, as_json: JsonOption = False) -> None:
 
 def _table(contents: RecordingContents) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("channel", overflow="fold")
-    for heading in ("messages", "Hz", "MB", "MB/min", "unpacked"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    add_names(table, "channel")
+    add_numbers(table, "messages", "Hz", "MB", "MB/min", "unpacked")
     for channel in contents.channels:
         rate, growth = "", ""
         if contents.seconds > 0.0:

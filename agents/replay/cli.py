@@ -20,7 +20,17 @@ from agents.replay.control import Controls, parse_command, send
 from agents.replay.player import Player
 from agents.replay.session import Session
 from agents.replay.source import ReplayedGraph
-from dsr.cli.common import JsonOption, RouterOption, SecurityOption, console, errors, print_json, reading, shown
+from dsr.cli.common import (
+    JsonOption,
+    ReplayGraphOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    errors,
+    print_json,
+    reading,
+    shown,
+)
 from dsr.connecting import connect
 from dsr.errors import ConfigError
 from dsr.network.keys import check_name
@@ -44,7 +54,7 @@ app = typer.Typer(
 @app.callback()
 def replay(
     recording: Annotated[Path | None, typer.Argument(help="A recording.mcap, or the folder of a run.")] = None,
-    name: Annotated[str, typer.Option("--graph", "-g", help="Name of the graph that the replay runs as.")] = "replay",
+    name: ReplayGraphOption = "replay",
     speed: Annotated[str, typer.Option(help="Recorded seconds a second, or max.")] = "1",
     begin: Annotated[float, typer.Option("--from", min=0.0, metavar="S", help="Where to start.")] = 0.0,
     until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Where to end.")] = None,

@@ -10,7 +10,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from dsr.cli.common import shown
+from dsr.cli.common import add_names, add_numbers, shown
 from dsr.graph.watch import Watch
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -256,16 +256,17 @@ def show(outcome: ReplayOutcome, differences: list[str], console: Console) -> No
 
 
 def _poses(outcome: ReplayOutcome) -> Table:
-    table = Table("pose", box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("max", "mean", "max turn", "greatest at", "apart", "only recorded", "only anew"):
-        table.add_column(column, justify="right", no_wrap=True)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    add_names(table, "pose")
+    add_numbers(table, "max\n(mm)", "at\n(s)", "mean\n(mm)", "max turn\n(rad)")
+    add_numbers(table, "apart\n(s)", "only re-\ncorded (s)", "only\nanew (s)")
     for pose in outcome.poses:
         table.add_row(
             shown(pose.edge),
-            f"{pose.max_m * 1e3:.2f} mm",
-            f"{pose.mean_m * 1e3:.2f} mm",
-            f"{pose.max_rad:.3f} rad",
-            f"{pose.max_at_s:.2f} s" if pose.max_m > 0.0 else "",
+            f"{pose.max_m * 1e3:.2f}",
+            f"{pose.max_at_s:.2f}" if pose.max_m > 0.0 else "",
+            f"{pose.mean_m * 1e3:.2f}",
+            f"{pose.max_rad:.3f}",
             _seconds(pose.beyond.total_s),
             _seconds(pose.only_recorded.total_s),
             _seconds(pose.only_anew.total_s),
@@ -274,9 +275,9 @@ def _poses(outcome: ReplayOutcome) -> Table:
 
 
 def _disagreements(held: list[tuple[str, Disagreement]]) -> Table:
-    table = Table("what", "", box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("only recorded", "only anew"):
-        table.add_column(column, justify="right", no_wrap=True)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    add_names(table, "what", "")
+    add_numbers(table, "only recorded (s)", "only anew (s)")
     for kind, item in held:
         alone = (_seconds(item.only_recorded.total_s), _seconds(item.only_anew.total_s))
         table.add_row(kind, shown(item.what), *alone)
@@ -284,7 +285,9 @@ def _disagreements(held: list[tuple[str, Disagreement]]) -> Table:
 
 
 def _events(outcome: ReplayOutcome) -> Table:
-    table = Table("s", "run", "event", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    add_numbers(table, "s")
+    add_names(table, "run", "event")
     rows: list[tuple[Event, str]] = [(event, "recorded") for event in outcome.recorded_events]
     rows += [(event, "anew") for event in outcome.anew_events]
     for event, run in sorted(rows, key=lambda row: row[0].time):
@@ -294,4 +297,4 @@ def _events(outcome: ReplayOutcome) -> Table:
 
 
 def _seconds(seconds: float) -> str:
-    return f"{seconds:.2f} s" if seconds > 0.0 else ""
+    return f"{seconds:.2f}" if seconds > 0.0 else ""

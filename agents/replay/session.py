@@ -22,6 +22,7 @@ from rich.text import Text
 from agents.replay.control import Command, Controls
 from agents.replay.player import STEP, Player
 from agents.replay.source import ReplayedGraph
+from dsr.cli.streams import redraws
 from dsr.clock import WALL_CLOCK
 from dsr.vocabulary.replayed import Replayed
 
@@ -121,7 +122,7 @@ class Session:
                 self._controls.run()
                 player.step(clock.monotonic())
                 self._tell(Replayed(player.begin + player.time, player.begin))
-                if self._console.is_terminal:
+                if redraws(self._console):
                     live.update(self._line(keyboard.present), refresh=True)
                 fast = player.speed == math.inf and player.playing and not player.ended
                 clock.wait(never, 0.0 if fast else STEP)

@@ -22,6 +22,8 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     WorldOption,
+    add_names,
+    add_numbers,
     console,
     errors,
     print_json,
@@ -127,14 +129,11 @@ def _show(events: list[Event], begin: float, *, as_json: bool, named: bool) -> N
         print_json([msgspec.to_builtins(event) for event in events])
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("s", justify="right", no_wrap=True)
-    table.add_column("what", no_wrap=True)
-    table.add_column("event")
-    if named:
-        table.add_column("entry", overflow="fold")
+    add_numbers(table, "s")
+    add_names(table, "what", "event", *(["entry"] if named else []))
     for event in events:
         name = [shown(event.details["name"])] if named else []
-        row = f"{event.time - begin:.2f}", event.kind, shown(event.text), *name
+        row = f"{event.time - begin:.2f}", shown(event.kind), shown(event.text), *name
         table.add_row(*row, style=_COLOURS.get(event.kind, ""))
     console.print(table)
 

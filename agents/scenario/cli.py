@@ -13,6 +13,8 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -20,12 +22,25 @@ from agents.scenario.check.file_check import Findings, look_through, show_all, s
 from agents.scenario.check.truth_report import truth
 from agents.scenario.format.scenario import load_scenario, scenario_files
 from agents.scenario.judge.result import write_result
-from agents.scenario.options import SensorChoice, check_writable
+from agents.scenario.options import SensorChoice
 from agents.scenario.run.report import ProgressBar, show_result
 from agents.scenario.run.runner import run_live, run_lockstep
 from agents.scenario.run.staging import make_run
 from agents.scenario.sweep_cli import sweep
-from dsr.cli.common import JsonOption, console, errors, new_run_folder, print_json, shown
+from dsr.cli.common import (
+    JsonFileOption,
+    JsonOption,
+    add_names,
+    add_numbers,
+    check_writable,
+    console,
+    errors,
+    for_people,
+    new_run_folder,
+    print_json,
+    put_json,
+    shown,
+)
 from dsr.errors import ConfigError
 from dsr.runtime.display import has_display
 
@@ -43,7 +58,6 @@ class PolicyChoice(enum.StrEnum):
 
 
 Seed = Annotated[int, typer.Option(min=0, help="Varies where the objects start and the sensor's noise.")]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Also write the result to this file.")]
 View = Annotated[
     bool | None,
     typer.Option("--view/--no-viewer", help="Open the rerun viewer; default: if there is a display, not in lockstep."),
@@ -75,9 +89,12 @@ def list_scenarios(as_json: JsonOption = False) -> None:
         rows = [{"name": name, "title": s.title, "duration_s": s.duration} for name, s in scenarios.items()]
         print_json(rows)
         return
-    table = Table("name", "objects", "duration", "what it shows")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    add_names(table, "name")
+    add_numbers(table, "objects", "duration")
+    add_names(table, "what it shows")
     for name, scenario in scenarios.items():
-        table.add_row(name, str(len(scenario.objects)), f"{scenario.duration:g} s", scenario.title)
+        table.add_row(shown(name), str(len(scenario.objects)), f"{scenario.duration:g} s", shown(scenario.title))
     console.print(table)
     console.print("Run one: [bold]dsr scenario run NAME[/]  (in one process, faster: [bold]--lockstep[/])")
 
@@ -89,6 +106,7 @@ def check(
     no_import: Annotated[
         bool, typer.Option("--no-import", help="Import no modules beside the file of the system: for files of others.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check scenario files and their systems without running any agent; tells file, line and what was expected.
 
@@ -99,22 +117,32 @@ def check(
 
     What may be meant, such as a thing that falls where it is put, is told with a `!`, and is no error.
     """
-    refused = 0
+    rows = []
     for file in files:
+        counts = {}
         try:
             scenario = load_scenario(file)
+            parts = ("objects", "events", "expectations")
+            counts = {part: len(getattr(scenario, part)) for part in parts}
             found = look_through(file, play=play, beside=not no_import)
         except ConfigError as error:
             found = Findings([error])
-        for wrong in found.errors:
-            console.print(f"[red]✗[/] {escape(str(wrong))}", soft_wrap=True)
-        show_doubts(found.doubts, console)
-        if found.errors:
-            refused += 1
-        else:
-            counts = f"{len(scenario.objects)} objects, {len(scenario.events)} events"
-            console.print(f"[green]✓[/] {file}: {counts}, {len(scenario.expectations)} expectations")
-    raise typer.Exit(1 if refused else 0)
+        texts = {"errors": list(map(str, found.errors)), "doubts": list(map(str, found.doubts))}
+        rows.append({"file": file, "fine": not found.errors, **counts, **texts})
+        if not as_json:
+            _show_findings(file, found, counts)
+    if as_json:
+        print_json(rows)
+    raise typer.Exit(0 if all(row["fine"] for row in rows) else 1)
+
+
+def _show_findings(file: str, found: Findings, counts: Mapping[str, int]) -> None:
+    for wrong in found.errors:
+        console.print(f"[red]✗[/] {escape(str(wrong))}", soft_wrap=True)
+    show_doubts(found.doubts, console)
+    if not found.errors:
+        said = ", ".join(f"{count} {part}" for part, count in counts.items())
+        console.print(f"[green]✓[/] {shown(file)}: {said}", soft_wrap=True)
 
 
 @app.command()
@@ -130,8 +158,9 @@ def run(
     policy: Annotated[
         PolicyChoice | None, typer.Option(help="How surprises are explained, or `published`; default: the system's.")
     ] = None,
-    json: JsonFile = None,
     view: View = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
 ) -> None:
     """Run a scenario and judge it; the exit code is 0 only if all its expectations hold.
 
@@ -143,13 +172,15 @@ def run(
 
     The run leaves a folder in runs/ with recording, logs and result.json.
     """
-    show_all(scenario, console)
+    show_all(scenario, for_people(as_json))
     options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value}
-    _play(scenario, options, lockstep=lockstep, json=json, view=view)
+    _play(scenario, options, lockstep=lockstep, as_json=as_json, json_file=json_file, view=view)
 
 
 @demo.callback()
-def run_demo(seed: Seed = 0, json: JsonFile = None, view: View = None) -> None:
+def run_demo(
+    seed: Seed = 0, view: View = None, as_json: JsonOption = False, json_file: JsonFileOption = None
+) -> None:
     """Show what this is about: the robot builds two towers, one is moved as a whole, and the robot knows.
 
     Starts plant, arm controller, scene estimator, simulation handler, surprise
@@ -158,34 +189,42 @@ def run_demo(seed: Seed = 0, json: JsonFile = None, view: View = None) -> None:
 
     The exit code is 0 only if all expectations hold. Ctrl-C stops everything.
     """
-    _play(DEMO, {"seed": seed}, lockstep=False, json=json, view=view)
+    _play(DEMO, {"seed": seed}, lockstep=False, as_json=as_json, json_file=json_file, view=view)
 
 
-def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Path | None, view: bool | None) -> None:
+def _play(
+    scenario: str,
+    options: Mapping[str, Any],
+    *,
+    lockstep: bool,
+    as_json: bool,
+    json_file: Path | None,
+    view: bool | None,
+) -> None:
     """Run with these fields of `Run`, show and write the result; ends the program with its exit code."""
+    said = for_people(as_json)
     viewer = view if view is not None else not lockstep
     window = viewer and has_display(os.environ, sys.platform)
     if view and not window:
         errors.print("there is no display: the view is only recorded; to watch the run elsewhere: dsr view --serve")
     plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
-    if json:
-        check_writable(json)
+    check_writable(json_file)
     folder = new_run_folder(plan.scenario.name)
     plan = msgspec.structs.replace(plan, folder=folder)
     try:
-        with ProgressBar(plan.scenario, console) as bar:
+        with ProgressBar(plan.scenario, said) as bar:
             result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
     except KeyboardInterrupt:
-        console.print(f"stopped; what was recorded until then is in {folder}")
+        said.print(f"stopped; what was recorded until then is in {folder}")
         raise typer.Exit(_INTERRUPTED) from None
-    for file in [folder / "result.json", *([json] if json else [])]:
-        write_result(result, file)
-    show_result(result, plan.scenario, console)
-    _show_files(folder)
+    write_result(result, folder / "result.json")
+    show_result(result, plan.scenario, said)
+    _show_files(folder, said)
+    put_json(result, as_json=as_json, file=json_file)
     raise typer.Exit(0 if result.passed else 1)
 
 
-def _show_files(folder: Path) -> None:
+def _show_files(folder: Path, console: Console) -> None:
     """Say what the run left and how to open it."""
     console.print(f"result     {folder / 'result.json'}", soft_wrap=True)
     for recording in sorted(folder.glob("*.rrd")):

@@ -15,15 +15,14 @@ import typer
 
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
-from agents.scenario.options import SensorChoice, check_writable
+from agents.scenario.options import SensorChoice
 from agents.scenario.run.staging import Policy
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
 from agents.scenario.run.sweep_report import SweepBar, show_sweep
 from agents.scenario.run.sweep_worker import SweepJob
-from dsr.cli.common import console
+from dsr.cli.common import JsonFileOption, JsonOption, check_writable, for_people, put_json, shown
 from dsr.errors import ConfigError
-from dsr.files.private_files import write_json
 
 MOST_SEEDS = 100_000
 _INTERRUPTED = 130
@@ -41,7 +40,7 @@ class SweptPolicy(enum.StrEnum):
 
 
 class SweepProgress(msgspec.Struct, frozen=True):
-    """The content of the file of `--json`."""
+    """What `--json` prints, and `--json-file` writes."""
 
     complete: bool
     """Every run was made."""
@@ -62,40 +61,39 @@ def sweep(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
     limit: Annotated[float, typer.Option(min=1.0, help="s of real time that one run may take.")] = LIMIT,
     metrics: Annotated[bool, typer.Option("--metrics", help="Show every metric, also of several scenarios.")] = False,
-    json: Annotated[Path | None, typer.Option("--json", help="Write all runs and the statistics to this file.")] = None,
     curves: Annotated[
         Path | None, typer.Option(help="Write how far off unseen objects were, second by second, to this CSV file.")
     ] = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
 ) -> None:
     """Run scenarios with many seeds, in lockstep on all cores, and show how often and how well they work.
 
     A run that crashes or takes too long counts as failed and is listed with its reason.
 
-    The exit code is 0 only if every run passed. Ctrl-C stops all, shows what was done, and still writes --json.
+    The exit code is 0 only if every run passed. Ctrl-C stops all and shows what was done, as JSON too.
     """
     plan = make_jobs(scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []))
-    for file, option in ((json, "--json"), (curves, "--curves")):
-        if file:
-            check_writable(file, option)
+    said = for_people(as_json)
+    check_writable(json_file)
+    check_writable(curves, "--curves")
     for scenario in dict.fromkeys(scenarios):
-        show_all(scenario, console)
+        show_all(scenario, said)
     outcomes: list[RunOutcome] = []
     try:
-        with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), console) as bar:
+        with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), said) as bar:
             for outcome in running.outcomes():
                 outcomes.append(outcome)
                 bar.show(outcomes)
     except KeyboardInterrupt:
-        console.print(f"stopped after {len(outcomes)} of {len(plan)} runs")
+        said.print(f"stopped after {len(outcomes)} of {len(plan)} runs")
     complete = len(outcomes) == len(plan)
     summaries = summarise(outcomes)
-    show_sweep(summaries, console, metrics=metrics or len(set(scenarios)) == 1)
-    if json:
-        write_report(SweepProgress(complete, summaries, outcomes), json)
-        console.print(f"results  {json}", soft_wrap=True)
+    show_sweep(summaries, said, metrics=metrics or len(set(scenarios)) == 1)
     if curves:
         write_curves(summaries, curves)
-        console.print(f"curves  {curves}", soft_wrap=True)
+        said.print(f"curves     {shown(str(curves))}", soft_wrap=True)
+    put_json(SweepProgress(complete, summaries, outcomes), as_json=as_json, file=json_file)
     if not complete:
         raise typer.Exit(_INTERRUPTED)
     raise typer.Exit(0 if all(outcome.passed for outcome in outcomes) else 1)
@@ -128,11 +126,6 @@ def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: lis
         for seed in seeds
         for policy in policies
     ]
-
-
-def write_report(report: SweepProgress, file: Path) -> None:
-    """Write `report` as JSON."""
-    write_json(report, file)
 
 
 def write_curves(summaries: Sequence[RunSummary], file: Path) -> None:

@@ -12,7 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.viewer.agent import Viewer, ViewerConfig
+from agents.viewer.agent import Viewer
+from agents.viewer.config import ViewerConfig
 from agents.viewer.window import LOOPBACK, WindowError, check_free, page_url, viewer_url
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, shown
 from dsr.connecting import SECURITY

@@ -53,7 +53,7 @@ class Tally:
     """The newest `Memory.statistics` by worker; those of the dead are kept."""
 
     def result(self, judge: Judge) -> dict[str, Any]:
-        """As `dsr soak --json` writes it."""
+        """As `dsr soak --json` prints it."""
         heals = [seconds for tally in self.faults.values() for seconds in tally.heal_s]
         return {
             "writes": judge.writes,

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
 from rich.table import Table
 
 from benchmarks.soak.chaos import Soak, Tally
 from benchmarks.soak.faults import FAULTS, NEED_TWO_MACHINES
 from benchmarks.soak.fleet import Plan
 from benchmarks.soak.races import RACES, run_races
-from dsr.cli.common import console
+from dsr.cli.common import JsonFileOption, JsonOption, add_names, add_numbers, check_writable, for_people, put_json
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
-from dsr.files.private_files import write_json
 
 app = typer.Typer(name="soak", invoke_without_command=True, subcommand_metavar="")
 
@@ -42,7 +42,8 @@ def soak(
     races: Annotated[
         int, typer.Option(min=0, help="Instead: so many rounds of each race of two processes.")
     ] = 0,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result there.")] = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
 ) -> None:
     """Try to break the working memory: processes write all the time while things go wrong.
 
@@ -52,30 +53,21 @@ def soak(
     later one replaced it. The exit code is 0 only if nothing was lost and nothing differed. It works on a graph of
     its own and disturbs no other.
 
-    Example: dsr soak --seconds 300 --json soak.json; only races: dsr soak --races 200
+    Example: dsr soak --seconds 300 --json-file soak.json; only races: dsr soak --races 200
     """
-    if json_file is not None:
-        _check_writable(json_file)
+    said = for_people(as_json)
+    check_writable(json_file)
     with tempfile.TemporaryDirectory(prefix="dsr-soak-") as folder:
         if races:
-            result, holds = _races(Path(folder), races, seed)
+            result, holds = _races(Path(folder), races, seed, said)
         else:
             plan = Plan(processes, machines, seed, _SHIFTS)
             names = _checked_faults(fault, machines)
             lengths = (min(shortest, longest), longest)
             run = Soak(Path(folder), WALL_CLOCK, plan, rate=rate, faults=names, fault_seconds=lengths)
-            result, holds = _soak(run, seconds)
-    if json_file is not None:
-        write_json(result, json_file)
+            result, holds = _soak(run, seconds, said)
+    put_json(result, as_json=as_json, file=json_file)
     raise typer.Exit(0 if holds else 1)
-
-
-def _check_writable(file: Path) -> None:
-    """Raises `ConfigError` now rather than after a long run."""
-    try:
-        file.open("ab").close()
-    except OSError as error:
-        raise ConfigError(f"--json {file}: {error.strerror}") from error
 
 
 def _checked_faults(names: Sequence[str] | None, machines: int) -> Sequence[str]:
@@ -88,10 +80,10 @@ def _checked_faults(names: Sequence[str] | None, machines: int) -> Sequence[str]
     return names or tuple(FAULTS)
 
 
-def _soak(run: Soak, seconds: float) -> tuple[dict[str, Any], bool]:
+def _soak(run: Soak, seconds: float, console: Console) -> tuple[dict[str, Any], bool]:
     """Run it, or as much of it as Ctrl-C leaves."""
     interrupted = False
-    with console.status("starting") as status:
+    with console.status("starting", spinner="line") as status:
 
         def show(fault: str, tally: Tally) -> None:
             found = f"{len(tally.lost)} lost, {tally.diverged} diverged"
@@ -116,17 +108,21 @@ def _soak(run: Soak, seconds: float) -> tuple[dict[str, Any], bool]:
 
 
 def _fault_table(result: dict[str, Any]) -> Table:
-    table = Table("fault", "rounds", "healed in s (median)", "at most")
+    table = Table()
+    add_names(table, "fault")
+    add_numbers(table, "rounds", "healed in s (median)", "at most")
     for name, row in result["faults"].items():
         times = [row["heal_s_median"], row["heal_s_max"]]
         table.add_row(name, str(row["rounds"]), *("-" if time is None else f"{time:.2f}" for time in times))
     return table
 
 
-def _races(folder: Path, rounds: int, seed: int) -> tuple[dict[str, Any], bool]:
-    with console.status("racing") as status:
+def _races(folder: Path, rounds: int, seed: int, console: Console) -> tuple[dict[str, Any], bool]:
+    with console.status("racing", spinner="line") as status:
         result = run_races(folder, WALL_CLOCK, rounds, seed, lambda race: status.update(f"{race} done"))
-    table = Table("race", "meaning", "rounds", "equal", "right", "apart, ms (median)")
+    table = Table()
+    add_names(table, "race", "meaning")
+    add_numbers(table, "rounds", "equal", "right", "apart, ms\n(median)")
     for name in RACES:
         row = result[name]
         numbers = [str(row[key]) for key in ("rounds", "equal", "right")]

@@ -8,46 +8,57 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, console, shown
+from dsr.cli.common import GraphOption, JsonOption, console, shown
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
 from dsr.network.rendezvous import Claim, read_claim, running_graph
 from dsr.runtime.logs import printable
+
+Show = Callable[[str, list[bytes]], None]
+"""Prints lines of an agent's log."""
 
 app = typer.Typer()
 ALL_READY = "all agents are ready"
 """Line of a run without a terminal, after which `--detach` lets it go on alone."""
 RUN_LOG = "run.log"
 """File in the folder of a run in the background: what `dsr run` says."""
-_DETACH = ("--detach", "-d")
+_DETACHED = "DSR_DETACHED"
+"""Environment variable of the run that goes on in the background: its folder."""
 _PERIOD = 0.1  # s between two looks
 _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before they are killed
 
 
 def start_in_background(folder: Path) -> None:
-    """Run this command again without `--detach`, in a session of its own, and wait until its agents are ready.
+    """Run this command again in a session of its own, where it does not detach, and wait until its agents are ready.
 
     Raises `AgentError` if they do not become ready, with what was said.
     """
-    arguments = [word for word in sys.argv[1:] if word not in _DETACH]
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
-    command = [sys.executable, "-P", "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-P", "-m", "dsr.cli.main", *sys.argv[1:]]
     with log.open("wb") as output:
         process = subprocess.Popen(
-            [*command, *([] if "--folder" in " ".join(arguments) else ["--folder", str(folder)])],
-            stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+            env={**os.environ, _DETACHED: str(folder)},
         )  # fmt: skip
     while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
         if process.poll() is not None:
             raise AgentError(f"the system did not start:\n{printable(said.strip())}")
         _wait()
     console.print(f"{shown(said.splitlines()[0].partition(', Ctrl-C')[0])}; dsr logs, dsr stop", soft_wrap=True)
+
+
+def folder_in_background() -> Path | None:
+    """The folder of this run, if `start_in_background` started it. Agents that it starts do not inherit that."""
+    folder = os.environ.pop(_DETACHED, None)
+    return Path(folder) if folder else None
 
 
 @app.command()
@@ -71,6 +82,7 @@ def logs(
     lines: Annotated[int, typer.Option("--lines", "-n", min=0, help="How many of each log, from its end.")] = 20,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on with new lines until Ctrl-C.")] = False,
     graph: GraphOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Show the logs of the agents of a system that `dsr run` started on this machine."""
     name = running_graph(graph)
@@ -80,11 +92,12 @@ def logs(
         if agent not in files:
             raise ConfigError(f"no log of {agent!r} in {folder}; {suggest(agent, files)}")
     chosen = {agent: Path(files[agent]) for agent in agents or files}
-    places = {agent: _show_end(agent, file, lines) for agent, file in chosen.items()}
+    show = _show_json if as_json else _show
+    places = {agent: _show_end(agent, file, lines, show) for agent, file in chosen.items()}
     with contextlib.suppress(KeyboardInterrupt):
         while follow:
             for agent, file in chosen.items():
-                places[agent] = _show_from(agent, file, places[agent])
+                places[agent] = _show_from(agent, file, places[agent], show)
             if read_claim(name) is None:
                 break
             _wait()
@@ -97,25 +110,30 @@ def _claim(graph: str) -> Claim:
     return claim
 
 
-def _show_end(agent: str, file: Path, lines: int) -> int:
+def _show_end(agent: str, file: Path, lines: int, show: Show) -> int:
     """Print the last lines of a log; returns where it ends now, in bytes."""
     content = file.read_bytes()
-    _show(agent, content.splitlines()[len(content.splitlines()) - lines :] if lines else [])
+    show(agent, content.splitlines()[len(content.splitlines()) - lines :] if lines else [])
     return len(content)
 
 
-def _show_from(agent: str, file: Path, place: int) -> int:
+def _show_from(agent: str, file: Path, place: int, show: Show) -> int:
     """Print what a log has got since `place` (bytes) up to its last whole line; returns where that ends."""
     with file.open("rb") as opened:
         opened.seek(place)
         whole, newline, _ = opened.read().rpartition(b"\n")
-    _show(agent, whole.splitlines() if newline else [])
+    show(agent, whole.splitlines() if newline else [])
     return place + len(whole) + len(newline)
 
 
 def _show(agent: str, lines: list[bytes]) -> None:
     for line in lines:
         typer.echo(f"{agent}: {printable(line.decode(errors='replace'))}")
+
+
+def _show_json(agent: str, lines: list[bytes]) -> None:
+    for line in lines:
+        typer.echo(msgspec.json.encode({"agent": agent, "text": line.decode(errors="replace")}).decode())
 
 
 def _wait() -> None:

@@ -15,10 +15,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from dsr.cli.streams import make_console
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
-from dsr.files.private_files import FOLDER_MODE
+from dsr.files.private_files import FOLDER_MODE, write_json
 from dsr.graph.access import Access, WriteGuard
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -26,12 +27,14 @@ from dsr.network.keys import BASE
 from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.logs import printable
 
-GraphOption = Annotated[
-    str | None,
-    typer.Option(
-        "--graph", "-g", envvar="DSR_GRAPH", help="Which graph; default: the only one that runs on this machine."
-    ),
-]
+
+def _graph_option(default: str) -> Any:
+    return typer.Option("--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=f"Name of the graph; {default}.")
+
+
+GraphOption = Annotated[str | None, _graph_option("default: the only one that runs on this machine")]
+SystemsGraphOption = Annotated[str | None, _graph_option("default: as the system's file says")]
+ReplayGraphOption = Annotated[str, _graph_option("the replay runs as that")]
 RouterOption = Annotated[
     str | None, typer.Option("--connect", metavar="ENDPOINT", help="Join the Zenoh router at tcp/HOST:7447 too.")
 ]
@@ -42,7 +45,13 @@ SecurityOption = Annotated[
 WorldOption = Annotated[
     str, typer.Option("--world", "-w", metavar="NAME", help="Which world of the graph (dsr worlds).")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print JSON instead of text; of what goes on, an object a line.")
+]
+JsonFileOption = Annotated[
+    Path | None, typer.Option("--json-file", metavar="FILE", help="Also write the JSON to this file.")
+]
+AsOption = Annotated[str, typer.Option("--as", metavar="AGENT", help="With --security: whose certificate.")]
 
 _ZERO, _LARGE = 1e-6, 1e6
 """Numbers below are shown as 0; above (stamps) with three decimals."""
@@ -50,8 +59,8 @@ _ZERO, _LARGE = 1e-6, 1e6
 DELIVERY_PATIENCE = 10.0
 """s that all others get to tell that they have what a command wrote."""
 
-console = Console(highlight=False)
-errors = Console(stderr=True, highlight=False)
+console = make_console()
+errors = make_console(stderr=True)
 
 
 @contextlib.contextmanager
@@ -132,6 +141,31 @@ def print_json(value: Any) -> None:
     typer.echo(msgspec.json.format(msgspec.json.encode(value), indent=2).decode())
 
 
+def put_json(value: Any, *, as_json: bool, file: Path | None) -> None:
+    """Print plain data, or write it to a file, as the options of `JsonOption` and `JsonFileOption` ask for."""
+    if as_json:
+        print_json(value)
+    if file is not None:
+        write_json(value, file)
+        for_people(as_json).print(f"JSON       {shown(str(file))}", soft_wrap=True)
+
+
+def for_people(as_json: bool) -> Console:
+    """The console for what people read on the way: standard error where standard output gets JSON."""
+    return errors if as_json else console
+
+
+def check_writable(file: Path | None, option: str = "--json-file") -> None:
+    """Make its folder and open it. Raises `ConfigError` before a run rather than lose its result after it."""
+    if file is None:
+        return
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.open("a", encoding="utf-8").close()
+    except OSError as error:
+        raise ConfigError(f"{option} {file}: cannot be written ({error.strerror})") from error
+
+
 def plain(value: Any) -> Any:
     """An attribute's value as JSON can hold it."""
     if isinstance(value, Pose):
@@ -172,9 +206,15 @@ def shown(text: str) -> str:
 
 
 def add_names(table: Table, *columns: str) -> None:
-    """Add columns of names: where there is no room, a name goes on in the next line, and nothing of it is cut."""
+    """Add columns of text: where there is no room, a name goes on in the next line, and nothing of it is cut."""
     for column in columns:
         table.add_column(column, overflow="fold")
+
+
+def add_numbers(table: Table, *columns: str) -> None:
+    """Add columns of numbers, right-justified. They keep their width: names beside them give way."""
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
 
 
 def position_deviation(pose: Pose) -> float:

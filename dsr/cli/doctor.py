@@ -18,7 +18,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from dsr.cli.common import JsonOption, console, print_json
+from dsr.cli.common import JsonOption, add_names, console, print_json
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import open_transport
 from dsr.errors import DsrError
@@ -62,7 +62,8 @@ def doctor(as_json: JsonOption = False) -> None:
         print_json(results)
     else:
         marks = {"ok": "[green]✓[/]", "limited": "[yellow]![/]", "missing": "[red]✗[/]"}
-        table = Table("", "what", "finding", show_header=False)
+        table = Table(show_header=False)
+        add_names(table, "", "what", "finding")
         for check in results:
             table.add_row(marks[check.state], check.name, escape(check.detail))
         console.print(table)

@@ -66,7 +66,7 @@ def ls(
     add_names(table, "node", "type")
     for column in ("perceived at (m)", "believed at (m)"):
         table.add_column(column, no_wrap=True, min_width=_PLACE_WIDTH)
-    table.add_column("notes")
+    add_names(table, "notes")
     for row in rows:
         places = [_place(row[key]) for key in ("perceived_at_m", "believed_at_m")]
         table.add_row(shown(row["name"]), shown(row["type"]), *places, ", ".join(row["notes"]))
@@ -135,7 +135,8 @@ def _plain(element: Node | Edge) -> dict[str, Any]:
 
 
 def _attribute_table(memory: Memory, node: Node) -> Table:
-    table = Table("attribute", "value", "unit", "meaning")
+    table = Table()
+    add_names(table, "attribute", "value", "unit", "meaning")
     for name in node:
         known = memory.schema.attributes.get(name)
         unit, meaning = (known.unit, known.meaning) if known else ("", "")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from dsr.cli.common import (
+    AsOption,
     GraphOption,
     RouterOption,
     SecurityOption,
@@ -55,7 +56,7 @@ def load(
     replace: Annotated[bool, typer.Option("--replace", help="JSON: remove what the file does not have.")] = False,
     router: RouterOption = None,
     security: SecurityOption = None,
-    agent: Annotated[str, typer.Option("--as", metavar="AGENT", help="With security: whose certificate.")] = "dsr",
+    agent: AsOption = "dsr",
 ) -> None:
     """Add what a file holds to a world of the running system: a graph (JSON), or meshes with their hierarchy and names.
 

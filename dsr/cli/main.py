@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from dsr.cli.commands import Commands
+from dsr.cli.streams import replace_what_cannot_be_written
 from dsr.config.extras import DISTRIBUTION, missing_extra
 from dsr.errors import ConfigError, DsrError
 from dsr.runtime.resources import shortage
@@ -47,8 +48,11 @@ def options(
 
     global _debug  # noqa: PLW0603
     _debug = debug
-    handler = RichHandler(console=errors, show_path=debug, show_time=debug, rich_tracebacks=True)
-    handler.setFormatter(PlainFormatter("%(message)s"))
+    handler: logging.Handler = logging.StreamHandler()
+    handler.setFormatter(PlainFormatter("%(levelname)-8s %(message)s"))
+    if errors.is_terminal:  # as wide as it is: lines fill it
+        handler = RichHandler(console=errors, show_path=debug, show_time=debug, rich_tracebacks=True)
+        handler.setFormatter(PlainFormatter("%(message)s"))
     logging.basicConfig(level=logging.DEBUG if debug else logging.WARNING, handlers=[handler])
 
 
@@ -57,6 +61,7 @@ _debug = False
 
 def main() -> None:
     """Run the command line: exit code 0 if what was asked holds, 2 for wrong input, 1 for other failures."""
+    replace_what_cannot_be_written()
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` has it
             signal.signal(number, signal.default_int_handler)

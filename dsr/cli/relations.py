@@ -15,6 +15,7 @@ from dsr.cli.common import (
     SecurityOption,
     WorldOption,
     add_names,
+    add_numbers,
     console,
     errors,
     naming,
@@ -69,7 +70,7 @@ def relations(
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     add_names(table, "thing", "is", "of what")
-    table.add_column("margin (mm)", justify="right", no_wrap=True)
+    add_numbers(table, "margin (mm)")
     for fact, margin in found.items():
         table.add_row(shown(fact.source), fact.relation, shown(fact.destination), f"{1e3 * margin:.0f}")
     console.print(table)

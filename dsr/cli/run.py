@@ -14,10 +14,11 @@ from typing import Annotated
 import typer
 from rich.live import Live
 
-from dsr.cli.background import ALL_READY, start_in_background
-from dsr.cli.common import RouterOption, SecurityOption, console, new_run_folder, shown
+from dsr.cli.background import ALL_READY, folder_in_background, start_in_background
+from dsr.cli.common import RouterOption, SecurityOption, SystemsGraphOption, console, new_run_folder, shown
 from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
+from dsr.cli.streams import redraws
 from dsr.errors import ConfigError
 from dsr.persistence.files import read_graph
 from dsr.runtime.display import has_display
@@ -41,9 +42,7 @@ class LogLevel(enum.StrEnum):
 @app.command()
 def run(
     system: Annotated[str, typer.Argument(help="A TOML file, or the name of one in etc/systems.")],
-    graph: Annotated[
-        str | None, typer.Option("--graph", "-g", help="Name of the graph; default: the system's.")
-    ] = None,
+    graph: SystemsGraphOption = None,
     load: Annotated[
         Path | None, typer.Option(metavar="FILE", help="JSON file of what the graph holds at first.")
     ] = None,
@@ -63,13 +62,16 @@ def run(
         bool, typer.Option("--detach", "-d", help="Go on in the background; see `dsr logs` and `dsr stop`.")
     ] = False,
 ) -> None:
-    """Start the agents of a system as processes and supervise them until Ctrl-C.
+    """Start the agents of a system in processes and supervise them until Ctrl-C.
 
+    Light agents share the process "shared"; `process` in the system file says otherwise.
     Modules beside the file of the system are imported and run: give only files that you trust.
     Agents that crash are started again. Look into the working memory from another terminal: dsr ls, dsr tree,
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
     """
-    if detach:
+    in_background = folder_in_background()
+    folder = in_background or folder
+    if detach and in_background is None:
         start_in_background(folder or new_run_folder(find_system(system).stem))
         return
     chosen = load_system(system)
@@ -130,12 +132,12 @@ class _Table:
 
     def say(self, text: str) -> None:
         """Print a line where there is no table."""
-        if not console.is_terminal:
+        if not redraws(console):
             console.print(text)
 
     def show(self, rows: list[AgentRow]) -> None:
         """Show the newest rows."""
-        if console.is_terminal:
+        if redraws(console):
             self.live.update(status_table(rows, self._title))
             return
         for row in rows:

@@ -10,7 +10,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from dsr.cli.common import JsonOption, console, print_json, shown
+from dsr.cli.common import JsonOption, add_names, console, print_json, shown
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 from dsr.runtime.system import load_class, load_system
@@ -167,13 +167,11 @@ def _problem(files: SecurityFolder, name: str) -> str | None:
 
 def _table(files: SecurityFolder, policy: AccessPolicy, problems: dict[str, str | None]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("agent", no_wrap=True)
-    for column in ("may write", "valid until"):
-        table.add_column(column)
+    add_names(table, "agent", "may write", "valid until")
     for name, grant in policy.agents.items():
         problem = problems[name]
         until = f"[red]{shown(problem)}[/]" if problem else f"{files.expiry(name):%Y-%m-%d}"
-        table.add_row(name, shown(_readable(grant)), until)
+        table.add_row(shown(name), shown(_readable(grant)), until)
     return table
 
 

@@ -8,11 +8,14 @@ import typer
 from rich.table import Table
 
 from dsr.cli.common import (
+    AsOption,
     GraphOption,
     JsonOption,
     RouterOption,
     SecurityOption,
     WorldOption,
+    add_names,
+    add_numbers,
     console,
     errors,
     opened,
@@ -44,7 +47,7 @@ def stamps(
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
-    agent: Annotated[str, typer.Option("--as", metavar="AGENT", help="With --security: whose certificate.")] = "dsr",
+    agent: AsOption = "dsr",
 ) -> None:
     """List values that somebody stamped days ahead of this clock: by a wrong clock, or to win over all others.
 
@@ -85,9 +88,8 @@ def _print(found: list[FarStamp], as_json: bool) -> None:
         console.print("no value is stamped days ahead of this clock")
         return
     table = Table(box=None, pad_edge=False)
-    for column in ("element", "type", "attribute", "last written by"):
-        table.add_column(column)
-    table.add_column("days ahead", justify="right")
+    add_names(table, "element", "type", "attribute", "last written by")
+    add_numbers(table, "days ahead")
     for stamp in found:
         texts = (_name(stamp.element), stamp.type, stamp.attribute, agent_of(stamp.writer) or stamp.writer)
         table.add_row(*map(shown, texts), f"{stamp.ahead / _DAY:.0f}")

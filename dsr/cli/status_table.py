@@ -9,8 +9,9 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from dsr.cli.common import add_names, shown
+from dsr.cli.common import add_names, add_numbers, shown
 from dsr.runtime.launcher import AgentRow
+from dsr.runtime.logs import printable
 
 _COLOURS = {
     "ready": "green",
@@ -28,9 +29,8 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     add_names(table, "agent")
     table.add_column("state", no_wrap=True)
-    for column in ("Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts"):
-        table.add_column(column, justify="right", no_wrap=True)
-    problems, counts = [], []
+    add_numbers(table, "Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts")
+    rows, problems, counts = list(rows), [], []
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
         table.add_row(shown(row.agent), f"[{colour}]{row.state}[/]", *_numbers(row))
@@ -40,7 +40,18 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
         if row.heard and row.heard.status.counts:
             told = ", ".join(f"{name} {count}" for name, count in row.heard.status.counts.items())
             counts.append(Text.from_markup(f"[dim]{shown(row.agent)}: {shown(told)}[/]"))
+    if late := overloaded(rows):
+        problems.append(Text(printable(late), style="red"))
     return Group(table, *problems, *counts)
+
+
+def overloaded(rows: Iterable[AgentRow]) -> str:
+    """Which agents lag because their machine has more to do than it can, in a line; empty if none does."""
+    late = [row for row in rows if row.heard and row.heard.status.overloaded]
+    late.sort(key=lambda row: -row.heard.status.waiting if row.heard else 0.0)
+    waits = [f"{row.agent} ({100.0 * row.heard.status.waiting:.0f} %)" for row in late if row.heard]
+    said = "the machine is overloaded; agents that leave out ticks, with their time of waiting for a processor: "
+    return said + ", ".join(waits) if waits else ""
 
 
 def _numbers(row: AgentRow) -> list[str]:
@@ -66,6 +77,8 @@ def status_json(rows: Iterable[AgentRow]) -> list[dict[str, Any]]:
             "missed": row.heard.status.missed if row.heard else None,
             "errors": row.heard.status.errors if row.heard else None,
             "restarts": row.restarts,
+            "waiting": row.heard.status.waiting if row.heard else None,
+            "overloaded": row.heard.status.overloaded if row.heard else None,
             "last_error": row.last_error,
             "clock": row.heard.status.clock if row.heard else None,
             "counts": row.heard.status.counts if row.heard else {},

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading
 from dsr.cli.status_table import status_json, status_table
+from dsr.cli.streams import redraws
 from dsr.clock import WALL_CLOCK
 from dsr.graph.far_stamps import by_agent
 from dsr.memory import Memory
@@ -34,7 +35,7 @@ def top(
 ) -> None:
     """Show state, rate, latency, last error and clock of every agent, and who forged stamps, live until Ctrl-C.
 
-    With --json, or if the output is no terminal, listens for a moment, prints once and ends.
+    With --json, or if the output is no terminal or a dumb one, listens for a moment, prints once and ends.
     """
     with reading(graph, router, security) as memory:
         board = StatusBoard(memory.transport, memory.keys, WALL_CLOCK)
@@ -42,7 +43,7 @@ def top(
         WALL_CLOCK.wait(threading.Event(), _LISTEN)
         if as_json:
             print_json(status_json(_rows(board)))
-        elif not console.is_terminal:
+        elif not redraws(console):
             console.print(_shown(board, title, memory))
         else:
             _follow(board, title, memory)

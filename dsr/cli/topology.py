@@ -17,6 +17,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     add_names,
+    add_numbers,
     console,
     print_json,
     reading,
@@ -61,8 +62,7 @@ def _table(found: Topology, graph: str, now: float) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False, title=f"worlds of {graph}", title_justify="left")
     add_names(table, "world", "made from", "agent")
     table.add_column("state", no_wrap=True)
-    for column in ("reads /s", "last", "writes /s", "last"):
-        table.add_column(column, no_wrap=True, justify="right")
+    add_numbers(table, "reads /s", "last", "writes /s", "last")
     for world in found.worlds:
         first = [shown(world.info.name), _origin(world)]
         for client, use in _uses(found, world.info.name):

@@ -13,6 +13,8 @@ from dsr.cli.common import (
     JsonOption,
     RouterOption,
     SecurityOption,
+    add_names,
+    add_numbers,
     console,
     print_json,
     reading,
@@ -53,11 +55,9 @@ def show_visibility(
         print_json(rows)
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("perspective", "thing"):
-        table.add_column(column, no_wrap=True)
-    for column in ("share", "pixels"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("hidden by")
+    add_names(table, "perspective", "thing")
+    add_numbers(table, "share", "pixels")
+    add_names(table, "hidden by")
     for row in rows:
         share = f"{100.0 * row['share']:.0f} %" if row["seen"] else f"[dim]{100.0 * row['share']:.0f} %[/]"
         names = shown(row["perspective"]), shown(row["thing"])

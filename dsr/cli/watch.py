@@ -11,6 +11,7 @@ import typer
 
 from dsr.cli.common import (
     GraphOption,
+    JsonOption,
     RouterOption,
     SecurityOption,
     WorldOption,
@@ -44,7 +45,7 @@ def watch(
     attribute: Annotated[Names, typer.Option("--attribute", "-a", help="Only this attribute.")] = None,
     period: Annotated[float, typer.Option(min=0.0, help="s between two looks; changes between are joined.")] = 0.2,
     changes_only: Annotated[bool, typer.Option("--new", help="Leave out what is there already.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
+    as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:

@@ -16,6 +16,8 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     WorldOption,
+    add_names,
+    add_numbers,
     console,
     naming,
     print_json,
@@ -91,10 +93,9 @@ def parsed_placing(text: str) -> Supposed:
 
 def _show(answer: Answer) -> None:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("object", no_wrap=True)
-    for column in ("then at (m)", "moved (mm)", "turned (deg)"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("rests on")
+    add_names(table, "object")
+    add_numbers(table, "then at (m)", "moved\n(mm)", "turned\n(deg)")
+    add_names(table, "rests on")
     for name in sorted(answer.poses):
         position = " ".join(f"{round(number, 4) + 0.0:7.4f}" for number in answer.poses[name][:3])
         supports = list(answer.rests_on[name]) + ["(the floor)"] * (name in answer.on_floor)

@@ -17,6 +17,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     add_names,
+    add_numbers,
     console,
     naming,
     print_json,
@@ -70,8 +71,7 @@ def worlds(
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     add_names(table, "world", "begun as", "made by")
     table.add_column("at", no_wrap=True)
-    for column in ("nodes", "edges", "held by"):
-        table.add_column(column, justify="right", no_wrap=True)
+    add_numbers(table, "nodes", "edges", "held by")
     for row in rows:
         parent = "" if row["parent"] is None else f"{'follows' if row['follows'] else 'fork of'} {row['parent']}"
         made = f"{datetime.fromtimestamp(row['created']):%Y-%m-%d %H:%M:%S}" if row["created"] else ""

@@ -12,6 +12,7 @@ from dsr.errors import AgentError, ConfigError, DsrError
 from dsr.network.keys import agent_of
 from dsr.network.transport import Qos
 from dsr.runtime.activity import Activity
+from dsr.runtime.contention import WARN_AFTER, Contention
 from dsr.runtime.status import PERIOD, State, Status, encode_status
 
 _SAMPLES = 200
@@ -72,6 +73,8 @@ class Runner:
         self._were_here: frozenset[str] | None = None
         """Replica ids of the processes with this agent's name that were there when it began."""
         self._activity = Activity(agent)
+        self._contention = Contention() if pid else None  # in lockstep no machine is too slow
+        self._warned = False
 
     def setup(self) -> None:
         """Set the agent up. A failure is logged and raised as a `DsrError`; so are declared names that do not exist."""
@@ -140,7 +143,18 @@ class Runner:
         agent = self.agent
         self._told = agent.clock.monotonic()
         self._look_for_namesakes()
+        self._look_at_machine()
         agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
+
+    def _look_at_machine(self) -> None:
+        """Note whether other work keeps this agent from its processor; say so once if that lasts."""
+        if self._contention is None:
+            return
+        self._contention.note(self._told, self.missed)
+        if self._contention.lasts >= WARN_AFTER and not self._warned:
+            self._warned = True
+            said = "this machine is overloaded: the agent waited %.0f %% of the last second for a processor, and left "
+            self.agent.log.warning(said + "out ticks (logged once)", 100.0 * self._contention.waiting)
 
     def _look_for_namesakes(self) -> None:
         """Find other processes with this agent's name: each would take for its own what the other one has made.
@@ -200,6 +214,8 @@ class Runner:
             clock=str(self.agent.memory.clocks) if self.agent.uses_memory else "",
             worlds=self._activity.uses(self.agent.clock.now()),
             counts={name: count for name, count in self.agent.counts.items() if count},
+            waiting=self._contention.waiting if self._contention else 0.0,
+            overloaded=self._contention is not None and self._contention.overloaded,
         )
 
     def _behind(self) -> float:

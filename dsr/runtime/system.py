@@ -225,6 +225,10 @@ def load_class(name: str, folder: Path | None = None, *, beside: bool = True) ->
         raise ConfigError(f"class {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
     if not (isinstance(kind, type) and issubclass(kind, Agent)):
         raise ConfigError(f"class {name!r} is no dsr.agent.Agent")
+    for library in kind.libraries:
+        if importlib.util.find_spec(library) is None:
+            absent = missing_extra(ModuleNotFoundError(name=library)) or f"the library {library!r} is not installed"
+            raise MissingExtraError(f"class {name!r} cannot be loaded: {absent}")
     return kind
 
 

@@ -37,6 +37,7 @@ class Hosted(Monitor):
         cls.contents = cls.hosts.writes
         cls.rate_hz = cls.hosts.rate_hz
         cls.publishes = cls.hosts.publishes
+        cls.libraries = cls.hosts.libraries
         super().__init_subclass__(**options)
 
     def setup(self) -> None:

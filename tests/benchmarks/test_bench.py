@@ -88,7 +88,7 @@ def test_the_list_shows_rows_and_targets() -> None:
 
 def test_a_group_is_measured_and_written_as_json(tmp_path: Path) -> None:
     file = tmp_path / "deep" / "rows.json"
-    result = CliRunner().invoke(app, ["nodes by type among", "--quick", "--json", str(file)])
+    result = CliRunner().invoke(app, ["nodes by type among", "--quick", "--json-file", str(file)])
     assert result.exit_code == 0, result.output
     rows = json.loads(file.read_text())
     assert [set(row) for row in rows] == [KEYS] * len(rows)
@@ -98,7 +98,7 @@ def test_a_group_is_measured_and_written_as_json(tmp_path: Path) -> None:
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_anything_is_measured() -> None:
-    result = CliRunner().invoke(app, ["local", "--json", "/proc/none/rows.json"])
+    result = CliRunner().invoke(app, ["local", "--json-file", "/proc/none/rows.json"])
     assert isinstance(result.exception, ConfigError)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -16,14 +15,12 @@ from rich.table import Table
 
 from agents.scenario.check.faults import faults
 from agents.scenario.judge.course import why_missing
-from agents.scenario.options import check_writable
 from agents.scenario.run.runner import true_course
 from agents.scenario.run.staging import make_run
 from agents.scenario.run.story import describe
 from agents.scenario.truth.history import History, Sample
 from agents.scenario.truth.phases import STEP, Phase, containers, phases, supports
-from dsr.cli.common import console
-from dsr.files.private_files import write_json
+from dsr.cli.common import JsonFileOption, JsonOption, check_writable, console, for_people, put_json
 from dsr.math3d.quaternions import rotate
 from dsr.math3d.transforms import Pose
 
@@ -99,11 +96,6 @@ def truth_report(history: History, seed: int) -> TruthReport:
         gone=[spec.name for spec in scenario.objects if spec.name not in last.truth],
         tracks={spec.name: list(_track(spec.name, samples)) for spec in scenario.objects},
     )
-
-
-def write_truth(report: TruthReport, file: Path) -> None:
-    """Write the report as JSON, making the folder if it is missing."""
-    write_json(report, file)
 
 
 def show_truth(report: TruthReport, console: Console) -> None:
@@ -211,7 +203,8 @@ def _seven(pose: Pose) -> Seven:
 def truth(
     scenario: Annotated[str, typer.Argument(help="A built-in scenario (see `dsr scenario list`) or a TOML file.")],
     seed: Annotated[int, typer.Option(min=0, help="Varies where the objects start.")] = 0,
-    json: Annotated[Path | None, typer.Option("--json", help="Also write the course to this file.")] = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
 ) -> None:
     """Show what truly happens in a scenario, without any agent: events, when what moves and where it comes to rest.
 
@@ -221,18 +214,17 @@ def truth(
     The exit code is 1 if an event could not be carried out, puts or drives things into one another, or begins
     while an earlier one of the same hand or object is still going on.
     """
-    if json:
-        check_writable(json)
+    check_writable(json_file)
     run = make_run(scenario, seed=seed)
     history = true_course(run)
     report = truth_report(history, seed)
-    if json:
-        write_truth(report, json)
-    show_truth(report, console)
-    if run.scenario.mission is not None:
-        console.print("The robot does nothing here: what its mission would bring about does not happen.")
+    if not as_json:
+        show_truth(report, console)
+        if run.scenario.mission is not None:
+            console.print("The robot does nothing here: what its mission would bring about does not happen.")
+    put_json(report, as_json=as_json, file=json_file)
     found = faults(history)
     for fault in found:
         _, index = fault.path
-        console.print(f"[red]✗[/] event {int(index) + 1}: {escape(fault.text)}")
+        for_people(as_json).print(f"[red]✗[/] event {int(index) + 1}: {escape(fault.text)}")
     raise typer.Exit(1 if found else 0)

@@ -41,7 +41,7 @@ def color_clash(scenario: Scenario, robots: FilePath | None) -> tuple[int, str] 
         color = spec.color or (0.0, 0.0, 0.0)
         if math.hypot(*color) * SHADE < DARKEST:
             return index, f"{spec.name!r} is recognised by its colour, but {color} is too dark to be told from black"
-        what, other = min([*_others(scenario, index), *around], key=lambda named: spectral_angle(color, named[1]))
+        what, other = min([*_others(scenario, index), *around], key=lambda named: _apart(color, named[1]))
         if (angle := spectral_angle(color, other)) < APART:
             return index, (
                 f"{spec.name!r} is recognised by its colour, but that of {what} is too much like it: "
@@ -49,6 +49,11 @@ def color_clash(scenario: Scenario, robots: FilePath | None) -> tuple[int, str] 
                 f"{math.degrees(APART):.0f} or more, whatever their brightness"
             )
     return None
+
+
+def _apart(a: Color, b: Color) -> float:
+    """The angle (rad) between colours, without what rounding makes of it: of equal ones the first counts."""
+    return round(spectral_angle(a, b), 9)
 
 
 def _others(scenario: Scenario, index: int) -> Iterator[tuple[str, Color]]:

@@ -19,6 +19,7 @@ from agents.scenario.format.expectations import (
     TrueRelationsCheck,
 )
 from agents.scenario.judge.findings import Finding, begin_of, each, mm, names_of, pairs
+from agents.scenario.judge.overload import counted
 from agents.scenario.judge.perturbations import perturbations, recovery, unjudged
 from agents.scenario.truth.history import History, Sample
 from agents.scenario.truth.relations import true_relations
@@ -84,13 +85,16 @@ def _belief_recovered(check: BeliefRecovered, history: History, sample: Sample) 
     passed, texts = True, []
     for one in perturbations(history):
         found = recovery(history, one, check.tolerance, check.objects)
-        holds = found.seconds <= check.within
+        seconds = found.seconds if found.seconds == math.inf else counted(history, one.end, one.end + found.seconds)
+        holds = seconds <= check.within
         passed = passed and holds
         which = f"event {', '.join(map(str, one.events))}: "
         if why := unjudged(one, found):
             texts.append(which + why)
         else:
-            took = "not recovered" if found.seconds == math.inf else f"{found.seconds:.2f} s"
+            took = "not recovered" if found.seconds == math.inf else f"{seconds:.2f} s"
+            if seconds < found.seconds < math.inf:
+                took += f", and {found.seconds - seconds:.2f} s without a frame"
             off = "no belief" if found.error == math.inf else f"{mm(found.error)} off"
             texts.append(which + took + (f" ({found.last}, {off} until then)" if found.last else ""))
     return passed, "; ".join(texts)

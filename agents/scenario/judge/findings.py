@@ -19,6 +19,7 @@ from agents.scenario.format.expectations import (
     Windowed,
     WorldsCheck,
 )
+from agents.scenario.judge.overload import moment
 from agents.scenario.judge.perturbations import event_end
 from agents.scenario.truth.history import History, Sample
 from dsr.network.keys import BASE
@@ -37,11 +38,14 @@ def describe(check: Check) -> str:
 
 
 def time_of(check: Expectation, history: History) -> float | None:
-    """When it is judged, s after the start; None if the event that it counts from has not ended."""
+    """When it is judged, s after the start; None if the event that it counts from has not ended.
+
+    Time in which an overloaded machine brought no frame does not count.
+    """
     if check.event is None:
         return history.end if check.at is None else check.at
     end = event_end(history, check.event)
-    return None if end is None or check.at is None else end + check.at
+    return None if end is None or check.at is None else moment(history, end, check.at, history.end)
 
 
 def begin_of(check: WithWindow, history: History, default: float | None) -> float | None:
@@ -53,7 +57,7 @@ def begin_of(check: WithWindow, history: History, default: float | None) -> floa
     end = event_end(history, check.event) or 0.0
     if check.after is None:
         return end if isinstance(check, Windowed | SurprisesCheck | ActionsCheck) else None
-    return end + check.after
+    return moment(history, end, check.after, history.end)
 
 
 def samples_of(check: Windowed, history: History) -> Sequence[Sample]:

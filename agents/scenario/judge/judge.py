@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import math
 from typing import Any, Literal
 
 import msgspec
@@ -13,10 +12,11 @@ from agents.scenario.format.expectations import Attribute, Edges
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.course import missing_events
 from agents.scenario.judge.metrics import curves, measure
+from agents.scenario.judge.overload import moment, overload
 from agents.scenario.judge.result import Result
 from agents.scenario.judge.verdicts import judge_check
 from agents.scenario.judge.worlds import WorldWatch
-from agents.scenario.truth.history import Error, Explained, History, Inferred, MissionState, Sample
+from agents.scenario.truth.history import Error, Explained, History, Inferred, LateTicks, MissionState, Sample
 from dsr.errors import TransformError, WireError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
@@ -83,6 +83,11 @@ def _read(payload: bytes) -> TruthReader:
     return truth
 
 
+def frame_keys(keys: Keys) -> tuple[str, ...]:
+    """Keys with a message for each frame that was looked at, or, of cameras that tell poses, that came."""
+    return keys.blob("*/detections"), keys.device("camera/*/poses")
+
+
 _log = logging.getLogger("scenario.judge")
 
 
@@ -94,9 +99,12 @@ class Judge:
         memory: a replica of its own; only read.
         bus: where the plant's truth and the agents' statuses are heard.
         keys: of the same graph.
+        live: whether time passes by itself. In lockstep no frame is late, and none is noted.
     """
 
-    def __init__(self, scenario: Scenario, memory: Memory, bus: Transport, keys: Keys) -> None:
+    def __init__(
+        self, scenario: Scenario, memory: Memory, bus: Transport, keys: Keys, *, live: bool = False
+    ) -> None:
         self.history = History(scenario)
         self.dropped = 0
         """Messages that were no valid truth or status."""
@@ -113,6 +121,7 @@ class Judge:
         self._subscriptions = [
             bus.subscribe(keys.truth(), self._on_truth),
             bus.subscribe(keys.status(), self._on_status),
+            *(bus.subscribe(key, self._on_frame) for key in frame_keys(keys) if live),
         ]
 
     def begin(self, start: float) -> None:
@@ -152,7 +161,7 @@ class Judge:
             if state is None or state.status not in (*FULFILLED, *GIVEN_UP):
                 return False
             ends.append(state.time)
-        over = time > max(ends, default=math.inf) + linger
+        over = time > moment(history, max(ends), linger, time) if ends else False
         if over:
             history.end = time
         return over
@@ -179,6 +188,7 @@ class Judge:
             metrics=metrics,
             curves=curves(self.history),
             notes=notes,
+            overload=overload(self.history),
         )
 
     def close(self) -> None:
@@ -270,12 +280,17 @@ class Judge:
     def _on_truth(self, key: str, payload: bytes) -> None:
         self._truth = payload
 
+    def _on_frame(self, key: str, payload: bytes) -> None:
+        self.history.frames.append(self._memory.clock.now() - self._start)
+
     def _on_status(self, key: str, payload: bytes) -> None:
         try:
             status = decode_status(payload)
         except WireError as error:
             self._drop(error)
             return
+        if status.overloaded:
+            self.history.loads.append(LateTicks(status.stamp - self._start, status.agent, status.waiting))
         started = (status.agent, status.rid)
         if status.state in (State.READY, State.DEGRADED) and started not in self._running:
             self._running.add(started)

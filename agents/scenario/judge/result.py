@@ -9,6 +9,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from agents.scenario.judge.overload import Overload
 from dsr.files.private_files import write_json
 
 
@@ -40,6 +41,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     """Measurements over time: (s, value), in the unit at the end of the name."""
     notes: list[str]
     """Metrics that could not be measured, and why."""
+    overload: Overload | None = None
+    """How far the machine was too busy; None if it was not, and in lockstep."""
 
     def __post_init__(self) -> None:
         wrong = [name for name, value in self.metrics.items() if not math.isfinite(value)]

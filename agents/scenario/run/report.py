@@ -15,6 +15,8 @@ from rich.text import Text
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.result import Result
 from agents.scenario.run.story import Line, Topic
+from dsr.cli.common import add_names, add_numbers, shown
+from dsr.cli.streams import redraws
 from dsr.runtime.launcher import AgentRow
 
 STILL_RESTS = 0.001
@@ -72,7 +74,7 @@ class ProgressBar:
     def running(self, elapsed: float) -> None:
         """Show the time of the scenario."""
         done = min(max(elapsed, 0.0), self._duration)
-        if not self._console.is_terminal and elapsed >= self._next_line:
+        if not redraws(self._console) and elapsed >= self._next_line:
             self._console.print(f"{self._name}: {done:.0f} of {self._duration:.0f} s")
             self._next_line = done + _LINE_PERIOD
         self._progress.update(self._task, description=self._name, completed=done, total=self._duration, unit="s")
@@ -90,25 +92,32 @@ def story_line(elapsed: float, line: Line) -> Text:
 
 
 def show_result(result: Result, scenario: Scenario, console: Console) -> None:
-    """Print the table of objects, the expectations and the notes."""
-    console.print(_object_table(result, scenario))
+    """Print the table of objects, the expectations and the notes.
+
+    Of a run that failed on an overloaded machine, distances say nothing about the agents: they are left out.
+    """
+    blamed = result.overload is not None and not result.passed
+    if not blamed:
+        console.print(_object_table(result, scenario))
     console.print(_expectation_table(result))
     for note in result.notes:
-        console.print(f"[yellow]note[/] {note}")
+        console.print(f"[yellow]note[/] {shown(note)}")
     held = sum(verdict.passed for verdict in result.expectations)
     color, word = ("green", "passed") if result.passed else ("red", "FAILED")
     console.print(f"[bold {color}]{word}[/]: {held} of {len(result.expectations)} expectations hold")
+    if result.overload is not None:
+        why = ". This may be why: run it again when the machine is less busy" if blamed else ""
+        console.print(f"[yellow]{shown(result.overload.text)}{why}[/]", soft_wrap=True)
 
 
 def _object_table(result: Result, scenario: Scenario) -> Table:
     title = f"{result.scenario}, seed {result.seed}, {result.mode}, sensor {result.sensor}"
     table = Table(title=title, caption="mean distance from the truth", title_justify="left")
-    table.add_column("object")
-    for column in ("percept error", "belief error", "gap below", "moved"):
-        table.add_column(column, justify="right")
-    table.add_column("resting")
+    add_names(table, "object")
+    add_numbers(table, "percept\nerror (mm)", "belief\nerror (mm)", "gap below\n(mm)", "moved\n(mm)")
+    add_names(table, "resting")
     for spec in scenario.objects:
-        table.add_row(spec.name, *_object_cells(result.metrics, spec.name))
+        table.add_row(shown(spec.name), *_object_cells(result.metrics, spec.name))
     return table
 
 
@@ -126,14 +135,12 @@ def _object_cells(metrics: dict[str, float], name: str) -> list[str]:
 
 def _expectation_table(result: Result) -> Table:
     table = Table(title_justify="left")
-    table.add_column("")
-    table.add_column("expected")
-    table.add_column("found")
+    add_names(table, "", "expected", "found")
     for verdict in result.expectations:
         mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
-        table.add_row(mark, verdict.text, shorten(verdict.actual, _LONGEST, placeholder=" ..."))
+        table.add_row(mark, shown(verdict.text), shown(shorten(verdict.actual, _LONGEST, placeholder=" ...")))
     return table
 
 
 def _millimetres(metres: float | None) -> str:
-    return "-" if metres is None else f"{metres * 1000:.2f} mm"
+    return "-" if metres is None else f"{metres * 1000:.2f}"

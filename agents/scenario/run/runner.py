@@ -221,7 +221,7 @@ def run_live(run: Run, observer: RunObserver | None = None) -> Result:
     observer = observer or Silent()
     with Launcher(staged_system(run), run.folder, seed=run.seed) as launcher:
         memory = launcher.memory
-        judge = Judge(run.scenario, memory, memory.transport, memory.keys)
+        judge = Judge(run.scenario, memory, memory.transport, memory.keys, live=True)
         launcher.wait_ready(observer.starting)
         start = launcher.clock.now() + LEAD
         conductor = Conductor(

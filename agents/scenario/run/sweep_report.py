@@ -13,6 +13,8 @@ from rich.table import Table
 
 from agents.scenario.run.statistics import RunSummary, Spread
 from agents.scenario.run.sweep import RunOutcome
+from dsr.cli.common import add_names, add_numbers
+from dsr.cli.streams import redraws
 
 MAIN = {
     "recovery_time_max_s": "recovery",
@@ -59,7 +61,7 @@ class SweepBar:
         text = f"{last.scenario}: [green]{passed} passed[/], [red]{done - passed} failed[/]"
         self._progress.update(self._task, description=text, completed=done)
         every = max(1, self._total // _LINES)
-        if not self._console.is_terminal and (done % every == 0 or done == self._total):
+        if not redraws(self._console) and (done % every == 0 or done == self._total):
             self._console.print(f"{done} of {self._total} runs, {passed} passed")
 
 
@@ -83,14 +85,14 @@ def show_sweep(summaries: Sequence[RunSummary], console: Console, *, metrics: bo
 
 def _overview(summaries: Sequence[RunSummary]) -> Table:
     table = Table(caption="median / 95 % over the runs that have it", title_justify="left")
-    table.add_column("scenario")
+    add_names(table, "scenario")
     if any(summary.policy for summary in summaries):
-        table.add_column("policy")
-    table.add_column("passed", justify="right")
+        add_names(table, "policy")
+    add_numbers(table, "passed")
     names = [name for name in MAIN if any(name in summary.metrics for summary in summaries)]
     for name in names:
-        table.add_column(MAIN[name], justify="right")
-    table.add_column("a run takes", justify="right")
+        table.add_column(MAIN[name], justify="right", overflow="fold")
+    add_numbers(table, "a run\ntakes")
     for summary in summaries:
         color = "green" if summary.passed == summary.runs else "red"
         cells = [summary.scenario, *([summary.policy or "default"] if any(s.policy for s in summaries) else [])]
@@ -103,9 +105,9 @@ def _overview(summaries: Sequence[RunSummary]) -> Table:
 def _metric_table(summaries: Sequence[RunSummary]) -> Table:
     """All metrics of one scenario, a column for each policy."""
     table = Table(title=summaries[0].scenario, caption="median / 95 % / worst", title_justify="left")
-    table.add_column("metric")
+    add_names(table, "metric")
     for summary in summaries:
-        table.add_column(summary.policy or "", justify="right")
+        table.add_column(summary.policy or "", justify="right", overflow="fold")
     for name in dict.fromkeys(name for summary in summaries for name in summary.metrics):
         cells = [_cell(name, summary.metrics.get(name), summary.runs, worst=True) for summary in summaries]
         table.add_row(name, *cells)

@@ -105,6 +105,16 @@ class Inferred(msgspec.Struct, frozen=True):
     confidence: float = 1.0
 
 
+class LateTicks(msgspec.Struct, frozen=True):
+    """An agent said that it had left out ticks because it waited for a processor."""
+
+    time: float
+    """s after the start; it is about the second before"""
+    agent: str
+    waiting: float
+    """Share of that second in which the agent waited."""
+
+
 class History:
     """The samples of one run, in order of time."""
 
@@ -126,6 +136,10 @@ class History:
         """When (s after the start) a pose of a camera was adopted or taken back, and what was told of that."""
         self.actions: list[Inferred] = []
         """In the order in which they were written."""
+        self.frames: list[float] = []
+        """When (s after the start) the newest frame of a camera had been looked at; of live runs only."""
+        self.loads: list[LateTicks] = []
+        """What agents told of an overloaded machine; in lockstep there is none."""
         self.end = scenario.duration
         """s after the start: when the run ended"""
 

@@ -81,21 +81,22 @@ def test_check_accepts_what_is_there_and_names_what_is_wrong(tmp_path: Path):
 
 
 def test_run_passes_the_options_on_and_leaves_the_result(recorded: Recorded, tmp_path: Path):
-    code, output = invoke("run", "hovering", "--lockstep", "--seed", "7", "--sensor", "poses", "--json", "out.json")
+    arguments = ("run", "hovering", "--lockstep", "--seed", "7", "--sensor", "poses", "--json-file", "out.json")
+    code, output = invoke(*arguments)
     ((mode, run),) = recorded.runs
     assert code == 0
     assert (mode, run.seed, run.sensor, run.window) == ("lockstep", 7, "poses", False)
     assert run.folder is not None and run.folder.parent == Path("runs")
     assert json.loads((tmp_path / "out.json").read_text()) == json.loads((run.folder / "result.json").read_text())
-    for shown in ("12.30 mm", "0.10 mm", "cube_4 was never seen", "1 of 1 expectations", "result.json"):
+    for shown in ("12.30", "0.10", "cube_4 was never seen", "1 of 1 expectations", "result.json"):
         assert shown in output
 
 
 def test_a_file_that_cannot_hold_the_result_is_refused_before_the_run(recorded: Recorded, tmp_path: Path):
     (tmp_path / "file").touch()
-    outcome = CliRunner().invoke(cli.app, ["run", "hovering", "--json", "file/out.json"])
+    outcome = CliRunner().invoke(cli.app, ["run", "hovering", "--json-file", "file/out.json"])
     assert isinstance(outcome.exception, ConfigError)
-    assert "--json file/out.json: cannot be written" in str(outcome.exception)
+    assert "--json-file file/out.json: cannot be written" in str(outcome.exception)
     assert not recorded.runs
 
 

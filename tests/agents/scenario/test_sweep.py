@@ -157,7 +157,7 @@ def test_policies_stand_side_by_side():
 def test_the_command_writes_all_runs_and_tells_whether_all_passed(tiny: str, tmp_path: Path):
     Path(tiny).write_text(SCENARIO + "value = false\n")
     file = tmp_path / "sweep.json"
-    result = CliRunner().invoke(app, ["sweep", tiny, "--seeds", "5", "--jobs", "1", "--json", str(file)])
+    result = CliRunner().invoke(app, ["sweep", tiny, "--seeds", "5", "--jobs", "1", "--json-file", str(file)])
     assert result.exit_code == 1 and "tiny: perceived (value false): 1 of 1, seeds 5" in result.output
     report = json.loads(file.read_text())
     assert report["complete"] and report["runs"][0]["found"] == ["cube_1: true"]
@@ -174,7 +174,7 @@ def test_policy_both_runs_each_seed_twice():
 
 def test_ctrl_c_shows_what_was_done_and_leaves_nothing_behind(tiny: str, tmp_path: Path):
     file = tmp_path / "sweep.json"
-    arguments = ["sweep", tiny, "--seeds", "0-99", "--jobs", "1", "--json", str(file)]
+    arguments = ["sweep", tiny, "--seeds", "0-99", "--jobs", "1", "--json-file", str(file)]
     code = f"from agents.scenario.cli import app; app({arguments!r})"
     marked = {**os.environ, "DSR_TEST_SWEEP": str(tmp_path)}
     with subprocess.Popen(

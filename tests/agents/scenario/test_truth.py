@@ -94,7 +94,7 @@ def show(file: Path, *options: str) -> tuple[int, str]:
 
 def test_the_course_tells_who_moved_fell_and_left_when(file: Path, tmp_path: Path):
     target = tmp_path / "new" / "course.json"
-    code, text = show(file, "--json", str(target))
+    code, text = show(file, "--json-file", str(target))
     assert code == 0
     report = json.loads(target.read_text())
     begins = [event["begin"] for event in report["events"]]

@@ -104,9 +104,9 @@ class Shown:
         return [value for _, value in sorted(rows, key=lambda row: row[0]) if value is not None]
 
     def times(self, entity: str) -> list[float]:
-        """Seconds of the rows of an entity, as the story of the run counts them."""
+        """Seconds of the rows of an entity in their order, as the story of the run counts them."""
         chunks = [chunk.to_record_batch() for chunk in self._chunks if chunk.entity_path == entity]
-        return [time / 1e9 for chunk in chunks for time in chunk.column("elapsed").cast("int64").to_pylist()]
+        return sorted(time / 1e9 for chunk in chunks for time in chunk.column("elapsed").cast("int64").to_pylist())
 
     def texts(self, entity: str = "/log/graph") -> list[str]:
         """Lines of the event log without their times."""

@@ -149,12 +149,27 @@ def test_surprises_and_explanations_stand_out_in_the_log(stage: Any) -> None:
     assert "cube_3 surprising: seen 38 mm beside its belief" in shown.texts()
     assert "cube_3 not surprising any more" in shown.texts()
     assert not any("event_3" in text for text in shown.texts())
-    assert min(shown.times("/log/graph")[-2:]) <= shown.times("/log/explained")[0]
     told = "cube_3 moved, and cube_4 beneath it moved along (score 4.0, 5 rejected)"
     assert shown.texts("/log/explained") == [told]
     red, green, blue = palette.SURPRISE
     marked = red << 24 | green << 16 | blue << 8 | 255
     assert [color for [color] in shown.values("/log/graph", "TextLog:color")].count(marked) == 1
+
+
+def test_an_explanation_comes_after_its_surprise(stage: Any) -> None:
+    """The percept that was explained is older than the surprise about it."""
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    stage.run(0.5)
+    seen = stage.clock.now() - 0.2
+    stage.memory.update_node("cube_3", surprising=True, surprise="seen 38 mm beside its belief")
+    explain(stage, 3)
+    stage.memory.update_node("event_3", time=seen)
+    stage.run(0.5)
+    shown = stage.finish()
+    [explained], [text] = shown.times("/log/explained"), shown.values("/log/explained", "TextLog:text")
+    surprised = shown.times("/log/graph")[shown.texts().index("cube_3 surprising: seen 38 mm beside its belief")]
+    assert explained == surprised and float(text[0].split()[0]) == pytest.approx(surprised - 0.2)
 
 
 def test_letters_that_would_end_the_viewer_are_replaced(stage: Any) -> None:

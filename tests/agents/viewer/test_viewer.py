@@ -211,7 +211,7 @@ def test_an_unusable_image_is_counted_and_left_out(stage: Any, arrays: dict[str,
     bad = {"corners": np.full((1, 4, 2), np.nan, np.float32), "ids": np.zeros(1, np.int32)}
     stage.memory.put_frame("camera/detections", Frame(1.0, bad, {}))
     stage.run(0.5)
-    assert viewer._images.unusable == 2
+    assert viewer._views.images.unusable == 2
     assert not stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")
 
 
@@ -221,7 +221,7 @@ def test_a_stream_that_is_no_name_is_counted_and_left_alone(stage: Any, stream: 
     stage.build_table()
     stage.memory.update_node("camera", stream=stream)
     stage.run(0.5)
-    assert viewer._images.unusable > 0 and viewer._images._readers == {}
+    assert viewer._views.images.unusable > 0 and viewer._views.images._readers == {}
 
 
 def test_distances_and_errors_are_in_millimetres(stage: Any) -> None:
@@ -266,7 +266,7 @@ def test_malformed_messages_are_counted_and_dropped(stage: Any, payload: bytes) 
     for key in (stage.keys.status("x"), stage.keys.log("x"), stage.keys.truth()):
         stage.memory.transport.publish(key, payload)
     stage.run(0.3)
-    assert (viewer._series.malformed, viewer._events.malformed) == (2, 1)
+    assert (viewer._views.series.malformed, viewer._views.events.malformed) == (2, 1)
 
 
 @pytest.mark.parametrize("stamp", [float("nan"), float("inf"), 1e300])

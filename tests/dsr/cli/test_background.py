@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,8 @@ def test_it_goes_on_until_it_is_stopped(detached: Path) -> None:
 def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
     assert "run: first: ready" in dsr("logs", "run").stdout
     assert "no log of 'frist'" in dsr("logs", "frist").stderr
+    rows = [json.loads(line) for line in dsr("logs", "run", "--json").stdout.splitlines()]
+    assert {"agent": "run", "text": "first: ready"} in rows
     assert {line.partition(":")[0] for line in dsr("logs", "--lines", "1").stdout.splitlines()} <= {
         "first", "second", "run"
     }  # fmt: skip
@@ -53,7 +56,7 @@ def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
 def test_a_system_that_does_not_start_says_why(tmp_path: Path, private_runtime_dir: Path) -> None:
     file = tmp_path / "broken.toml"
     file.write_text('graph = "g"\n[[agent]]\nname = "a"\nclass = "nowhere"\n')
-    result = dsr("run", str(file), "-d", "--folder", str(tmp_path / "run"))
+    result = dsr("run", str(file), "-dg", "kitchen", "--folder", str(tmp_path / "run"))
     assert result.returncode == 1
     assert "the system did not start" in result.stderr and "class 'nowhere' cannot be loaded" in result.stderr
 

@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from dsr import Memory, WallClock
+from dsr.cli.status_table import overloaded
 from dsr.network.transport import Qos
-from dsr.runtime.status import State, Status, encode_status
+from dsr.runtime.launcher import AgentRow
+from dsr.runtime.status import Heard, State, Status, encode_status
 
 
 @pytest.fixture
@@ -22,7 +24,7 @@ def arm(memory: Memory) -> Iterator[None]:
         while not done.wait(0.1):
             status = Status(
                 agent="arm", rid="arm-1", pid=7, state=State.DEGRADED, rate_hz=49.9, restarts=2,
-                last_error="no [gripper]", stamp=WallClock().now(),
+                last_error="no [gripper]", stamp=WallClock().now(), waiting=0.61, overloaded=True,
             )  # fmt: skip
             memory.transport.publish(memory.keys.status("arm"), encode_status(status), Qos.STREAM)
 
@@ -40,3 +42,15 @@ def test_top_shows_every_agent(cli: Callable[..., str], cli_json: Callable[..., 
     assert 0 <= row["latency_ms"] < 10_000
     text = cli("top")
     assert "degraded" in text and "49.9" in text and "no [gripper]" in text
+    assert "the machine is overloaded" in text and "arm (61 %)" in text
+    assert (row["waiting"], row["overloaded"]) == (0.61, True)
+
+
+def test_agents_that_lag_are_named_worst_first_and_others_are_not() -> None:
+    def row(agent: str, waiting: float, *, late: bool) -> AgentRow:
+        status = Status(agent=agent, rid="x", pid=1, state=State.READY, waiting=waiting, overloaded=late)
+        return AgentRow(agent, "ready", 1, Heard(status, 0.0, 0.0), 0, "")
+
+    rows = [row("arm", 0.3, late=True), row("idle", 0.9, late=False), row("plant", 0.61, late=True)]
+    assert overloaded(rows).endswith("time of waiting for a processor: plant (61 %), arm (30 %)")
+    assert overloaded(rows[1:2]) == "" and overloaded([AgentRow("new", "starting", 1, None, 0, "")]) == ""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dsr.config.extras import MissingExtraError
 from dsr.errors import ConfigError
 from dsr.runtime.system import find_system, load_class, load_system
 
@@ -94,3 +95,29 @@ def test_a_class_that_is_no_agent_is_refused() -> None:
 @pytest.mark.parametrize("file", sorted(Path("etc/systems").glob("*.toml")), ids=str)
 def test_every_system_that_comes_along_can_be_loaded(file: Path) -> None:
     assert load_system(file).agents
+
+
+OFFLINE = """
+from dsr import Agent
+
+class Drawer(Agent):
+    name = "drawer"
+    libraries = ("json", "library_that_is_not_there")
+"""
+
+
+def test_an_agent_without_one_of_its_libraries_is_left_out_if_it_is_optional(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its class names what `setup` imports: nobody else has to, to find out."""
+    (tmp_path / "toy_drawer.py").write_text(OFFLINE)
+    drawer = '[[agent]]\nname = "drawer"\nclass = "toy_drawer:Drawer"\n'
+    file = write(tmp_path, COUNTER + drawer)
+    missing = "class 'toy_drawer:Drawer' cannot be loaded: the library 'library_that_is_not_there' is not installed"
+    with pytest.raises(MissingExtraError, match=re.escape(missing)):
+        load_class("toy_drawer:Drawer", tmp_path)
+    with pytest.raises(ConfigError, match=re.escape(missing)):
+        load_system(file)
+    file.write_text(file.read_text() + "optional = true\n")
+    assert [spec.name for spec in load_system(file).agents] == ["a"]
+    assert f"drawer is left out: {missing}" in caplog.text
