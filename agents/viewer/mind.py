@@ -11,7 +11,7 @@ from agents.viewer.elapsed import Elapsed
 from agents.viewer.texts import markdown
 from dsr import Memory, Node
 from dsr.timeline import explanations
-from dsr.vocabulary.intentions import RUNNING, WANTED, describe_action
+from dsr.vocabulary.intentions import DONE, RUNNING, WANTED, describe_action
 from dsr.vocabulary.relations import nodes_by_name
 from dsr.vocabulary.sentences import explained_sentence, listed, rejected_sentences
 
@@ -21,6 +21,7 @@ _NEWEST = 3  # explanations with what was rejected
 _EARLIER = 5  # explanations without
 _MOST_REJECTED = 4
 _MOST_ACTIONS = 12
+_FOLDED = 2  # actions that are done, and take one row together from this number on
 
 
 class MindView:
@@ -77,8 +78,13 @@ def _intention(memory: Memory, intention: Node) -> str:
 
 
 def _rows(actions: list[Node]) -> Iterable[str]:
-    """The last of many: the others are done."""
-    for node in actions[-_MOST_ACTIONS:]:
+    """What is done is in one row while there is more to do, and of very many actions, only the last are shown."""
+    to_do = [node for node in actions if node.get("status") != DONE]
+    done = len(actions) - len(to_do)
+    is_folded = bool(to_do) and done >= _FOLDED
+    if is_folded:
+        yield f"| *{done} actions* | {DONE} |"
+    for node in (to_do if is_folded else actions)[-_MOST_ACTIONS:]:
         status, why = node.get("status", ""), node.get("explanation", "")
         said = markdown(f"{status}: {why}" if why else status)
         emphasis = "**" if status == RUNNING else ""

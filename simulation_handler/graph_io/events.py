@@ -10,7 +10,7 @@ from dsr.errors import DsrError
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, Chronicle, Retention
 from dsr.vocabulary.explained import ATTRIBUTE, encoded
-from dsr.vocabulary.sentences import sentence_of
+from dsr.vocabulary.sentences import rejected_sentences, sentence_of
 from simulation_handler.explaining import Explanation
 
 _KEPT_EVENTS = 20  # events in the graph
@@ -35,8 +35,11 @@ class Events:
         """Write the explanation of `time` (s), and its text at each object."""
         rejected = "\n".join(f"{score:.1f} {text}" for score, text in explanation.alternatives)
         score = "" if explanation.score is None else f" (score {explanation.score:.1f})"
-        self._log.info("%s: explained: %s%s; rejected: %s", ", ".join(explanation.about),
-                       sentence_of(explanation.changes), score, rejected.replace("\n", "; ") or "nothing")  # fmt: skip
+        others = "; or ".join(
+            f"{other.sentence} ({other.score})" for other in rejected_sentences({"alternatives": rejected})
+        )
+        self._log.info("%s: explained: %s%s. Rejected: %s", ", ".join(explanation.about),
+                       sentence_of(explanation.changes), score, others or "nothing")  # fmt: skip
         self._write(time, explanation, rejected)
         for name in explanation.about:
             with contextlib.suppress(DsrError):

@@ -63,6 +63,16 @@ def test_the_plan_shows_each_action_with_its_status_in_order(stage: Any) -> None
     ]
 
 
+def test_what_is_done_takes_one_row_while_there_is_more_to_do(stage: Any) -> None:
+    want(stage, status="executing")
+    plan(stage, "done", "done", "done", "running", "planned")
+    page = plan_page(stage.memory)
+    assert page.count("done") == 1 and "| *3 actions* | done |" in page and "**running**" in page
+    for number in (3, 4):
+        stage.memory.update_node(f"action_0_{number}", status="done")
+    assert plan_page(stage.memory).count("| done |") == 5
+
+
 def test_a_failure_is_shown_with_its_reason_and_a_grip_by_name(stage: Any) -> None:
     want(stage, status="failed", explanation="no way")
     plan(stage, "planned")

@@ -18,18 +18,18 @@ _LOOPBACK_ONLY = """
     <AllowMulticast>false</AllowMulticast>
     <MaxMessageSize>65500B</MaxMessageSize>
   </General>
-  <DdsDiscovery>
+  <Discovery>
     <ParticipantIndex>auto</ParticipantIndex>
     <MaxAutoParticipantIndex>50</MaxAutoParticipantIndex>
     <Peers><Peer address="127.0.0.1"/></Peers>
-  </DdsDiscovery>
+  </Discovery>
 </Domain></CycloneDDS>
 """
 """As ROS 2 has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no multicast, up to 50 processes"""
 _ANYWHERE = """
 <CycloneDDS><Domain>
   <General><AllowMulticast>true</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>
-  <DdsDiscovery><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex></DdsDiscovery>
+  <Discovery><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex></Discovery>
 </Domain></CycloneDDS>
 """
 _LAST_DOMAIN = 232

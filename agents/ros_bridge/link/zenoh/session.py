@@ -15,6 +15,9 @@ from agents.ros_bridge.link.link import LinkConfig
 _ENDPOINT = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?P<host>\[[^\]\s]+\]|[^\[\]:/\s]+):[0-9]{1,5}(?:[?#].*)?")
 _MOST_BYTES = 64 << 20
 """Of one message: more than twice a colour image of 4096 x 2160 pixels"""
+_WAITS = 20_000
+"""us for which a message waits for room on a full link before it is dropped: bursts pass, and a robot that is stuck
+holds up nobody for longer"""
 _LOOPBACK = ("localhost", "ip6-localhost")
 
 
@@ -69,6 +72,7 @@ def _settings(config: LinkConfig) -> dict[str, Any]:
         "timestamping/enabled": True,  # without it, advanced publishers keep nothing for late subscribers
         "transport/shared_memory/enabled": False,
         "transport/link/rx/max_message_size": _MOST_BYTES,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAITS,
     }
     if not config.beyond_loopback:
         found["access_control"] = _LOOPBACK_ONLY

@@ -70,7 +70,6 @@ class ZenohPublisher:
         reliability = zenoh.Reliability
         options: dict[str, Any] = {
             "congestion_control": zenoh.CongestionControl.DROP,
-            "express": True,
             "reliability": reliability.RELIABLE if entity.qos.reliable else reliability.BEST_EFFORT,
             "allowed_destination": zenoh.Locality.REMOTE,
         }
