@@ -86,6 +86,7 @@ LAYERS = (
     "agents.ros_bridge.bridge",
     "agents.ros_bridge.services",
     "agents.ros_bridge.agent",
+    "agents.ros_bridge.bags",
     "agents.ros_bridge.run_cli",
 )
 """From the bottom up: what a module or room is in it may import its own layer and those above it here."""

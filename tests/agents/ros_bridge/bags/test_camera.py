@@ -11,7 +11,7 @@ from mcap.writer import CompressionType
 
 from agents.drivers import make_driver
 from agents.fixed_camera.agent import FixedCamera
-from agents.ros_bridge import BagCamera
+from agents.ros_bridge.bags import BagCamera
 from agents.ros_bridge.mapping.images import IMAGE
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError
@@ -23,7 +23,7 @@ from dsr.runtime.system import AgentSpec
 from dsr.vocabulary.intrinsics import read_intrinsics
 from tests.agents.ros_bridge.bags.made import BEGIN, COLOR, DEPTH, INTRINSICS, Message, color, depth, drive, mcap
 
-NAME = "agents.ros_bridge:BagCamera"
+NAME = "agents.ros_bridge.bags:BagCamera"
 KEYS = Keys("bags")
 
 
