@@ -81,6 +81,7 @@ def run_checks() -> Iterable[Check]:
         check_runtime_folder,
         check_shared_memory,
         check_zenoh,
+        check_ros,
         check_display,
         check_viewer,
     ]
@@ -177,6 +178,15 @@ def check_zenoh() -> Check:
     if arrived.is_set():
         return Check("Zenoh", "ok", "two sessions met over the loopback interface")
     return Check("Zenoh", "missing", "two sessions on 127.0.0.1 do not reach each other; is there a firewall?")
+
+
+def check_ros() -> Check:
+    """The libraries of the bridge to ROS 2, which is optional."""
+    found = {name: importlib.util.find_spec(name) is not None for name in ("rosbags", "xxhash", "cyclonedds")}
+    if not (found["rosbags"] and found["xxhash"]):
+        return Check("ROS 2", "limited", "not installed; robots that speak ROS 2 need: pip install 'dsr-memory[ros]'")
+    dds = "and DDS" if found["cyclonedds"] else "(DDS needs: pip install 'dsr-memory[ros-dds]')"
+    return Check("ROS 2", "ok", f"nodes under rmw_zenoh {dds}; a robot is checked by dsr ros check")
 
 
 def check_display() -> Check:

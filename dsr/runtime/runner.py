@@ -213,6 +213,7 @@ class Runner:
             stamp=self.agent.clock.now(),
             clock=str(self.agent.memory.clocks) if self.agent.uses_memory else "",
             worlds=self._activity.uses(self.agent.clock.now()),
+            counts={name: count for name, count in self.agent.counts.items() if count},
             waiting=self._contention.waiting if self._contention else 0.0,
             overloaded=self._contention is not None and self._contention.overloaded,
         )

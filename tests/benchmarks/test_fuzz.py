@@ -12,6 +12,7 @@ import pytest
 from benchmarks.fuzz import corpus, keys
 from benchmarks.fuzz.__main__ import fuzz
 from benchmarks.fuzz.decoders import Target, fuzz_decoder
+from benchmarks.fuzz.ros import fuzz_ros
 from benchmarks.fuzz.tally import Tally
 from dsr.errors import WireError
 from dsr.replication.sync import Synchroniser
@@ -25,6 +26,13 @@ def test_nothing_gets_through_and_nothing_grows(monkeypatch: pytest.MonkeyPatch)
     assert len(tallies) == 27 and sum(tally.messages for tally in tallies.values()) >= 49_000
     assert [tally for tally in tallies.values() if not tally.passed] == []
     assert all(tally.refused for name, tally in tallies.items() if "endpoint" not in name and "state" not in name)
+
+
+def test_nothing_gets_through_from_ros() -> None:
+    tallies = {tally.name: tally for tally in fuzz_ros(5000, seed=2)}
+    assert len(tallies) == 4 and sum(tally.messages for tally in tallies.values()) == 5000
+    assert [tally for tally in tallies.values() if not tally.passed] == []
+    assert tallies["ROS message"].refused > 500 and tallies["ROS transforms"].refused > 100
 
 
 def test_a_decoder_that_lets_other_exceptions_out_is_found(tmp_path: Path) -> None:

@@ -89,3 +89,13 @@ def test_a_missing_solver_is_a_limit_with_the_remedy(monkeypatch: pytest.MonkeyP
     check = doctor.check_solver()
     assert check.state == "limited"
     assert check.detail.startswith("the solver Fast Downward is not installed; run: pip install 'dsr-memory[planning]'")
+
+
+def test_doctor_says_which_ros_is_spoken(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert doctor.check_ros().state == "ok" and "rmw_zenoh and DDS" in doctor.check_ros().detail
+    missing = {"cyclonedds"}
+    real = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name in missing else real(name))
+    assert doctor.check_ros().state == "ok" and "dsr-memory[ros-dds]" in doctor.check_ros().detail
+    missing.add("rosbags")
+    assert doctor.check_ros().state == "limited" and "dsr-memory[ros]" in doctor.check_ros().detail
