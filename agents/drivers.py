@@ -48,6 +48,16 @@ class TagReading(msgspec.Struct, frozen=True):
     """rad, standard deviation about each axis"""
 
 
+class TagCorners(msgspec.Struct, frozen=True):
+    """One tag as a device found it in an image, without its pose."""
+
+    marker_id: int
+    corners: tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]
+    """px, integers at pixel centres, from the top left one as printed by OpenCV, clockwise"""
+    sigma: float
+    """px, standard deviation of each coordinate"""
+
+
 class ColorReading(msgspec.Struct, frozen=True):
     """The place of an object that is recognised by its colour, and at most how it leans."""
 
@@ -72,6 +82,8 @@ class TagReadings(msgspec.Struct, frozen=True):
     intrinsics: Intrinsics | None = msgspec.field(default=None, name="lens")  # as it is called in messages
     """Through which they are seen, if the device tells."""
     colors: list[ColorReading] = []
+    corners: list[TagCorners] = []
+    """Tags without poses, which follow from their size and `intrinsics`."""
 
 
 class HandReading(msgspec.Struct, frozen=True):

@@ -15,6 +15,7 @@ from benchmarks import (
     local,
     meshes,
     planning,
+    ros_links,
     throughput,
     visibility,
     world_cascade,
@@ -27,6 +28,7 @@ from dsr.errors import ConfigError
 GROUPS: tuple[Group, ...] = (
     latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, camera_frames.GROUP,
     meshes.GROUP, cascade.GROUP, worlds.GROUP, world_cascade.GROUP, growth.GROUP, planning.GROUP, visibility.GROUP,
+    ros_links.GROUP,
 )  # fmt: skip
 
 

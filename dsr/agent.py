@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import zlib
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -71,6 +72,8 @@ class Agent:
     """Seed for its random numbers: the run's, mixed with the agent's name."""
     degraded: str = ""
     """Why it does not work as well as it should, shown in its status; empty if it does."""
+    counts: Mapping[str, int] = MappingProxyType({})
+    """What it counts of its work since its start, by name, shown in its status; zeros are not shown."""
     wake: Callable[[], None] = staticmethod(lambda: None)
     """Asks for a tick now rather than when the next is due; may be called in any thread, and returns at once."""
 

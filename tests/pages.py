@@ -24,11 +24,13 @@ import typer
 from typer.testing import CliRunner
 
 from agents.object_models import parse_model
+from agents.ros_bridge.messages.types import types_of
 from agents.scenario.format.scenario import parse_scenario
 from agents.viewer import ViewerConfig
 from dsr import Memory, read_graph
 from dsr.cli.main import app
 from dsr.runtime.system import load_system
+from tests.agents.ros_bridge.robot import bridged
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("docs/**/*.md")))
@@ -286,8 +288,26 @@ def check_ssh(words: list[str]) -> None:
     assert all(here == there and address == config.bind for here, address, there in ports)
 
 
+def check_ros2(words: list[str]) -> None:
+    """Find the types of a call of a service, fill its request, and find the name among those that the bridge serves."""
+    if words[:2] != ["service", "call"]:
+        assert words[0] == "run", words
+        return
+    name, type, *request = words[2:]
+    fields = json.loads(request[0]) if request else {}
+    assert types_of("jazzy").new(f"{type}_Request", **fields), words
+    with bridged() as system:
+        assert (name, type) in {(one.topic.name, one.topic.type) for one in system.ros.services}
+
+
+def check_colcon(words: list[str]) -> None:
+    """Find the packages that are to be built."""
+    assert words[:2] == ["build", "--packages-select"]
+    assert all((ROOT / "etc/ros" / package / "package.xml").is_file() for package in words[2:])
+
+
 PROGRAMS: dict[str, Callable[[list[str]], None]] = {
     "dsr": check_dsr, "python": check_python, "pip": check_pip, "make": check_make,
-    "ssh": check_ssh, "cd": lambda _: None, "export": lambda _: None,
+    "ssh": check_ssh, "ros2": check_ros2, "colcon": check_colcon, "cd": lambda _: None, "export": lambda _: None,
 }  # fmt: skip
 """How the words after the name of each program are checked."""

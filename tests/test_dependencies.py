@@ -33,6 +33,8 @@ TOOLS = {
     "scipy-stubs", "up-fast-downward",
 }  # fmt: skip
 """Programs, plugins, stubs, and this distribution with other extras: declared, never imported."""
+REAL_ROS = {"rclpy", "rosidl-adapter", "rosidl-generator-type-description", "tf2-msgs"}
+"""Of the environment of `make test-ros`, in which some programs of `tests/ros` run."""
 ONLY_READ = {"msgpack"}
 """Declared for users, who read messages and recordings with it; the system itself uses msgspec."""
 RESULTS = ("numpy", "opencv-python-headless", "pybullet", "scipy")
@@ -64,11 +66,11 @@ def imported_below(folder: str) -> set[str]:
 
 
 MEMORY = names(PROJECT["dependencies"])
-DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in ("cli", "sim", "view"))) - TOOLS
+DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in ("cli", "sim", "view", "ros", "ros-dds"))) - TOOLS
 ALLOWED = {
     **dict.fromkeys(SYSTEM, DECLARED | names(EXTRAS["hands"])),
     "benchmarks": DECLARED | names(EXTRAS["bench"]) | names(EXTRAS["hands"]) | {"pytest"},
-    "tests": DECLARED.union(*map(names, EXTRAS.values())),
+    "tests": DECLARED.union(REAL_ROS, *map(names, EXTRAS.values())),
 }
 """What each package may import: the system has one extra of its own, the measurements another; `benchmarks/mutants`
 runs the tests, so where it runs pytest is."""
@@ -104,7 +106,8 @@ def test_what_changes_results_has_an_upper_bound_below_the_next_minor_version(na
 
 def test_the_lock_is_within_the_bounds() -> None:
     lock = locked()
-    declared = [*PROJECT["dependencies"], *(text for extra in ("cli", "sim", "view", "dev") for text in EXTRAS[extra])]
+    locked_extras = ("cli", "sim", "view", "ros", "ros-dds", "dev")
+    declared = [*PROJECT["dependencies"], *(text for extra in locked_extras for text in EXTRAS[extra])]
     for requirement in map(Requirement, declared):
         if requirement.name != PROJECT["name"]:
             version = lock[canonicalize_name(requirement.name)]
@@ -113,5 +116,5 @@ def test_the_lock_is_within_the_bounds() -> None:
 
 def locked() -> dict[str, str]:
     lines = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
-    pins = (re.fullmatch(r"([\w.-]+)==(\S+)", line.strip()) for line in lines)
+    pins = (re.fullmatch(r"([\w.-]+)==([^\s;]+)(?:;.*)?", line.strip()) for line in lines)
     return {canonicalize_name(pin[1]): pin[2] for pin in pins if pin}

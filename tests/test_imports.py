@@ -15,7 +15,9 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 """Not part of the system: these may import all of it, but keep its other rules."""
 
 ONE_PLACE = {
-    "zenoh": ("dsr/network/zenoh_transport.py", "benchmarks/peers/"),
+    "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
+    "rosbags": ("agents/ros_bridge/",),
+    "cyclonedds": ("agents/ros_bridge/link/dds/",),
     "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
     "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
@@ -77,6 +79,14 @@ LAYERS = (
     "agents.scenario.truth agents.calibrator.watch",
     "agents.scenario.judge",
     "agents.scenario.run agents.scenario.check",
+    "agents.ros_bridge.errors",
+    "agents.ros_bridge.messages",
+    "agents.ros_bridge.link",
+    "agents.ros_bridge.mapping",
+    "agents.ros_bridge.bridge",
+    "agents.ros_bridge.services",
+    "agents.ros_bridge.agent",
+    "agents.ros_bridge.run_cli",
 )
 """From the bottom up: what a module or room is in it may import its own layer and those above it here."""
 TIME = {

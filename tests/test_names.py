@@ -8,7 +8,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("dsr", "agents", "simulation_handler", "surprise", "planner")
-SHARED: dict[str, str] = {}
+SHARED: dict[str, str] = {
+    "Qos": "ROS 2 calls its quality of service so too; another one than that of our network",
+    "Topic": "of ROS 2; and what a story tells of",
+}
 """Names that two classes share, with the reason."""
 
 

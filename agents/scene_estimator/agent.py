@@ -92,7 +92,7 @@ class SceneEstimator(Agent):
             if readings is not None:
                 self._describe(camera, readings.intrinsics)
                 try:
-                    tags = read_sensor(readings, self.config.noise)
+                    tags = read_sensor(readings, self.config.noise) + self._frame_reader.read_corners(readings)
                     yield camera, readings.stamp, (tags, self._sensed_colors(camera, readings))
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")

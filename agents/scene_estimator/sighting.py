@@ -8,14 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import TagReading, TagReadings
+from agents.drivers import TagCorners, TagReading, TagReadings
 from agents.frame_images import images
-from agents.scene_estimator.detection import TagDetector
+from agents.scene_estimator.detection import Tag, TagDetector
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary import tags
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Size = tuple[float, float, float]
 
@@ -56,6 +57,21 @@ class FrameSource:
         """Sightings in the frame, and the outlines of all tags found. Raises `WireError` for an unusable frame."""
         color, depth, intrinsics = images(frame)
         tags = self._detector.detect(color)
+        sightings = self._sightings(tags, depth, intrinsics, frame.stamp)
+        ids = np.array([tag.marker_id for tag in tags], dtype=np.int32)
+        corners = np.array([tag.corners for tag in tags], dtype=np.float32).reshape(-1, 4, 2)
+        return sightings, Outlines(ids, corners)
+
+    def read_corners(self, readings: TagReadings) -> list[Sighting]:
+        """Sightings of tags that a device found without their poses. Raises `WireError` for corners that are none."""
+        found = [_tag(corners) for corners in readings.corners]
+        if found and readings.intrinsics is None:
+            raise WireError(f"tag readings at {readings.stamp}: corners without intrinsics")
+        return [] if readings.intrinsics is None else self._sightings(found, None, readings.intrinsics, readings.stamp)
+
+    def _sightings(
+        self, tags: list[Tag], depth: NDArray[np.float32] | None, intrinsics: Intrinsics, stamp: float
+    ) -> list[Sighting]:
         sightings = []
         for tag in tags:
             width, length, height = self._object_size(tag.marker_id)
@@ -63,10 +79,16 @@ class FrameSource:
             camera_from_tag = estimate_tag_pose(tag, depth, intrinsics, tag_size, self._noise)
             if camera_from_tag is not None:
                 camera_from_object = camera_from_tag @ Pose((0.0, 0.0, -0.5 * height))
-                sightings.append(Sighting(tag.marker_id, camera_from_object.with_stamp(frame.stamp)))
-        ids = np.array([tag.marker_id for tag in tags], dtype=np.int32)
-        corners = np.array([tag.corners for tag in tags], dtype=np.float32).reshape(-1, 4, 2)
-        return sightings, Outlines(ids, corners)
+                sightings.append(Sighting(tag.marker_id, camera_from_object.with_stamp(stamp)))
+        return sightings
+
+
+def _tag(found: TagCorners) -> Tag:
+    """The tag of a device that finds corners. Raises `WireError`."""
+    corners = np.array(found.corners, dtype=np.float64)
+    if not (0 <= found.marker_id < tags.COUNT and np.isfinite(corners).all() and 0.0 < found.sigma < np.inf):
+        raise WireError(f"corners of tag {found.marker_id}: expected finite px, and an id below {tags.COUNT}")
+    return Tag(found.marker_id, corners, found.sigma)
 
 
 def read_sensor(readings: TagReadings, noise: NoiseModel) -> list[Sighting]:

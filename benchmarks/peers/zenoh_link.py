@@ -34,6 +34,16 @@ def open_session(
     return zenoh.open(config)
 
 
+def open_router(endpoint: str) -> zenoh.Session:
+    """What a robot's `rmw_zenohd` is: a router, by which nodes find each other."""
+    config = zenoh.Config()
+    for key, value in {
+        "mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False,
+    }.items():  # fmt: skip
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
 class ZenohLink(msgspec.Struct, frozen=True):
     """A publisher with the quality of service of our updates, and a subscriber with a callback."""
 

@@ -1,4 +1,4 @@
-"""The table of agents: state, rate, latency, restarts, last error, clocks that differ."""
+"""The table of agents: state, rate, latency, restarts, last error, clocks that differ, what they count themselves."""
 
 from __future__ import annotations
 
@@ -25,21 +25,24 @@ _COLOURS = {
 
 
 def status_table(rows: Iterable[AgentRow], title: str) -> Group:
-    """The rows for people: the numbers in a table, the last errors below it."""
+    """The rows for people: the numbers in a table, the last errors and the agents' own counts below it."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     add_names(table, "agent")
     table.add_column("state", no_wrap=True)
     add_numbers(table, "Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts")
-    rows, problems = list(rows), []
+    rows, problems, counts = list(rows), [], []
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
         table.add_row(shown(row.agent), f"[{colour}]{row.state}[/]", *_numbers(row))
         clock = row.heard.status.clock if row.heard else ""
         for problem in filter(None, (row.last_error, clock)):
             problems.append(Text.from_markup(f"[{colour}]{shown(row.agent)}[/]: {shown(problem)}"))
+        if row.heard and row.heard.status.counts:
+            told = ", ".join(f"{name} {count}" for name, count in row.heard.status.counts.items())
+            counts.append(Text.from_markup(f"[dim]{shown(row.agent)}: {shown(told)}[/]"))
     if late := overloaded(rows):
         problems.append(Text(printable(late), style="red"))
-    return Group(table, *problems)
+    return Group(table, *problems, *counts)
 
 
 def overloaded(rows: Iterable[AgentRow]) -> str:
@@ -78,6 +81,7 @@ def status_json(rows: Iterable[AgentRow]) -> list[dict[str, Any]]:
             "overloaded": row.heard.status.overloaded if row.heard else None,
             "last_error": row.last_error,
             "clock": row.heard.status.clock if row.heard else None,
+            "counts": row.heard.status.counts if row.heard else {},
         }
         for row in rows
     ]

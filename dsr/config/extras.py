@@ -13,6 +13,8 @@ EXTRAS = {
     "rerun": "view",
     "up_fast_downward": "planning",
     "mediapipe": "hands",
+    "rosbags": "ros", "xxhash": "ros",
+    "cyclonedds": "ros-dds",
 }  # fmt: skip
 """The extra that brings each optional module."""
 

@@ -275,6 +275,8 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
     *_attributes("vector", "m", {"shape": "parts of a body that is no box: 11 numbers each, see dsr.math3d.shapes"}),
     *_attributes("vector", "rad", {"fov": "field of view of a camera or a person: horizontal, vertical"}, length=2),
+    *_attributes("vector", "", {"distortion": "coefficients of `distortion_model` in the order of OpenCV"}),
+    *_attributes("str", "", {"distortion_model": "how a lens distorts, see dsr.vocabulary.intrinsics"}),
     *_attributes("vector", "rad", {"target_joints": "where the joints shall go"}),
     *_attributes("vector", "rad", {"joint_positions": "measured"}, stream=True),
     *_attributes("vector", "rad/s", {"joint_velocities": "measured"}, stream=True),

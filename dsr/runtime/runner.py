@@ -215,6 +215,7 @@ class Runner:
             worlds=self._activity.uses(self.agent.clock.now()),
             waiting=self._contention.waiting if self._contention else 0.0,
             overloaded=self._contention is not None and self._contention.overloaded,
+            counts={name: count for name, count in self.agent.counts.items() if count},
         )
 
     def _behind(self) -> float:

@@ -69,6 +69,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the last second in which the agent was ready to go on and its machine had no processor free."""
     overloaded: bool = False
     """Whether the agent left out ticks while it waited so: the machine has more to do than it can."""
+    counts: dict[str, int] = {}
+    """What the agent counts of its own work, by name, since its start."""
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -13,6 +14,8 @@ from dsr.math3d.transforms import Array
 
 INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height")
 """Attributes of a camera's node that tell them."""
+DISTORTION = ("distortion_model", "distortion")
+"""Attributes of a camera's node that tell how its lens distorts."""
 _MOST_PIXELS = 1e5
 """px, no focal length or principal point is beyond."""
 
@@ -71,6 +74,41 @@ class Intrinsics(msgspec.Struct, frozen=True):
         x = (np.arange(self.width, dtype=np.float32) - self.cx) / self.fx
         y = (np.arange(self.height, dtype=np.float32) - self.cy) / self.fy
         return x, y
+
+
+class Distortion(msgspec.Struct, frozen=True):
+    """How a lens distorts images; agents take images as they come, and correct nothing by this."""
+
+    model: str
+    """`plumb_bob`, `rational_polynomial` or `equidistant`, as in `sensor_msgs/CameraInfo`; or another one's name"""
+    coefficients: tuple[float, ...]
+    """Without unit, in the order of OpenCV: k1, k2, p1, p2, k3, ...; of `equidistant` k1 to k4"""
+
+    @staticmethod
+    def of(model: str, coefficients: Sequence[float]) -> Distortion:
+        """Raise `ValueError` for a model without a name, or coefficients that no model has."""
+        if not model or len(model) > _LONGEST_MODEL:
+            raise ValueError(f"distortion model {model[:80]!r}: expected a name")
+        if len(coefficients) > _MOST_COEFFICIENTS or not all(map(math.isfinite, coefficients)):
+            raise ValueError(f"distortion of {len(coefficients)} coefficients: expected {_MOST_COEFFICIENTS} at most")
+        return Distortion(model, tuple(map(float, coefficients)))
+
+
+_MOST_COEFFICIENTS = 14
+"""of OpenCV's largest model: rational, thin prism and tilt"""
+_LONGEST_MODEL = 64
+"""characters of a model's name"""
+
+
+def read_distortion(camera: Node) -> Distortion | None:
+    """Read the distortion of a camera's node; None if it tells none, or one that no lens has."""
+    model, coefficients = (camera.get(name) for name in DISTORTION)
+    if model is None or coefficients is None:
+        return None
+    try:
+        return Distortion.of(model, coefficients)
+    except ValueError:
+        return None
 
 
 def read_intrinsics(camera: Node) -> Intrinsics | None:

@@ -26,7 +26,10 @@ MODULES = {
         "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
         "nobody_pursues",
     },
-    "dsr.vocabulary.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
+    "dsr.vocabulary.intrinsics": {
+        *("DISTORTION", "INTRINSICS", "Distortion", "Intrinsics"),
+        *("read_distortion", "read_intrinsics"),
+    },
     "dsr.vocabulary.relations": {
         "ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "grasped_things", "is_present",
         "nodes_by_name", "present_things", "read_relations",

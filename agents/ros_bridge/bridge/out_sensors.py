@@ -1,0 +1,135 @@
+"""Joints and camera frames of the memory that did not come from ROS, as topics."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from agents.ros_bridge.bridge.config import Send
+from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
+from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
+from agents.ros_bridge.mapping.images import IMAGE, to_image
+from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
+from dsr.graph.elements import Node
+from dsr.images.blobs import Frame
+from dsr.images.frame_reader import FrameReader
+from dsr.vocabulary.intrinsics import read_distortion, read_intrinsics
+
+_LOOK = 0.5
+"""s until it is looked again whether anybody wants the images of a camera"""
+_JOINTED = ("robot", "arm", "gripper", "hand", "body")
+"""Types of nodes that may have joints"""
+_UNSAFE = re.compile(r"[^A-Za-z0-9_]")
+
+
+class JointsOut:
+    """Publishes the joints of each arm when they change."""
+
+    def __init__(self, core: BridgeCore, config: Send) -> None:
+        self._core = core
+        self._outlet = core.outlet(config.joints, JOINT_STATE) if config.joints else None
+        if self._outlet is not None:
+            self._watch = core.memory.watch(node_type=_JOINTED, attribute="joint_positions")
+            core.on_close(self._watch.close)
+
+    def update(self) -> None:
+        """Send what changed."""
+        if self._outlet is None:
+            return
+        for change in self._watch.poll():
+            node = self._core.memory.get_node(change.name) if change.element == "node" else None
+            positions = None if node is None else node.get("joint_positions")
+            if node is None or positions is None or self._core.came_from_ros(node, "joint_positions"):
+                continue
+            names = [name.strip() for name in node.get("joint_names", "").split(",")]
+            if len(names) != len(positions):
+                continue
+            stamp = self._core.times.to_ros(node.written_at("joint_positions") or self._core.times.now())
+            velocities = node.get("joint_velocities", ())
+            known = velocities if len(velocities) == len(names) else ()
+            self._send(self._outlet, stamp, names, positions, known)
+
+    def _send(
+        self, outlet: RosOutlet, stamp: float, names: list[str], positions: tuple[float, ...], known: tuple[float, ...]
+    ) -> None:
+        outlet.send(lambda: to_joint_state(self._core.types, stamp, names, positions, known))
+
+
+class _Stream:
+    """The topics of one camera; its frames are read while somebody wants them."""
+
+    def __init__(self, core: BridgeCore, node: str) -> None:
+        self._core = core
+        self.node = node
+        base = f"/dsr/{_UNSAFE.sub('_', node)}"
+        base = base if not base[5].isdigit() else f"/dsr/camera_{base[5:]}"
+        self._color = core.outlet(f"{base}/image_raw", IMAGE)
+        self._depth = core.outlet(f"{base}/depth", IMAGE)
+        self._info = core.outlet(f"{base}/camera_info", CAMERA_INFO)
+        self._reader: FrameReader | None = None
+        self._wanted: set[RosOutlet] = set()
+        self._looked = -math.inf
+
+    def update(self, now: float) -> None:
+        """Send the newest frame."""
+        if now - self._looked >= _LOOK:
+            self._looked = now
+            self._wanted = {outlet for outlet in (self._color, self._depth, self._info) if outlet.wanted}
+        if not self._wanted:
+            if self._reader is not None:
+                self._reader.close()
+                self._reader = None
+            return
+        if self._reader is None:
+            self._reader = self._core.memory.frames(self.node)
+        frame = self._reader.latest()
+        if frame is not None:
+            self._send(frame)
+
+    def _send(self, frame: Frame) -> None:
+        core = self._core
+        stamp, name = core.times.to_ros(frame.stamp), core.names.frame(self.node)
+        for array, outlet in (("color", self._color), ("depth", self._depth)):
+            if outlet in self._wanted and array in frame.arrays:
+                pixels = frame.arrays[array]
+                outlet.send(lambda pixels=pixels: to_image(core.types, stamp, name, pixels))  # type: ignore[misc]
+        node = core.memory.get_node(self.node)
+        intrinsics = None if node is None else read_intrinsics(node)
+        if self._info in self._wanted and node is not None and intrinsics is not None:
+            self._info.send(lambda: to_camera_info(core.types, stamp, name, intrinsics, read_distortion(node)))
+
+    def close(self) -> None:
+        """Publish no more."""
+        if self._reader is not None:
+            self._reader.close()
+        for outlet in (self._color, self._depth, self._info):
+            outlet.close()
+
+
+class ImagesOut:
+    """Publishes the frames of the memory's cameras to those who subscribe."""
+
+    def __init__(self, core: BridgeCore, config: Send) -> None:
+        self._core = core
+        self._streams: dict[str, _Stream] = {}
+        self._wanted = config.images
+        if self._wanted:
+            self._watch = core.memory.watch(node_type="camera")
+            core.on_close(self._watch.close)
+
+    def update(self, now: float) -> None:
+        """Take note of cameras that came or went, and send their newest frames at time `now` (s)."""
+        if not self._wanted:
+            return
+        if self._watch.poll():
+            present = {node.name for node in self._core.memory.nodes("camera") if self._is_ours(node)}
+            for name in self._streams.keys() - present:
+                self._streams.pop(name).close()
+            for name in sorted(present - self._streams.keys()):
+                self._streams[name] = _Stream(self._core, name)
+                self._core.on_close(self._streams[name].close)
+        for stream in self._streams.values():
+            stream.update(now)
+
+    def _is_ours(self, node: Node) -> bool:
+        return node.get("stream") is not None and not self._core.came_from_ros(node, "stream")

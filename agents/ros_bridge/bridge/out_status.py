@@ -1,0 +1,91 @@
+"""Diagnostics of agents, events of the timeline, and `/clock`."""
+
+from __future__ import annotations
+
+import math
+
+from agents.ros_bridge.bridge.config import Send
+from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
+from agents.ros_bridge.mapping.diagnostics import DIAGNOSTICS, to_diagnostics
+from agents.ros_bridge.mapping.events import EVENT, to_event
+from agents.ros_bridge.mapping.stamps import CLOCK, to_clock
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+from dsr.runtime.status import StatusBoard
+from dsr.timeline.entries import EVENT as INSTANT
+from dsr.timeline.entries import SITUATION, read_entry
+
+_PERIOD = 1.0
+"""s between two messages of diagnostics, as is the custom in ROS"""
+
+
+class DiagnosticsOut:
+    """Publishes the statuses of all agents once a second."""
+
+    def __init__(self, core: BridgeCore, config: Send, bus: Transport, keys: Keys) -> None:
+        self._core = core
+        self._graph = keys.graph
+        self._sent = -math.inf
+        self._outlet = core.outlet(config.diagnostics, DIAGNOSTICS) if config.diagnostics else None
+        if self._outlet is not None:
+            self._board = StatusBoard(bus, keys, core.clock)
+            core.on_close(self._board.close)
+
+    def update(self, now: float) -> None:
+        """Publish if it is time (s)."""
+        if self._outlet is None or now - self._sent < 0.95 * _PERIOD:
+            return
+        self._sent = now
+        board = self._board
+        heard = [
+            (status.status, board.is_silent(agent))
+            for agent in board.agents()
+            if (status := board.get(agent)) is not None
+        ]
+        stamp = self._core.times.to_ros(self._core.times.now())
+        self._outlet.send(lambda: to_diagnostics(self._core.types, stamp, self._graph, heard))
+
+
+class EventsOut:
+    """Publishes events as they are written, and situations as they begin and end."""
+
+    def __init__(self, core: BridgeCore, config: Send) -> None:
+        self._core = core
+        self._outlet = core.outlet(config.events, EVENT) if config.events else None
+        if self._outlet is not None:
+            self._watch = core.memory.watch(node_type=(INSTANT, SITUATION), existing=False)
+            core.on_close(self._watch.close)
+        self._sent: dict[str, float | None] = {}
+
+    def update(self) -> None:
+        """Send what is new."""
+        if self._outlet is None:
+            return
+        for change in self._watch.poll():
+            if change.kind == "removed":
+                self._sent.pop(change.name, None)
+                continue
+            node = self._core.memory.get_node(change.name)
+            entry = None if node is None else read_entry(node)
+            if entry is None or self._sent.get(entry.name, math.nan) == entry.end:
+                continue
+            self._sent[entry.name] = entry.end
+            self._outlet.send(lambda entry=entry: to_event(self._core.types, entry))  # type: ignore[misc]
+
+
+class ClockOut:
+    """Publishes our time on `/clock` while it is not that of the wall."""
+
+    def __init__(self, core: BridgeCore) -> None:
+        self._core = core
+        self._outlet: RosOutlet | None = None
+        self._sent = -math.inf
+
+    def update(self) -> None:
+        """Send the time, if it went on."""
+        now = self._core.times.now()
+        if self._core.times.publishes and now != self._sent:
+            self._sent = now
+            if self._outlet is None:
+                self._outlet = self._core.outlet("/clock", CLOCK)
+            self._outlet.send(lambda: to_clock(self._core.types, now))

@@ -1,0 +1,118 @@
+"""From edges RT and Virtual_RT to `/tf` and `/tf_static`: what did not come from ROS, one parent for each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from agents.ros_bridge.bridge.config import Send
+from agents.ros_bridge.bridge.core import LATCHED, BridgeCore
+from agents.ros_bridge.errors import RosMessageError
+from agents.ros_bridge.link.link import Qos
+from agents.ros_bridge.mapping.names import BELIEF
+from agents.ros_bridge.mapping.transforms import is_same, to_stamped
+from agents.ros_bridge.messages.transforms import TF_MESSAGE, StampedTransform, encode_transforms
+from dsr.frames.tree import WORLD
+from dsr.graph.elements import Edge
+from dsr.math3d.transforms import Pose
+
+_STALE = 1.0
+"""s by which the newest sample below another parent must be newer before a frame changes its parent in tf"""
+_MOST_AT_ONCE = 500
+"""Transforms of one message"""
+_RT, _BELIEVED = "RT", "Virtual_RT"
+
+
+class TfOut:
+    """Publishes what changes in the memory, each sample once.
+
+    Args:
+        core: of the bridge.
+        config: what is sent.
+        roots: nodes that the bridge itself hangs into the world: ROS does not know these edges.
+    """
+
+    def __init__(self, core: BridgeCore, config: Send, roots: Collection[str] = ()) -> None:
+        self._core = core
+        self._roots = frozenset(roots)
+        self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
+        """Parent and newest pose by edge type and child"""
+        self._static: dict[tuple[str, str], StampedTransform] = {}
+        types = [type for type, wanted in ((_RT, config.tf), (_BELIEVED, config.belief)) if wanted]
+        if types:
+            self._outlet = core.outlet("/tf", TF_MESSAGE, Qos(depth=100))
+            self._latched = core.outlet("/tf_static", TF_MESSAGE, LATCHED)
+            self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=core.notify)
+            core.on_close(self._watch.close)
+        self._sends = bool(types)
+        self.received: set[str] = set()
+        """Nodes whose edges the bridge itself writes: they are passed over without a look at who wrote them"""
+
+    def parent_of(self, child: str) -> str | None:
+        """The node from which we hang a frame in tf; None if we do not publish it."""
+        published = self._published.get((_RT, child))
+        return None if published is None else published[0]
+
+    def update(self) -> None:
+        """Send what changed since the last call."""
+        if not self._sends:
+            return
+        dynamic: list[StampedTransform] = []
+        latched = False
+        for change in self._watch.poll():
+            if change.kind == "removed":
+                self._forget(change.type, change.src, change.dst)
+                continue
+            if change.type == _RT and change.dst in self.received:
+                continue
+            edge = self._core.memory.get_edge(change.src, change.dst, change.type)
+            pose = None if edge is None else edge.get("pose")
+            if edge is None or pose is None or not self._is_to_be_sent(edge, pose):
+                continue
+            try:
+                transform = self._transform(edge, pose)
+            except RosMessageError as error:
+                self._core.tally.tell("not sent", edge.dst, f"frame {edge.dst!r} was not sent: {error}")
+                continue
+            if pose.stamp == 0.0:
+                self._static[edge.type, edge.dst] = transform
+                latched = True
+            else:
+                self._static.pop((edge.type, edge.dst), None)
+                dynamic.append(transform)
+        for begin in range(0, len(dynamic), _MOST_AT_ONCE):
+            self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
+        if latched:
+            self._latched.send_cdr(encode_transforms(self._static.values()))
+
+    def _forget(self, type: str, parent: str, child: str) -> None:
+        """An edge is gone; tf keeps its last transform for as long as it keeps any."""
+        if self._published.get((type, child), ("",))[0] == parent:
+            del self._published[type, child]
+            self._static.pop((type, child), None)
+
+    def _is_to_be_sent(self, edge: Edge, pose: Pose) -> bool:
+        """Not what came from ROS, nor a sample twice, nor one below a parent that is not the frame's in tf."""
+        own_root = edge.src == WORLD and edge.dst in self._roots
+        if self._core.came_from_ros(edge, "pose") and not own_root:
+            return False
+        key = edge.type, edge.dst
+        published = self._published.get(key)
+        if published is not None:
+            parent, newest = published
+            if parent != edge.src:
+                if pose.stamp - newest.stamp <= _STALE and pose.stamp != 0.0:
+                    self._core.tally.count("further parents not sent")
+                    return False
+            elif pose.stamp == newest.stamp and (pose.stamp != 0.0 or is_same(pose, newest)):
+                return False
+        self._published[key] = edge.src, pose
+        return True
+
+    def _transform(self, edge: Edge, pose: Pose) -> StampedTransform:
+        core = self._core
+        parent, child = core.names.frame(edge.src), core.names.frame(edge.dst)
+        if edge.type == _BELIEVED:
+            child = BELIEF + child
+            if core.memory.edges(_BELIEVED, dst=edge.src):
+                parent = BELIEF + parent
+        return to_stamped(parent, child, 0.0 if pose.stamp == 0.0 else core.times.to_ros(pose.stamp), pose)

@@ -1,0 +1,32 @@
+"""Whether a stamp of ROS can be used in the memory, for sensors of all kinds."""
+
+from __future__ import annotations
+
+from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.bridge.times import MOST_AHEAD
+
+
+def usable_stamp(core: BridgeCore, told: float, arrival: float, *, restamp: bool, subject: str) -> float | None:
+    """The stamp of the memory (s) of one of ROS (s); None, and told, for one from the future.
+
+    Args:
+        core: of the bridge.
+        told: s, as the message says; 0 if it does not say, and then it is the time of arrival.
+        arrival: s, by our clock.
+        restamp: take the time of arrival in any case.
+        subject: what is stamped, for people.
+    """
+    if told == 0.0 or restamp:
+        return arrival
+    if not core.times.is_known:
+        core.tally.count("before the first /clock")
+        return None
+    stamp, now = core.times.to_graph(told), core.times.now()
+    if stamp > now + MOST_AHEAD:
+        core.tally.tell(
+            "from the future", subject,
+            f"{subject!r} is stamped {stamp - now:.1f} s ahead of our clock, and dropped: "
+            "set the clocks, or `restamp = true`",
+        )  # fmt: skip
+        return None
+    return stamp

@@ -1,0 +1,1 @@
+"""Connections to ROS 2, by whatever transport."""

@@ -1,0 +1,1 @@
+"""Connection to nodes under DDS."""

@@ -1,0 +1,257 @@
+"""A connection to nodes under DDS (Fast DDS, Cyclone DDS, ...): topics only."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from cyclonedds.core import DDSException, GuardCondition, InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic as DdsTopic
+from cyclonedds.util import duration
+
+from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.link.dds.discovery import DdsDiscovery, dds_qos
+from agents.ros_bridge.link.dds.participant import join
+from agents.ros_bridge.link.dds.raw_type import RawMessage, raw_type
+from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, Topic
+from agents.ros_bridge.messages.names import check_name
+from agents.ros_bridge.messages.types import RosTypes, types_of
+
+_log = logging.getLogger("dsr.ros")
+
+_MOST_AT_ONCE = 64
+"""Messages that are taken out of DDS in one turn"""
+_MOST_WRITERS = 1000
+"""Publishers whose gids are remembered for one subscription"""
+_PATIENCE = 2.0  # s
+_FOREVER = duration(days=3650)
+_ANY = SampleState.Any | ViewState.Any | InstanceState.Any
+_NO_SERVICES = "services and actions work over rmw_zenoh only: vendors of DDS do not understand each other's requests"
+
+
+class DdsPublisher:
+    """Sends on one topic."""
+
+    def __init__(self, participant: DomainParticipant, topic: DdsTopic[Any], qos: Any, name: str) -> None:
+        self._name = name
+        self._writer: DataWriter[Any] | None = DataWriter(participant, topic, qos)
+        self.writer = self._writer.guid.bytes
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was taken back."""
+        return self._writer is None
+
+    def send(self, cdr: bytes) -> None:
+        """Send a message to all subscribers; raises `RosLinkError` after `close`, or if a slow one holds it up 1 s."""
+        writer = self._writer
+        if writer is None:
+            raise RosLinkError(f"the publisher of {self._name} is closed")
+        try:
+            writer.write(writer.topic.data_type(cdr))
+        except DDSException as error:
+            raise RosLinkError(f"cannot publish on {self._name}: {error}") from error
+
+    def subscribers(self) -> int:
+        """How many subscribers elsewhere are visible."""
+        return len(self._writer.get_matched_subscriptions()) if self._writer is not None else 0
+
+    def close(self) -> None:
+        """Take it back; harmless when repeated."""
+        self._writer = None
+
+
+class DdsSubscription:
+    """Calls back with what comes on one topic, from a thread of its own.
+
+    DDS keeps the newest messages for this thread, as many as the depth of its QoS; older ones are dropped and counted.
+    """
+
+    def __init__(
+        self, participant: DomainParticipant, topic: DdsTopic[Any], qos: Any, name: str,
+        receive: Callable[[Received], None],
+    ) -> None:  # fmt: skip
+        self.name = name
+        self.failures = 0
+        """Messages that `receive` raised an exception for."""
+        self._receive = receive
+        self._writers: dict[int, bytes] = {}
+        self._reader: DataReader[Any] | None = DataReader(participant, topic, qos)
+        self.gid = self._reader.guid.bytes
+        self._stop = GuardCondition(participant)
+        self._wait = WaitSet(participant)
+        self._wait.attach(self._stop)
+        self._wait.attach(ReadCondition(self._reader, _ANY))
+        self._thread = threading.Thread(target=self._run, name=f"ros-sub-{name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was taken back."""
+        return self._reader is None
+
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
+        return len(self._reader.get_matched_publications()) if self._reader is not None else 0
+
+    def close(self) -> None:
+        """Take it back; harmless when repeated. From another thread than that of `receive`, it waits for that one."""
+        if self._reader is not None:
+            self._reader = None
+            self._stop.set(True)
+        if self._thread is not threading.current_thread():
+            self._thread.join(_PATIENCE)
+
+    def _run(self) -> None:
+        while (reader := self._reader) is not None:
+            self._wait.wait(_FOREVER)
+            for message in reader.take(N=_MOST_AT_ONCE):
+                if getattr(message, "cdr", b"") and self._reader is not None:
+                    self._pass_on(reader, message)
+
+    def _pass_on(self, reader: DataReader[Any], message: RawMessage) -> None:
+        info = message.sample_info
+        writer = self._writers.get(info.publication_handle)
+        if writer is None:
+            if len(self._writers) >= _MOST_WRITERS:
+                self._writers.clear()
+            writer = self._writers[info.publication_handle] = _gid(reader, info.publication_handle)
+        try:
+            self._receive(Received(message.cdr, info.source_timestamp / 1e9, writer))
+        except Exception:
+            self.failures += 1
+            if self.failures == 1:
+                _log.exception("a message of %s could not be handled", self.name)
+
+
+class DdsLink:
+    """One node in a DDS domain; implements `agents.ros_bridge.link.link.RosLink`, without services.
+
+    Args:
+        config: which domain and release of ROS 2.
+        node: full name of the node, for example `/dsr_bridge`.
+
+    Raises:
+        RosLinkError: if the domain cannot be joined.
+    """
+
+    def __init__(self, config: LinkConfig, node: str) -> None:
+        self._types: RosTypes = types_of(config.distro)
+        self._config = config
+        self._node = check_name(node)
+        self._participant: DomainParticipant | None = join(config)
+        self._lock = threading.Lock()
+        self._topics: dict[tuple[str, str], DdsTopic[Any]] = {}
+        self._publishers: list[DdsPublisher] = []
+        self._subscriptions: list[DdsSubscription] = []
+        self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
+        self._tell()
+
+    def publisher(self, topic: Topic) -> DdsPublisher:
+        """Announce a publisher. Raises `RosMessageError` for a type that is not known."""
+        participant, dds_topic, qos = self._prepared(topic)
+        publisher = DdsPublisher(participant, dds_topic, qos, topic.name)
+        self._publishers.append(publisher)
+        self._tell()
+        return publisher
+
+    def subscribe(self, topic: Topic, receive: Callable[[Received], None]) -> DdsSubscription:
+        """Call `receive` with each message, from a thread. Raises `RosMessageError` for a type that is not known."""
+        participant, dds_topic, qos = self._prepared(topic)
+        subscription = DdsSubscription(participant, dds_topic, qos, topic.name, receive)
+        self._subscriptions.append(subscription)
+        self._tell()
+        return subscription
+
+    def endpoints(self) -> list[Endpoint]:
+        """All that is visible, this link's own included."""
+        discovery = self._discovery
+        return [] if discovery is None else discovery.endpoints()
+
+    def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> Served:
+        """Not over DDS: raises `RosLinkError`."""
+        raise RosLinkError(f"{name} cannot be served: {_NO_SERVICES}")
+
+    def call(self, name: str, type: str, request: bytes, timeout: float) -> bytes:
+        """Not over DDS: raises `RosLinkError`."""
+        raise RosLinkError(f"{name} cannot be asked: {_NO_SERVICES}")
+
+    def problems(self) -> list[str]:
+        """Sentences that tell why messages may not arrive; empty if all is well."""
+        endpoints = self.endpoints()
+        found = set()
+        if all(endpoint.mine for endpoint in endpoints):
+            reach = "anywhere" if self._config.beyond_loopback else "on this machine"
+            found.add(
+                f"nobody is visible {reach} in DDS domain {self._config.domain}: compare ROS_DOMAIN_ID, and start the "
+                "robot's nodes with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST or SUBNET"
+            )
+        for mine in (endpoint for endpoint in endpoints if endpoint.mine):
+            for other in endpoints:
+                if not other.mine and other.topic.name == mine.topic.name and (reason := _mismatch(mine, other)):
+                    found.add(
+                        f"{other.node or 'somebody'} has {other.topic.name} {reason}: they do not hear each other"
+                    )
+        failures = [one for one in self._subscriptions if one.failures]
+        return [*sorted(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
+
+    def close(self) -> None:
+        """Take all back and leave; harmless when repeated."""
+        with self._lock:
+            publishers, subscriptions = self._publishers, self._subscriptions
+            self._participant = self._discovery = None
+            self._publishers, self._subscriptions = [], []
+        for publisher in publishers:
+            publisher.close()
+        for subscription in subscriptions:
+            subscription.close()
+        self._topics.clear()
+
+    def _prepared(self, topic: Topic) -> tuple[DomainParticipant, DdsTopic[Any], Any]:
+        hash = self._types.hash(topic.type)
+        check_name(topic.name)
+        with self._lock:
+            if self._participant is None:
+                raise RosLinkError("the connection to ROS is closed")
+            self._publishers = [one for one in self._publishers if not one.closed]
+            self._subscriptions = [one for one in self._subscriptions if not one.closed]
+            place = (topic.name, topic.type)
+            if place not in self._topics:
+                made = raw_type(self._types, topic.type)
+                self._topics[place] = DdsTopic(self._participant, f"rt{topic.name}", made)
+            return self._participant, self._topics[place], dds_qos(topic.qos, hash)
+
+    def _tell(self) -> None:
+        if self._discovery is not None:
+            readers = [one.gid for one in self._subscriptions]
+            self._discovery.tell(readers, [one.writer for one in self._publishers])
+
+
+def _mismatch(mine: Endpoint, other: Endpoint) -> str:
+    """Why two endpoints of one topic do not match; empty if they do, or need not."""
+    if {mine.kind, other.kind} != {"publisher", "subscriber"}:
+        return ""
+    if mine.topic.type != other.topic.type:
+        return f"as {other.topic.type}, we as {mine.topic.type}"
+    if mine.type_hash and other.type_hash and mine.type_hash != other.type_hash:
+        return f"with another definition ({other.type_hash}) than ours ({mine.type_hash})"
+    sender, receiver = (mine, other) if mine.kind == "publisher" else (other, mine)
+    if receiver.topic.qos.reliable and not sender.topic.qos.reliable:
+        return f"as {other.kind}: best effort is offered, reliable is asked for"
+    if receiver.topic.qos.transient_local and not sender.topic.qos.transient_local:
+        return f"as {other.kind}: volatile is offered, transient local is asked for"
+    return ""
+
+
+def _gid(reader: DataReader[Any], handle: int) -> bytes:
+    """Of a writer; empty if it is gone already."""
+    try:
+        found = reader.get_matched_publication_data(handle)
+    except DDSException:
+        return b""
+    return found.key.bytes if found is not None else b""

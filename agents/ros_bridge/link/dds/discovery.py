@@ -1,0 +1,145 @@
+"""Who is there, by the discovery of DDS and by what ROS nodes tell of themselves on `ros_discovery_info`."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal
+
+import numpy as np
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.core import InstanceState
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy
+from cyclonedds.qos import Qos as DdsQos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic as DdsTopic
+from cyclonedds.util import duration
+
+from agents.ros_bridge.errors import RosMessageError
+from agents.ros_bridge.link.dds.raw_type import raw_type
+from agents.ros_bridge.link.link import Endpoint, Qos, Topic
+from agents.ros_bridge.messages.names import ros_type
+from agents.ros_bridge.messages.types import NO_HASH, RosTypes
+
+_INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+_TYPE_HASH = re.compile(rb"typehash=([^;]*);")
+_MOST = 20_000
+"""Endpoints that are looked at: robots have some hundreds"""
+_DEPTH_UNKNOWN = 0
+
+Kind = Literal["publisher", "subscriber", "service", "client"]
+_TOPIC, _REQUEST, _REPLY = "rt", "rq", "rr"
+_KINDS: dict[tuple[str, bool], Kind] = {
+    (_TOPIC, True): "publisher", (_TOPIC, False): "subscriber", (_REPLY, True): "service", (_REQUEST, True): "client",
+}  # fmt: skip
+"""By the first part of the DDS topic, and whether it is a writer. A service's reader and a client's are not listed."""
+_SUFFIXES = {_REQUEST: ("Request", "_Request"), _REPLY: ("Reply", "_Response"), _TOPIC: ("", "")}
+
+
+def dds_qos(qos: Qos, type_hash: str) -> DdsQos:
+    """QoS as DDS has it."""
+    policies: list[Any] = [
+        Policy.Reliability.Reliable(duration(seconds=1)) if qos.reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if qos.transient_local else Policy.Durability.Volatile,
+        Policy.History.KeepLast(max(qos.depth, 1)),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.IgnoreLocal.Participant,
+    ]
+    if type_hash != NO_HASH:
+        policies.append(Policy.Userdata(f"typehash={type_hash};".encode()))
+    return DdsQos(*policies)
+
+
+class DdsDiscovery:
+    """Reads what is visible, and tells others about our node."""
+
+    def __init__(self, participant: DomainParticipant, node: str, types: RosTypes) -> None:
+        self._types = types
+        self._node = node
+        self._gid = participant.guid.bytes
+        self._publications = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
+        self._subscriptions = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
+        qos = dds_qos(Qos(transient_local=True, depth=1), types.hash(_INFO))
+        topic = DdsTopic(participant, "ros_discovery_info", raw_type(types, _INFO))
+        self._infos: DataReader[Any] = DataReader(participant, topic, qos)
+        self._own: DataWriter[Any] = DataWriter(participant, topic, qos)
+        self._nodes: dict[bytes, dict[bytes, str]] = {}
+        """By participant, the node of each of its endpoints."""
+
+    def tell(self, readers: list[bytes], writers: list[bytes]) -> None:
+        """Announce our node and its endpoints, by their gids."""
+        new = self._types.new
+        namespace, _, name = self._node.rpartition("/")
+
+        def gid(data: bytes) -> Any:
+            return new("rmw_dds_common/msg/Gid", data=np.frombuffer(self._padded(data), np.uint8))
+
+        info = new(
+            "rmw_dds_common/msg/NodeEntitiesInfo", node_namespace=namespace or "/", node_name=name,
+            reader_gid_seq=[gid(one) for one in readers], writer_gid_seq=[gid(one) for one in writers],
+        )  # fmt: skip
+        message = new(_INFO, gid=gid(self._gid), node_entities_info_seq=[info])
+        self._own.write(self._own.topic.data_type(self._types.encode(_INFO, message)))
+
+    def endpoints(self) -> list[Endpoint]:
+        """All endpoints of ROS that are visible, ours included."""
+        self._read_nodes()
+        found = []
+        for reader, writes in ((self._publications, True), (self._subscriptions, False)):
+            for sample in reader.read(N=_MOST):
+                if sample.sample_info.instance_state == InstanceState.Alive and (one := self._endpoint(sample, writes)):
+                    found.append(one)
+        return found
+
+    def _endpoint(self, sample: Any, writes: bool) -> Endpoint | None:
+        prefix, _, name = sample.topic_name.partition("/")
+        kind = _KINDS.get((prefix, writes))
+        if kind is None:
+            return None
+        of_topic, of_type = _SUFFIXES[prefix]
+        topic = Topic(
+            f"/{name.removesuffix(of_topic)}", ros_type(sample.type_name).removesuffix(of_type), _qos(sample.qos)
+        )
+        participant, gid = sample.participant_key.bytes, sample.key.bytes
+        mine = participant == self._gid
+        node = self._node if mine else self._nodes.get(participant, {}).get(gid, "")
+        return Endpoint(kind, node, topic, _hash(sample.qos), mine, gid)
+
+    def _read_nodes(self) -> None:
+        for sample in self._infos.take(N=_MOST):
+            if not getattr(sample, "cdr", b""):
+                continue
+            try:
+                info = self._types.decode(_INFO, sample.cdr)
+            except RosMessageError:
+                continue  # of a release with other gids: its nodes have no names for us
+            self._nodes[bytes(info.gid.data)[:16]] = {
+                bytes(gid.data)[:16]: f"{node.node_namespace.rstrip('/')}/{node.node_name}"
+                for node in info.node_entities_info_seq
+                for gid in (*node.reader_gid_seq, *node.writer_gid_seq)
+            }
+
+    def _padded(self, gid: bytes) -> bytes:
+        """Gids have 16 bytes, and 24 in releases before Iron."""
+        return gid.ljust(len(self._types.new("rmw_dds_common/msg/Gid").data), b"\0")
+
+
+def _policy(qos: DdsQos, kind: Any) -> Any:
+    return qos[kind] if kind in qos else None  # noqa: SIM401 - it has no `get`
+
+
+def _hash(qos: DdsQos) -> str:
+    policy = _policy(qos, Policy.Userdata)
+    found = _TYPE_HASH.search(bytes(policy.data)) if policy is not None else None
+    return found[1].decode("ascii", "replace") if found else ""
+
+
+def _qos(qos: DdsQos) -> Qos:
+    history = _policy(qos, Policy.History)
+    reliability = _policy(qos, Policy.Reliability)
+    return Qos(
+        reliable=reliability is not None and reliability != Policy.Reliability.BestEffort,
+        transient_local=_policy(qos, Policy.Durability) == Policy.Durability.TransientLocal,
+        depth=getattr(history, "depth", _DEPTH_UNKNOWN),
+    )

@@ -1,0 +1,56 @@
+"""Joins a DDS domain of ROS 2: over the loopback interface only, unless told otherwise."""
+
+from __future__ import annotations
+
+import threading
+
+from cyclonedds.core import DDSException
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.qos import Policy, Qos
+
+from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.link.link import LinkConfig
+
+_LOOPBACK_ONLY = """
+<CycloneDDS><Domain>
+  <General>
+    <Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces>
+    <AllowMulticast>false</AllowMulticast>
+    <MaxMessageSize>65500B</MaxMessageSize>
+  </General>
+  <DdsDiscovery>
+    <ParticipantIndex>auto</ParticipantIndex>
+    <MaxAutoParticipantIndex>50</MaxAutoParticipantIndex>
+    <Peers><Peer address="127.0.0.1"/></Peers>
+  </DdsDiscovery>
+</Domain></CycloneDDS>
+"""
+"""As ROS 2 has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no multicast, up to 50 processes"""
+_ANYWHERE = """
+<CycloneDDS><Domain>
+  <General><AllowMulticast>true</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>
+  <DdsDiscovery><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex></DdsDiscovery>
+</Domain></CycloneDDS>
+"""
+_LAST_DOMAIN = 232
+"""Later ones have no ports"""
+
+_domains: dict[int, tuple[Domain, bool]] = {}
+"""Those that this process has configured, and whether they reach beyond loopback: once each, says Cyclone DDS"""
+_lock = threading.Lock()
+
+
+def join(config: LinkConfig) -> DomainParticipant:
+    """Join the domain. Raises `RosLinkError` if it cannot be joined, or was joined with another reach before."""
+    if not 0 <= config.domain <= _LAST_DOMAIN:
+        raise RosLinkError(f"domain {config.domain}: expected 0 to {_LAST_DOMAIN}")
+    with _lock:
+        try:
+            if config.domain not in _domains:
+                text = _ANYWHERE if config.beyond_loopback else _LOOPBACK_ONLY
+                _domains[config.domain] = Domain(config.domain, text.strip()), config.beyond_loopback
+            if _domains[config.domain][1] != config.beyond_loopback:
+                raise RosLinkError(f"this process is in DDS domain {config.domain} already, with another reach")
+            return DomainParticipant(config.domain, Qos(Policy.EntityName("dsr")))
+        except DDSException as error:
+            raise RosLinkError(f"cannot join DDS domain {config.domain}: {error}") from error

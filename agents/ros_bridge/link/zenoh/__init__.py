@@ -1,0 +1,1 @@
+"""Connection to nodes under rmw_zenoh_cpp, over a Zenoh session of its own."""

@@ -1,0 +1,1 @@
+"""Pure functions between messages of ROS 2 and data of the graph, one module a concept."""

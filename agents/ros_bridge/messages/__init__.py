@@ -1,0 +1,1 @@
+"""ROS 2 messages: their definitions, names, hashes, and their encoding as CDR."""

@@ -1,0 +1,205 @@
+"""An arm that ROS controls, as a driver: FollowJointTrajectory, GripperCommand and JointState."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from agents.drivers import ArmState
+from agents.ros_bridge.errors import RosLinkError, RosMessageError, RosTimeoutError
+from agents.ros_bridge.link.actions import ABORTED, ActionClient, ActionGoal, ActionOutcome
+from agents.ros_bridge.link.link import Qos
+from agents.ros_bridge.mapping.joints import JOINT_STATE, JointTable, read_joints
+from agents.ros_bridge.mapping.stamps import to_duration
+from agents.ros_bridge.services.device import RosDevice
+from agents.ros_bridge.services.lane import Lane
+from dsr.errors import ConfigError
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+
+FOLLOW = "control_msgs/action/FollowJointTrajectory"
+GRIP = "control_msgs/action/GripperCommand"
+_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+_POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
+_ALL_GOALS = bytes(16)
+"""A goal id of zeros: to cancel it ends all goals of the server"""
+_ANSWER_WITHIN = 2.0
+"""s that a controller may take to accept or cancel a goal"""
+_LOOK = 0.5
+"""s after which a lane that waits for the end of a goal looks for a newer command"""
+_SHORTEST = 0.1
+"""s of a motion to one place: controllers refuse points of now"""
+_MOST_SAMPLES = 100
+"""JointStates that wait for a tick"""
+
+
+class RosArm(RosDevice):
+    """An `ArmDriver`. `stop` cancels all goals of the controller, and has it hold the present position.
+
+    Args:
+        bus: not used; drivers are made with it.
+        keys: not used either.
+        joints: names of the arm's joints, as in its URDF and its controller.
+        trajectory: FollowJointTrajectory action of the controller.
+        states: topic of JointState.
+        speed: rad/s of the fastest joint in `move_joints` at speed 1.
+        gripper: GripperCommand action; empty for an arm without a gripper.
+        gripper_joint: name of the joint that tells how far the gripper is open.
+        gripper_closed: position of this joint, and in commands, with nothing between the pads.
+        gripper_open: position of this joint, and in commands, at `stroke`.
+        stroke: m between the pads at `gripper_open`.
+        effort: N, greatest force of the gripper; 0 leaves it to the controller.
+        link: how ROS is reached, see `LinkConfig`.
+        restamp: take the time of arrival for the stamps of ROS.
+
+    Raises:
+        ConfigError: for options that fit no arm.
+    """
+
+    def __init__(
+        self, bus: Transport, keys: Keys, *, joints: Sequence[str],
+        trajectory: str = "/joint_trajectory_controller/follow_joint_trajectory",
+        states: str = "/joint_states", speed: float = 1.0, gripper: str = "", gripper_joint: str = "",
+        gripper_closed: float = 0.0, gripper_open: float = 0.085, stroke: float = 0.085, effort: float = 0.0,
+        link: Mapping[str, Any] | None = None, restamp: bool = False,
+    ) -> None:  # fmt: skip
+        if not joints or speed <= 0.0 or stroke <= 0.0 or gripper_open == gripper_closed:
+            raise ConfigError(
+                "an arm in ROS needs the names of its `joints`, `speed` and `stroke` above 0, "
+                "and positions `gripper_open` and `gripper_closed` that differ"
+            )
+        super().__init__("/dsr_arm", link or {}, restamp)
+        self._names = tuple(joints)
+        self._speed, self._effort = speed, effort
+        self._gripper_joint, self._stroke = gripper_joint, stroke
+        self._closed_at, self._open_at = gripper_closed, gripper_open
+        self._inbox = self.inbox(states, JOINT_STATE, _MOST_SAMPLES, Qos(reliable=False, depth=10))
+        self._table = JointTable()
+        self._state: ArmState | None = None
+        self._stalled = False
+        self._lock = threading.Lock()
+        self._motions = 0
+        """Commands to the arm so far: a goal that is accepted after a later one began is cancelled"""
+        self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
+        self._grip = ActionClient(self.link, self.types, gripper, GRIP) if gripper else None
+        self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
+
+    # ---- state
+
+    def state(self) -> ArmState | None:
+        """The newest sample, or None before the first of all joints."""
+        arrived = None
+        for message in self._inbox.take():
+            try:
+                self._table.add(sample := read_joints(self.types.decode(JOINT_STATE, message.cdr)))
+                arrived = sample.stamp, message.at
+            except RosMessageError as error:
+                self.tally.tell("malformed", self._inbox.topic.name, f"a JointState was dropped: {error}")
+        if arrived is not None and all(name in self._table for name in self._names):
+            stamp = self.stamp(max(self._table.stamp, arrived[0]), arrived[1])
+            self._state = self._state if stamp is None else self._sample(stamp)
+        return self._state
+
+    def _sample(self, stamp: float) -> ArmState:
+        values = [self._table[name] for name in self._names]
+        return ArmState(
+            stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
+            self._opening(), self._stalled,
+        )  # fmt: skip
+
+    def _opening(self) -> float:
+        if self._gripper_joint not in self._table:
+            return self._stroke
+        share = (self._table[self._gripper_joint][0] - self._closed_at) / (self._open_at - self._closed_at)
+        return min(max(share, 0.0), 1.0) * self._stroke
+
+    # ---- commands
+
+    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
+        """Go to joint `positions` (rad) at `speed` (0 to 1 of the option `speed`)."""
+        now = self._state.positions if self._state is not None else positions
+        way = max((abs(a - b) for a, b in zip(positions, now, strict=True)), default=0.0)
+        self.follow((max(way / (self._speed * max(speed, 1e-3)), _SHORTEST),), (positions,))
+
+    def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
+        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""
+        points = [(time, row) for time, row in zip(times, positions, strict=True) if time > 0.0]
+        if not points:
+            points = [(_SHORTEST, positions[-1])]
+        with self._lock:
+            self._motions += 1
+            motion = self._motions
+        self._arm_lane.do(lambda: self._send(points, motion))
+
+    def move_gripper(self, opening: float) -> None:
+        """Open or close to `opening` m between the pads."""
+        grip = self._grip
+        if grip is None:
+            self.tally.tell("no gripper", "", "this arm has no gripper action: set the option `gripper`")
+            return
+        share = min(max(opening / self._stroke, 0.0), 1.0)
+        position = self._closed_at + share * (self._open_at - self._closed_at)
+        self._stalled = False
+        self._grip_lane.do(lambda: self._squeeze(grip, position))
+
+    def stop(self) -> None:
+        """Hold the present position at once: cancel all goals of the controller, then command where it is."""
+        with self._lock:
+            self._motions += 1
+        self._stop_lane.do(self._cancel_and_hold)
+
+    def close(self) -> None:
+        """Stop, and leave ROS."""
+        for lane in (self._arm_lane, self._grip_lane, self._stop_lane):
+            lane.close(_ANSWER_WITHIN)
+        self._follow.close()
+        if self._grip is not None:
+            self._grip.close()
+        super().close()
+
+    # ---- in the lanes' threads
+
+    def _send(self, points: Sequence[tuple[float, Sequence[float]]], motion: int) -> None:
+        if motion != self._motions:
+            return
+        new = self.types.new
+        rows = [
+            new(_POINT, positions=tuple(map(float, row)), time_from_start=to_duration(self.types, time))
+            for time, row in points
+        ]
+        trajectory = new(_TRAJECTORY, joint_names=list(self._names), points=rows)
+        goal = self._follow.send(new(f"{FOLLOW}_Goal", trajectory=trajectory), _ANSWER_WITHIN)
+        if motion != self._motions:
+            goal.cancel(_ANSWER_WITHIN)
+            return
+        outcome = self._outcome(goal, lambda: self._arm_lane.superseded or motion != self._motions)
+        if outcome is not None and (outcome.status == ABORTED or outcome.result.error_code):
+            why = outcome.result.error_string or f"error {outcome.result.error_code}"
+            self.tally.tell("motions given up", why, f"the controller gave a motion up: {why}")
+
+    def _squeeze(self, grip: ActionClient, position: float) -> None:
+        command = self.types.new("control_msgs/msg/GripperCommand", position=position, max_effort=self._effort)
+        goal = grip.send(self.types.new(f"{GRIP}_Goal", command=command), _ANSWER_WITHIN)
+        outcome = self._outcome(goal, lambda: self._grip_lane.superseded)
+        if outcome is not None:
+            self._stalled = bool(outcome.result.stalled and not outcome.result.reached_goal)
+
+    def _cancel_and_hold(self) -> None:
+        try:
+            self._follow.cancel(_ALL_GOALS, _ANSWER_WITHIN)
+        except RosLinkError as error:
+            self.tally.tell("not stopped", "", f"the controller did not answer to a cancel: {error}")
+        state = self._state
+        if state is not None:
+            self._arm_lane.do(lambda motion=self._motions: self._send([(_SHORTEST, state.positions)], motion))  # type: ignore[misc]
+
+    @staticmethod
+    def _outcome(goal: ActionGoal, is_over: Callable[[], bool]) -> ActionOutcome | None:
+        """How a goal ended; None if something newer is to be done before."""
+        while not is_over():
+            try:
+                return goal.outcome(_LOOK)
+            except RosTimeoutError:
+                continue
+        return None

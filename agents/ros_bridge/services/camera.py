@@ -1,0 +1,40 @@
+"""A camera that speaks ROS, as a driver: colour, aligned depth and intrinsics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from agents.ros_bridge.bridge.camera_source import CameraSource
+from agents.ros_bridge.bridge.config import RosCameraTopics
+from agents.ros_bridge.services.device import RosDevice
+from dsr.images.blobs import Frame
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+
+
+class RosCamera(RosDevice):
+    """A `CameraDriver`.
+
+    Args:
+        bus: not used; drivers are made with it.
+        keys: not used either.
+        name: of the camera, from which its node in ROS is named.
+        color: topic of colour, see `RosCameraTopics`.
+        depth: topic of depth.
+        info: topic of CameraInfo.
+        link: how ROS is reached, see `LinkConfig`.
+        restamp: take the time of arrival for the stamps of ROS.
+    """
+
+    def __init__(
+        self, bus: Transport, keys: Keys, name: str = "camera", *, color: str = "", depth: str = "", info: str = "",
+        link: Mapping[str, Any] | None = None, restamp: bool = False,
+    ) -> None:  # fmt: skip
+        topics = RosCameraTopics(color, depth, info)
+        super().__init__(f"/dsr_camera_{''.join(c if c.isalnum() else '_' for c in name)}", link or {}, restamp)
+        self._source = CameraSource(topics, self.inbox, self.types, self.stamp, self.tally)
+
+    def frame(self) -> Frame | None:
+        """The newest frame if it was not returned before, else None."""
+        return self._source.frame()

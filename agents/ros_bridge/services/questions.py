@@ -1,0 +1,144 @@
+"""Services that answer questions to the memory: transform, objects, what if, mission.
+
+They are called from threads of the link; the memory may be read and written from any thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.errors import RosMessageError
+from agents.ros_bridge.mapping.names import BELIEF
+from agents.ros_bridge.mapping.stamps import to_header, to_seconds
+from agents.ros_bridge.mapping.transforms import to_pose_with_covariance
+from dsr.errors import DsrError, GoalError
+from dsr.frames.tree import BELIEVED, WORLD
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.intentions import add_intention, nobody_pursues
+from dsr.vocabulary.relations import SURFACES, THINGS, is_present, nodes_by_name
+from dsr.vocabulary.what_if import MAX_SECONDS, Question, WhatIf
+
+TRIGGER, ASK, TRANSFORM = "std_srvs/srv/Trigger", "dsr_msgs/srv/Ask", "dsr_msgs/srv/Transform"
+_STAMPED = "geometry_msgs/msg/PoseWithCovarianceStamped"
+_LONGEST = 1 << 20
+"""Characters of a question, as of a text in the graph"""
+_questions = msgspec.json.Decoder(Question)
+
+
+class Questions:
+    """Serves `objects`, `transform`, `what_if` and `mission` below a namespace.
+
+    Args:
+        core: of the bridge.
+        namespace: for example `/dsr`.
+        bus: for what-if questions.
+        keys: of the graph.
+    """
+
+    def __init__(self, core: BridgeCore, namespace: str, bus: Transport, keys: Keys) -> None:
+        self._core = core
+        self._what_if = WhatIf(bus, keys, core.clock)
+        wanted: tuple[tuple[str, str, Callable[[Any], dict[str, Any]]], ...] = (
+            ("objects", TRIGGER, self._objects),
+            ("transform", TRANSFORM, self._transform),
+            ("what_if", ASK, self._supposed),
+            ("mission", ASK, self._mission),
+        )
+        self._served = [
+            core.link.serve(f"{namespace}/{name}", type, self._answer(type, name, answer))
+            for name, type, answer in wanted
+        ]
+
+    def close(self) -> None:
+        """Answer no more."""
+        for served in self._served:
+            served.close()
+
+    def _answer(self, type: str, name: str, answer: Callable[[Any], dict[str, Any]]) -> Callable[[bytes], bytes]:
+        """From request to response in CDR; a question that cannot be answered gets the reason."""
+        types, text = self._core.types, "answer" if type == ASK else "message"
+
+        def respond(request: bytes) -> bytes:
+            self._core.tally.count(f"asked {name}")
+            try:
+                values = answer(types.decode(f"{type}_Request", request))
+            except (DsrError, ValueError) as error:
+                values = {"success": False, text: str(error)}
+            return types.encode(f"{type}_Response", types.new(f"{type}_Response", **values))
+
+        return respond
+
+    def _objects(self, _: Any) -> dict[str, Any]:
+        """All present things and surfaces as JSON: where they are believed to be, and what they rest on."""
+        nodes = nodes_by_name(self._core.memory, (*THINGS, *SURFACES))
+        found = [self._described(node) for node in nodes if is_present(node)]
+        return {"success": True, "message": msgspec.json.encode(found).decode()}
+
+    def _described(self, node: Node) -> dict[str, Any]:
+        memory = self._core.memory
+        pose = memory.get_transform(WORLD, node.name, types=BELIEVED)
+        return {
+            "name": node.name,
+            "type": node.type,
+            "frame": self._core.names.frame(node.name),
+            "position": None if pose is None else pose.t,
+            "rotation": None if pose is None else pose.q,
+            "size": node.get("size"),
+            "perceived": bool(node.get("perceived", False)),
+            "on": sorted(edge.dst for edge in memory.edges("on", src=node.name)),
+        }
+
+    def _transform(self, request: Any) -> dict[str, Any]:
+        core = self._core
+        believed = any(name.lstrip("/").startswith(BELIEF) for name in (request.target, request.source))
+        target, source = (core.names.node(_plain(name)) for name in (request.target, request.source))
+        told = to_seconds(request.stamp)
+        at = core.times.to_graph(told) if told else None
+        pose = core.memory.transform(target, source, at=at, types=BELIEVED if believed else ("RT",))
+        stamp = core.times.to_ros(pose.stamp) if pose.stamp else 0.0
+        return {"success": True, "message": "", "pose": self._stamped(request.target, stamp, pose)}
+
+    def _stamped(self, frame: str, stamp: float, pose: Pose) -> Any:
+        types = self._core.types
+        return types.new(_STAMPED, header=to_header(types, stamp, frame), pose=to_pose_with_covariance(types, pose))
+
+    def _supposed(self, request: Any) -> dict[str, Any]:
+        try:
+            question = _questions.decode(_text(request.question))
+        except msgspec.DecodeError as error:
+            example = '{"seconds": 1.0, "changes": [{"object": "cube_3", "action": "remove"}]}'
+            raise RosMessageError(f"no what-if question: {error}; expected JSON such as {example}") from error
+        if not 0.0 <= question.seconds <= MAX_SECONDS:
+            raise RosMessageError(f"seconds {question.seconds}: expected 0 to {MAX_SECONDS:g}")
+        answer = self._what_if.ask_and_wait(question)
+        return {"success": True, "answer": msgspec.json.encode(answer).decode()}
+
+    def _mission(self, request: Any) -> dict[str, Any]:
+        memory, text = self._core.memory, _text(request.question)
+        goal = parse_goal(text)
+        unknown = [name for name in goal.things if name not in memory]
+        if unknown:
+            raise GoalError(text, text.find(unknown[0]), f"there is no {unknown[0]!r}")
+        name = add_intention(memory, text)
+        return {
+            "success": True,
+            "answer": msgspec.json.encode({"intention": name, "note": nobody_pursues(memory)}).decode(),
+        }
+
+
+def _plain(frame: str) -> str:
+    return frame.lstrip("/").removeprefix(BELIEF)
+
+
+def _text(text: str) -> str:
+    if len(text) > _LONGEST:
+        raise RosMessageError(f"a question of {len(text)} characters: expected {_LONGEST} at most")
+    return text

@@ -1,0 +1,196 @@
+"""A node of `zenoh-ros2-sdk`, an rmw_zenoh client that others wrote, as a process: JSON commands, one a line.
+
+Imports nothing of this project. Definitions and hashes of types come with the commands.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+import threading
+import time
+
+import numpy as np
+from zenoh_ros2_sdk import ROS2Publisher, ROS2ServiceClient, ROS2ServiceServer, ROS2Subscriber, ZenohSession
+
+ACCEPTING, CANCELING = 1, 3
+SUCCEEDED, CANCELED = 4, 5
+
+
+def names(message):
+    return [field.name for field in dataclasses.fields(message) if not field.name.startswith("__")]
+
+
+def plain(value):
+    if dataclasses.is_dataclass(value):
+        return {name: plain(getattr(value, name)) for name in names(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [plain(item) for item in value] if isinstance(value, list) else value
+
+
+class Commands:
+    def __init__(self, port):
+        self.session = ZenohSession.get_instance("127.0.0.1", port)
+        self.place = {"router_ip": "127.0.0.1", "router_port": port}
+        self.got, self.publishers, self.kept = {}, {}, []
+
+    def define(self, definitions):
+        for type, definition in definitions.items():
+            self.session.register_message_type(definition, type)
+
+    def build(self, type, values):
+        """A message of nested lists and dictionaries."""
+        store = self.session.store
+        arguments = []
+        for name, (node, inner) in store.fielddefs[type][1]:
+            value = values[name]
+            if node == 2:
+                value = self.build(inner, value)
+            elif node in (3, 4):
+                (of, what), _ = inner
+                if of == 2:
+                    value = [self.build(what, item) for item in value]
+                elif what[0] != "string":
+                    value = np.array(value, what[0])
+            arguments.append(value)
+        return store.types[type](*arguments)
+
+    def subscribe(self, topic, type, hash, definition, qos=None):
+        got = self.got.setdefault(topic, [])
+        self.kept.append(
+            ROS2Subscriber(topic, type, lambda message: got.append(plain(message)), msg_definition=definition,
+                           type_hash=hash, qos=qos, **self.place)
+        )  # fmt: skip
+
+    def received(self, topic):
+        return self.got[topic]
+
+    def advertise(self, topic, type, hash, definition, node="talker"):
+        self.publishers[topic] = ROS2Publisher(
+            topic, type, msg_definition=definition, type_hash=hash, node_name=node, **self.place
+        )
+
+    def publish(self, topic, values, count=1, hz=0.0):
+        publisher = self.publishers[topic]
+        message = self.build(publisher.msg_type, values)
+        fields = {name: getattr(message, name) for name in names(message)}
+        for _ in range(count):
+            publisher.publish(**fields)
+            if hz:
+                time.sleep(1.0 / hz)
+
+    def call(self, name, type, hash, request, response, values, timeout=5.0):
+        client = ROS2ServiceClient(name, type, request, response, type_hash=hash, timeout=timeout, **self.place)
+        try:
+            return plain(client.call(**values))
+        finally:
+            client.close()
+
+    def serve_sums(self, name, hash):
+        """Adds two numbers."""
+
+        def answer(request):
+            return server.response_msg_class(sum=request.a + request.b)
+
+        server = ROS2ServiceServer(
+            name, "example_interfaces/srv/AddTwoInts", answer, "int64 a\nint64 b", "int64 sum", type_hash=hash,
+            **self.place,
+        )  # fmt: skip
+        self.kept.append(server)
+
+    def serve_action(self, name, type, hashes, definitions, steps, step_seconds):
+        """A server of FollowJointTrajectory that sends feedback, and takes `steps` of so long for each goal."""
+        types = {"send_goal": f"{type}_SendGoal", "get_result": f"{type}_GetResult",
+                 "cancel_goal": "action_msgs/srv/CancelGoal"}  # fmt: skip
+        goals, canceled = {}, set()
+        feedback = ROS2Publisher(
+            f"{name}/_action/feedback", f"{type}_FeedbackMessage", msg_definition=definitions["feedback"],
+            type_hash=hashes["feedback"], **self.place,
+        )  # fmt: skip
+        store = self.session.store
+
+        def zero(type):
+            values = {}
+            for field, (node, inner) in store.fielddefs[type][1]:
+                if node == 2:
+                    values[field] = zero(inner)
+                elif node == 1:
+                    values[field] = "" if inner[0] == "string" else 0
+                else:
+                    values[field] = [0] * inner[1] if node == 3 else []
+            return values
+
+        def work(id, done):
+            for _ in range(steps):
+                if id in canceled:
+                    break
+                values = zero(f"{type}_FeedbackMessage")
+                values["goal_id"]["uuid"] = list(id)
+                values["feedback"]["joint_names"] = ["joint_1"]
+                message = self.build(f"{type}_FeedbackMessage", values)
+                feedback.publish(goal_id=message.goal_id, feedback=message.feedback)
+                time.sleep(step_seconds)
+            done.set()
+
+        def serve(kind):
+            server = ROS2ServiceServer(
+                f"{name}/_action/{kind}", types[kind], None, definitions[f"{kind}_request"],
+                definitions[f"{kind}_response"], type_hash=hashes[kind], mode="queue", **self.place,
+            )  # fmt: skip
+            self.kept.append(server)
+
+            def finish(key, id):
+                goals[id].wait()
+                status = CANCELED if id in canceled else SUCCEEDED
+                text = "stopped" if id in canceled else "reached"
+                result = store.types[f"{type}_Result"](error_code=0, error_string=text)
+                server.send_response(key, server.response_msg_class(status=status, result=result))
+
+            def run():
+                while True:
+                    key, request = server.take_request()
+                    if kind == "cancel_goal":
+                        canceled.add(bytes(request.goal_info.goal_id.uuid))
+                        answer = server.response_msg_class(return_code=0, goals_canceling=[request.goal_info])
+                    elif kind == "send_goal":
+                        id = bytes(request.goal_id.uuid)
+                        accepted = bool(request.goal.trajectory.joint_names)
+                        if accepted:
+                            goals[id] = threading.Event()
+                            threading.Thread(target=work, args=(id, goals[id]), daemon=True).start()
+                        stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+                        answer = server.response_msg_class(accepted=accepted, stamp=stamp)
+                    else:
+                        id = bytes(request.goal_id.uuid)
+                        threading.Thread(target=finish, args=(key, id), daemon=True).start()
+                        continue
+                    server.send_response(key, answer)
+
+            threading.Thread(target=run, daemon=True).start()
+
+        for kind in types:
+            serve(kind)
+
+
+def say(answer):
+    sys.stdout.write(json.dumps(answer) + "\n")
+    sys.stdout.flush()
+
+
+def main():
+    commands = Commands(int(sys.argv[1]))
+    say("ready")
+    for line in sys.stdin:
+        command = json.loads(line)
+        try:
+            answer = {"ok": getattr(commands, command.pop("do"))(**command)}
+        except Exception as error:
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        say(answer)
+    commands.session.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""The memory's questions as services, asked by a node of ROS."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.mapping.stamps import to_time
+from agents.ros_bridge.mapping.transforms import read_pose_with_covariance
+from agents.ros_bridge.messages.definitions import SERVICES
+from dsr import Pose
+from dsr.files.built_in import ETC
+from dsr.vocabulary.what_if import Answer, decode_question, encode_answer
+from tests.agents.ros_bridge.robot import TYPES, Bridged, bridged
+
+ASK, TRANSFORM, TRIGGER = "dsr_msgs/srv/Ask", "dsr_msgs/srv/Transform", "std_srvs/srv/Trigger"
+CUBE = Pose((0.3, 0.1, 0.02), (0.0, 0.0, 0.6, 0.8), covariance=np.diag([4e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3]))
+
+
+@pytest.fixture
+def system() -> Iterator[Bridged]:
+    with bridged({"world_frame": "map"}) as found:
+        memory = found.memory
+        memory.add_node("world", "world")
+        memory.add_node("table", "table")
+        memory.add_node("camera", "camera")
+        memory.add_node("cube_1", "cube", size=(0.04, 0.04, 0.04), perceived=True)
+        memory.add_edge("world", "camera", "RT", pose=Pose((0.0, 0.0, 1.0)))
+        memory.add_edge("camera", "cube_1", "RT", pose=Pose((0.0, 0.0, -0.9), stamp=found.now))
+        memory.add_edge("world", "cube_1", "Virtual_RT", pose=CUBE.with_stamp(found.now))
+        memory.add_edge("cube_1", "table", "on")
+        found.run()
+        yield found
+
+
+def ask(system: Bridged, name: str, type: str, **fields: Any) -> Any:
+    request = TYPES.encode(f"{type}_Request", TYPES.new(f"{type}_Request", **fields))
+    return TYPES.decode(f"{type}_Response", system.robot.link.call(f"/dsr/{name}", type, request, 1.0))
+
+
+def test_where_are_the_objects(system: Bridged) -> None:
+    response = ask(system, "objects", TRIGGER)
+    assert response.success
+    cube, table = json.loads(response.message)
+    assert (cube["name"], cube["type"], cube["on"], cube["perceived"]) == ("cube_1", "cube", ["table"], True)
+    assert cube["position"] == [0.3, 0.1, 0.02] and table["position"] is None
+
+
+def test_where_is_a_frame_in_another_one(system: Bridged) -> None:
+    response = ask(system, "transform", TRANSFORM, target="map", source="cube_1")
+    assert response.success and response.pose.header.frame_id == "map"
+    assert read_pose_with_covariance(response.pose.pose, 0.0).t == pytest.approx((0.0, 0.0, 0.1))
+    believed = ask(system, "transform", TRANSFORM, target="/map", source="belief/cube_1")
+    found = read_pose_with_covariance(believed.pose.pose, 0.0)
+    assert found.distance(CUBE) == pytest.approx((0.0, 0.0), abs=1e-9)
+    np.testing.assert_allclose(found.covariance, CUBE.covariance, atol=1e-12)
+    began = system.memory.edge("camera", "cube_1", "RT")["pose"].stamp
+    system.memory.add_edge("camera", "cube_1", "RT", pose=Pose((0.0, 0.0, -0.8), stamp=began + 0.1))
+    system.run()
+    then = ask(system, "transform", TRANSFORM, target="map", source="cube_1", stamp=to_time(TYPES, began + 0.05))
+    assert then.pose.pose.pose.position.z == pytest.approx(0.15), "half way between two samples"
+
+
+@pytest.mark.parametrize(("target", "source"), [("map", "nowhere"), ("", "cube_1"), ("map", "table")])
+def test_a_transform_that_is_not_known_has_a_reason(system: Bridged, target: str, source: str) -> None:
+    response = ask(system, "transform", TRANSFORM, target=target, source=source)
+    assert not response.success and response.message
+
+
+def test_what_if_questions_reach_the_simulation_handler(system: Bridged, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def answer(key: str, payload: bytes) -> bytes:
+        asked.append(decode_question(payload))
+        return encode_answer(Answer(stamp=1.0, seconds=0.5, at_rest=True, poses={"cube_1": (0.0,) * 6 + (1.0,)}))
+
+    def wait(event: threading.Event, timeout: float) -> bool:
+        """In lockstep nobody delivers while somebody waits."""
+        for _ in range(3):
+            system.lockstep.network.deliver()
+        return event.is_set()
+
+    system.lockstep.bus.serve(system.lockstep.keys.service("what_if"), answer)
+    monkeypatch.setattr(system.clock, "wait", wait)
+    question = '{"seconds": 0.5, "changes": [{"object": "cube_1", "action": "remove"}]}'
+    response = ask(system, "what_if", ASK, question=question)
+    assert asked[0].changes[0].action == "remove"
+    assert response.success, response.answer
+    assert json.loads(response.answer)["at_rest"] is True
+
+
+@pytest.mark.parametrize("question", ["", "{", "[]", '{"seconds": -1}', '{"seconds": 99}', "x" * 2_000_000])
+def test_a_malformed_what_if_question_has_a_reason(system: Bridged, question: str) -> None:
+    response = ask(system, "what_if", ASK, question=question)
+    assert not response.success and 0 < len(response.answer) < 1000
+
+
+def test_a_goal_becomes_an_intention(system: Bridged) -> None:
+    response = ask(system, "mission", ASK, question="on(cube_1,table)")
+    told = json.loads(response.answer)
+    assert response.success and "no agent 'planner' runs" in told["note"]
+    system.run()
+    assert system.memory.node(told["intention"])["goal"] == "on(cube_1,table)"
+    wrong = ask(system, "mission", ASK, question="on(cube_1,nowhere)")
+    assert not wrong.success and "there is no 'nowhere'" in wrong.answer
+    assert not ask(system, "mission", ASK, question="fly(cube_1)").success
+
+
+@settings(max_examples=50)
+@given(st.binary(max_size=100))
+def test_any_bytes_get_an_answer_or_are_refused(request: bytes) -> None:
+    with bridged() as system:
+        for name, type in (("transform", TRANSFORM), ("mission", ASK), ("what_if", ASK), ("objects", TRIGGER)):
+            try:
+                cdr = system.robot.link.call(f"/dsr/{name}", type, request, 1.0)
+            except RosLinkError:
+                continue
+            TYPES.decode(f"{type}_Response", cdr)
+        assert not system.memory.nodes("intention") or b"(" in request
+
+
+@pytest.mark.parametrize("name", [name for name in SERVICES if name.startswith("dsr_msgs/")])
+def test_our_definitions_are_those_that_users_build(name: str) -> None:
+    package, _, type = name.split("/")
+    folder = ETC / "ros" / package
+    text = (folder / "srv" / f"{type}.srv").read_text(encoding="utf-8")
+    plain = re.sub(r"[ \t]*#.*", "", text)
+    parts = tuple("; ".join(filter(None, part.splitlines())) for part in plain.split("---"))
+    assert parts == SERVICES[name]
+    assert f'"srv/{type}.srv"' in (folder / "CMakeLists.txt").read_text(encoding="utf-8")

@@ -1,0 +1,123 @@
+"""The link over DDS, between two nodes of one process (`tests/ros` has the tests against real ROS)."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from agents.ros_bridge.errors import RosLinkError, RosMessageError
+from agents.ros_bridge.link.dds.dds_link import DdsLink
+from agents.ros_bridge.link.link import LinkConfig, Qos, Received, Topic
+from agents.ros_bridge.link.opening import open_link
+from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
+from tests.agents.ros_bridge.samples import TYPES, image, samples
+from tests.agents.ros_bridge.told import eventually
+
+STRING, TF, IMAGE = "std_msgs/msg/String", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Image"
+Connect = Callable[..., DdsLink]
+
+
+@pytest.fixture
+def connect() -> Iterator[Connect]:
+    domain, opened = 20 + secrets.randbelow(200), []
+
+    def join(node: str, **options: Any) -> DdsLink:
+        link = open_link(LinkConfig(transport="dds", **{"domain": domain, **options}), node)
+        assert isinstance(link, DdsLink)
+        opened.append(link)
+        return link
+
+    yield join
+    for link in opened:
+        link.close()
+
+
+def text(data: str) -> bytes:
+    return TYPES.encode(STRING, TYPES.new(STRING, data=data))
+
+
+def test_messages_arrive_whole_with_time_and_writer(connect: Connect) -> None:
+    got: dict[str, list[Received]] = {name: [] for name in samples() if "/msg/" in name}
+    talker, listener = connect("/talker"), connect("/listener")
+    for number, (name, heard) in enumerate(got.items()):
+        subscription = listener.subscribe(Topic(f"/t{number}", name), heard.append)
+        publisher = talker.publisher(Topic(f"/t{number}", name))
+        eventually(lambda: publisher.subscribers() and subscription.publishers())  # noqa: B023 - called at once
+        sent = TYPES.encode(name, samples()[name])
+        publisher.send(sent)
+        (message,) = eventually(lambda: heard)  # noqa: B023
+        assert bytes(message.cdr).rstrip(b"\0") == sent.rstrip(b"\0"), name
+        assert message.writer == publisher.writer and message.sent is not None
+
+
+def test_a_large_image_arrives(connect: Connect) -> None:
+    got: list[Received] = []
+    subscription = connect("/viewer").subscribe(Topic("/image", IMAGE, Qos(depth=1)), got.append)
+    publisher = connect("/camera").publisher(Topic("/image", IMAGE, Qos(depth=1)))
+    eventually(lambda: publisher.subscribers() and subscription.publishers())
+    sent = TYPES.encode(IMAGE, image(7))
+    publisher.send(sent)
+    (message,) = eventually(lambda: got)
+    assert message.cdr == sent
+
+
+def test_late_subscribers_get_what_is_latched(connect: Connect) -> None:
+    latched = Topic("/tf_static", TF, Qos(transient_local=True, depth=1))
+    transform = StampedTransform(1, 2, "base", "camera", (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+    connect("/publisher").publisher(latched).send(encode_transforms([transform]))
+    got: list[Received] = []
+    connect("/late").subscribe(latched, got.append)
+    (message,) = eventually(lambda: got)
+    assert decode_transforms(message.cdr) == [transform]
+
+
+def test_a_link_does_not_hear_itself(connect: Connect) -> None:
+    link, mine, others = connect("/one"), [], []
+    link.subscribe(Topic("/x", STRING), mine.append)
+    publisher = link.publisher(Topic("/x", STRING))
+    subscription = connect("/two").subscribe(Topic("/x", STRING), others.append)
+    eventually(lambda: publisher.subscribers() == 1 and subscription.publishers())
+    publisher.send(text("hello"))
+    eventually(lambda: others)
+    assert mine == []
+
+
+def test_endpoints_have_nodes_types_and_hashes(connect: Connect) -> None:
+    link, other = connect("/bridge"), connect("/arm/driver")
+    assert any("nobody is visible on this machine" in one for one in link.problems()) or other
+    publisher = other.publisher(Topic("/x", STRING, Qos(reliable=False, transient_local=True)))
+
+    def found() -> Any:
+        return [one for one in link.endpoints() if one.topic.name == "/x" and one.node and one.gid == publisher.writer]
+
+    (seen,) = eventually(found)
+    assert (seen.kind, seen.node, seen.type_hash) == ("publisher", "/arm/driver", TYPES.hash(STRING))
+    assert not seen.topic.qos.reliable and seen.topic.qos.transient_local and not seen.mine
+    link.subscribe(Topic("/x", STRING), lambda _: None)
+    assert eventually(lambda: [one for one in link.problems() if "best effort is offered, reliable is asked" in one])
+    publisher.close()
+    eventually(lambda: not found())
+
+
+def test_what_it_cannot_do_is_said(connect: Connect) -> None:
+    link = connect("/bridge")
+    for ask in (
+        lambda: link.serve("/x", "std_srvs/srv/Trigger", lambda request: request),
+        lambda: link.call("/x", "std_srvs/srv/Trigger", b"", 1.0),
+    ):
+        with pytest.raises(RosLinkError, match="rmw_zenoh only"):
+            ask()
+    with pytest.raises(RosMessageError):
+        link.publisher(Topic("/x", "std_msgs/msg/Strng"))
+    with pytest.raises(RosLinkError, match="domain 300: expected 0 to 232"):
+        connect("/far", domain=300)
+    with pytest.raises(RosLinkError, match="with another reach"):
+        connect("/far", beyond_loopback=True)
+    link.close()
+    link.close()
+    with pytest.raises(RosLinkError, match="closed"):
+        link.subscribe(Topic("/x", STRING), lambda _: None)
+    assert link.endpoints() == []
