@@ -33,6 +33,7 @@ from dsr.cli.common import (
     print_json,
     shown,
 )
+from dsr.config.plugins import EXPORTERS, load
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
@@ -177,27 +178,60 @@ def export(
         float, typer.Option("--from", min=0.0, metavar="S", help="Since the first message; begins with what is known.")
     ] = 0.0,
     until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Until then, likewise.")] = None,
+    ros2: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mcap", help="Write a bag for rosbag2, RViz, Foxglove; or a folder with metadata."),
+    ] = None,
+    topics: Annotated[
+        list[str] | None,
+        typer.Option("--topic", metavar="TOPIC", help="With --ros2: only this topic, or those like '/dsr/*'."),
+    ] = None,
+    raw_images: Annotated[
+        bool, typer.Option("--raw-images", help="With --ros2: colour as plain images, not compressed as recorded.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a recording as tables for spreadsheets, pandas and the like: a row for each sample, a header, units.
+    """Write a recording as tables for spreadsheets and pandas (--csv), or as a bag for tools of ROS 2 (--ros2).
 
-    README.txt in the folder tells what each table and column is. Units are in the columns' names (SI). Options --node
-    and --table may be repeated. A truncated recording is exported up to the cut. Images are not exported.
+    Tables have a row for each sample, and a header with units (SI). README.txt in
+    the folder tells what each table and column is. Tables have no images.
+
+    A bag has frames (/tf, /tf_static), joints, images, camera infos, markers and
+    detections of what is believed, diagnostics and events. It needs the extra `ros`.
+
+    Options --node, --table and --topic may be repeated. A truncated recording is
+    exported up to the cut. If the export is interrupted, nothing is left behind.
 
     Example: dsr record export recording.mcap --csv tables --node "cube_*" --table poses --from 10 --until 20
+
+    Example: dsr record export recording.mcap --ros2 run.mcap --topic /tf --topic /tf_static
     """
-    if csv is None:
-        raise ConfigError("to what? Give a folder: --csv FOLDER")
+    target = csv or ros2
+    if target is None or (csv is not None and ros2 is not None):
+        raise ConfigError("to what? Give either a folder for tables, --csv FOLDER, or a bag: --ros2 FILE.mcap")
+    if csv is not None and (topics or raw_images):
+        raise ConfigError("--topic and --raw-images go with --ros2")
+    if ros2 is not None and tables:
+        raise ConfigError("--table goes with --csv; choose topics: --topic")
     wanted = ExportSelection(nodes or (), tables or (), begin, math.inf if until is None else until)
+    to_bag = load(EXPORTERS, "ros2") if ros2 is not None else None
     source = ReplayedGraph(recording)
     for problem in source.problems:
         errors.print(f"[yellow]{shown(problem)}; exported until there: {source.duration:.1f} s[/]", soft_wrap=True)
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task("exporting", total=None)
-        exported = export_csv(
-            source, csv, wanted, lambda time, end: progress.update(task, completed=time - begin, total=end - begin)
-        )
-    _tell_exported(exported, csv, as_json)
+
+        def advance(time: float, end: float) -> None:
+            progress.update(task, completed=time - begin, total=end - begin)
+
+        if to_bag is None:
+            exported = export_csv(source, target, wanted, advance)
+        else:
+            bag = to_bag(source, target, wanted, topics or (), raw_images=raw_images, on_progress=advance)
+    if to_bag is None:
+        _tell_exported(exported, target, as_json)
+    else:
+        _tell_bag(bag, target, as_json)
 
 
 def _tell_exported(exported: Exported, folder: Path, as_json: bool) -> None:
@@ -208,3 +242,14 @@ def _tell_exported(exported: Exported, folder: Path, as_json: bool) -> None:
         console.print(shown(f"{folder}/{name}.csv  {rows} rows"), soft_wrap=True)
     if exported.malformed:
         errors.print(f"[yellow]{exported.malformed} messages that make no sense were left out[/]")
+
+
+def _tell_bag(bag: Any, path: Path, as_json: bool) -> None:
+    if as_json:
+        print_json(bag._asdict() | {"path": str(path)})
+        return
+    for topic, count in bag.messages.items():
+        console.print(shown(f"{path}  {topic}  {count} messages"), soft_wrap=True)
+    if bag.malformed:
+        why = f": {bag.told[0]}" if bag.told else ""
+        errors.print(f"[yellow]{bag.malformed} messages were left out{shown(why)}[/]", soft_wrap=True)

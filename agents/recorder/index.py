@@ -49,6 +49,9 @@ class RecordingIndex:
         RecordingError: if there is no recording, or nothing in it.
     """
 
+    settings_of = ""
+    """The agent whose settings say how the recording is read; none"""
+
     def __init__(self, path: Path | str) -> None:
         self.path = path = Path(path)
         """Of the file or folder."""
@@ -73,6 +76,15 @@ class RecordingIndex:
     def duration(self) -> float:
         """Seconds from the first message to the last"""
         return self.end - self.begin
+
+    @property
+    def notes(self) -> list[str]:
+        """How the recording is understood; nothing is to be said."""
+        return []
+
+    def findings(self) -> list[str]:
+        """What made no sense is counted by who reads it."""
+        return []
 
     def read_for(self, time: float) -> Iterator[TimedRecord]:
         """Read all that is needed to know the graph at `time` (s since the first message), and everything after it."""

@@ -12,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, cast
 
+import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, Header, Message, Metadata
+from mcap.records import Channel, Chunk, Header, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
@@ -46,6 +47,15 @@ class RecordedMessage(NamedTuple):
     topic: str
     """The key without the graph's root, such as `d/arm_controller-5f0c12aa`."""
     payload: bytes
+
+
+class RecordedSchema(NamedTuple):
+    """What a file says of the messages of a topic."""
+
+    name: str
+    encoding: str
+    """Of the description: `text`, or `ros2msg` in bags of ROS 2"""
+    data: bytes
 
 
 class RecordingWriter:
@@ -126,12 +136,17 @@ class FilePiece(NamedTuple):
 class RecordingFile:
     """Reads one MCAP file from its beginning; iterate over it once, then look at the findings.
 
+    Args:
+        path: of the file.
+        profile: of its messages; by default that of our recordings.
+
     Raises:
-        RecordingError: if the file cannot be read or is no recording of ours.
+        RecordingError: if the file cannot be read or has another profile.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, profile: str = PROFILE) -> None:
         self.path = path
+        self._profile = profile
         self.complete = False
         """Whether reading came to the proper end of the file."""
         self.problems: list[str] = []
@@ -139,7 +154,10 @@ class RecordingFile:
         self.metadata: dict[str, str] = {}
         self.read_bytes = 0
         """How far reading came."""
+        self.schemas: dict[str, RecordedSchema] = {}
+        """Of the messages read until now, by topic"""
         self._topics: dict[int, str] = {}
+        self._kinds: dict[int, RecordedSchema] = {}
         try:
             self.size = path.stat().st_size
             with path.open("rb") as file:
@@ -183,25 +201,36 @@ class RecordingFile:
         for record in reader.records:
             if isinstance(record, Chunk):
                 yield FilePiece(begun, list(self._unpack(record, source.position)), len(record.data))
-            elif isinstance(record, Header) and record.profile != PROFILE:
-                raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, expected {PROFILE!r}")
+            elif isinstance(record, Header) and record.profile != self._profile:
+                bag = "; `dsr replay` and `dsr record export` take bags of ROS 2" if record.profile == "ros2" else ""
+                expected = f"expected {self._profile!r}{bag}"
+                raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, {expected}")
             elif isinstance(record, Metadata) and record.name == _METADATA:
                 self.metadata = record.metadata
+            elif (message := self._noted(record)) is not None:
+                yield FilePiece(begun, [message], len(message.payload))
             begun = source.position
 
     def _unpack(self, chunk: Chunk, end: int) -> Iterator[RecordedMessage]:
         """The messages of a chunk; topics by channel are known from it and the ones before."""
-        topics = self._topics
         try:
             records = breakup_chunk(_unpacked(chunk), validate_crc=True)
         except _DAMAGE as error:
             self.problems.append(f"the part before byte {end} is damaged ({_text(error)})")
             return
-        for record in records:
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message) and record.channel_id in topics:
-                yield RecordedMessage(record.log_time / 1e9, topics[record.channel_id], record.data)
+        yield from filter(None, map(self._noted, records))
+
+    def _noted(self, record: object) -> RecordedMessage | None:
+        """The message that a record is, if its channel is known; schemas and channels are remembered."""
+        if isinstance(record, Message) and record.channel_id in self._topics:
+            return RecordedMessage(record.log_time / 1e9, self._topics[record.channel_id], record.data)
+        if isinstance(record, Schema):
+            self._kinds[record.id] = RecordedSchema(record.name, record.encoding, record.data)
+        elif isinstance(record, Channel):
+            self._topics[record.id] = record.topic
+            if record.schema_id in self._kinds:
+                self.schemas[record.topic] = self._kinds[record.schema_id]
+        return None
 
 
 def _unpacked(chunk: Chunk) -> Chunk:
@@ -212,8 +241,10 @@ def _unpacked(chunk: Chunk) -> Chunk:
         if max(told, chunk.uncompressed_size) > _LARGEST_CHUNK:
             raise McapError(f"a chunk of {max(told, chunk.uncompressed_size)} bytes; at most {_LARGEST_CHUNK}")
         data = zstandard.decompress(data, chunk.uncompressed_size)
+    elif chunk.compression == "lz4":
+        data = _from_lz4(data, chunk.uncompressed_size)
     elif chunk.compression:
-        raise McapError(f"a chunk compressed by {chunk.compression!r}; expected 'zstd'")
+        raise McapError(f"a chunk compressed by {chunk.compression!r}; expected 'zstd' or 'lz4'")
     position = count = 0
     while position < len(data):
         position += _LENGTH.size + _LENGTH.unpack_from(data, position)[1]
@@ -221,6 +252,19 @@ def _unpacked(chunk: Chunk) -> Chunk:
         if count > _MOST_RECORDS:
             raise McapError(f"a chunk of more than {_MOST_RECORDS} records")
     return replace(chunk, compression="", data=data)
+
+
+def _from_lz4(data: bytes, size: int) -> bytes:
+    """Unpack `size` bytes. Raises `McapError` if they are more than a chunk may have, or not as many."""
+    if size > _LARGEST_CHUNK:
+        raise McapError(f"a chunk of {size} bytes; at most {_LARGEST_CHUNK}")
+    try:
+        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    except (RuntimeError, ValueError, EOFError) as error:
+        raise McapError(f"a chunk that is no LZ4: {error}") from error
+    if len(unpacked) != size:
+        raise McapError(f"a chunk of {len(unpacked)} bytes; it says {size}")
+    return unpacked
 
 
 class _CutError(Exception):

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from agents.recorder.agent import ABOUT
-from agents.recorder.index import RecordingIndex
+from agents.recorder.opening import RecordingSource
 from agents.replay.beginnings import beginnings
 from agents.replay.compare import ReplayOutcome, RunComparison
 from agents.replay.feed import Feed, feeder_for
@@ -45,7 +45,7 @@ def run_anew(
     agents do exactly the same again; of a live one, they tick at slightly other moments.
 
     Args:
-        path: a file, or the folder of a run.
+        path: a file, the folder of a run, or a bag of ROS.
         agents: names of agents of the system.
         system: name or file of the system that configures them; by default that of the recording, or `tabletop`.
         seed: of the run; by default the recorded one.
@@ -60,9 +60,11 @@ def run_anew(
         ConfigError: for an unknown agent, or one that cannot be run on recorded data.
         AgentError: if an agent fails.
     """
-    reference = ReplayedGraph(path)
+    settings = dict(settings or {})
+    reference = ReplayedGraph(path, settings, system)
     index = reference.index
-    specs = _specs(index, agents, system, settings or {})
+    settings.pop(index.settings_of, None)
+    specs = _specs(index, agents, system, settings)
     feed = Feed(index, agents, [pattern for spec in specs for pattern in spec.kind.publishes])
     ordered = sorted(specs, key=lambda spec: feed.rank(spec.name))
     clock = ManualClock(index.begin)
@@ -99,7 +101,7 @@ def run_anew(
 
 
 def _specs(
-    index: RecordingIndex, agents: Collection[str], system: str | None, settings: Mapping[str, Mapping[str, object]]
+    index: RecordingSource, agents: Collection[str], system: str | None, settings: Mapping[str, Mapping[str, object]]
 ) -> list[AgentSpec]:
     """The agents, configured as they were recorded if the recording tells."""
     loaded = load_system(system or index.metadata.get("system", DEFAULT_SYSTEM))
@@ -118,7 +120,7 @@ def _specs(
     return specs
 
 
-def _recorded_configs(index: RecordingIndex) -> dict[str, dict[str, object]]:
+def _recorded_configs(index: RecordingSource) -> dict[str, dict[str, object]]:
     try:
         return msgspec.json.decode(index.metadata.get(ABOUT, "{}"), type=dict[str, dict[str, object]])
     except msgspec.DecodeError as error:
@@ -141,7 +143,7 @@ def _failures(lockstep: Lockstep, agents: Collection[str]) -> list[str]:
 
 
 def _notes(reference: ReplayedGraph, feed: Feed, agents: Collection[str]) -> list[str]:
-    notes = list(reference.problems)
+    notes = [*reference.problems, *reference.index.notes]
     unheard = [name for name in agents if feed.rank(name) == feed.rank("")]
     if unheard:
         notes.append(f"never heard in the recording: {', '.join(unheard)}")
@@ -151,4 +153,4 @@ def _notes(reference: ReplayedGraph, feed: Feed, agents: Collection[str]) -> lis
         notes.append(f"{count} changes of {writer} concern what the agents had made, and did not make anew")
     if feed.malformed:
         notes.append(f"{feed.malformed} recorded messages were malformed, and left out")
-    return notes
+    return [*notes, *reference.index.findings()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from agents.recorder.index import RecordingIndex
+from agents.recorder.opening import RecordingSource
 from dsr.crdt.hlc import physical_time
 from dsr.errors import WireError
 from dsr.network.keys import agent_of
@@ -16,7 +16,7 @@ _ROUNDING = 1e-4  # s
 _LOOKED_THROUGH = 60.0  # s of a recording in which an agent's first tick is looked for
 
 
-def beginnings(index: RecordingIndex, rates: Mapping[str, float]) -> dict[str, float]:
+def beginnings(index: RecordingSource, rates: Mapping[str, float]) -> dict[str, float]:
     """The stamps (s) of the first ticks of agents with these rates (Hz), by name.
 
     An agent that was at work when the recording began, or is never heard, begins with it. Its first write tells the

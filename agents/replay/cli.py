@@ -53,7 +53,9 @@ app = typer.Typer(
 
 @app.callback()
 def replay(
-    recording: Annotated[Path | None, typer.Argument(help="A recording.mcap, or the folder of a run.")] = None,
+    recording: Annotated[
+        Path | None, typer.Argument(help="A recording.mcap, the folder of a run, or a bag of ROS.")
+    ] = None,
     name: ReplayGraphOption = "replay",
     speed: Annotated[str, typer.Option(help="Recorded seconds a second, or max.")] = "1",
     begin: Annotated[float, typer.Option("--from", min=0.0, metavar="S", help="Where to start.")] = 0.0,
@@ -75,12 +77,14 @@ def replay(
     ] = 0.25,
     report: Annotated[bool, typer.Option("--report", help="With --agents: exit code 0 also if runs differ.")] = False,
     system: Annotated[
-        str | None, typer.Option(metavar="SYSTEM", help="With --agents: configures them; default: as recorded.")
+        str | None, typer.Option(metavar="SYSTEM", help="With --agents: configures them; of a bag, also its bridge.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="With --agents; default: as recorded.")] = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="AGENT.FIELD=VALUE", help="With --agents: configure one differently."),
+        typer.Option(
+            "--set", metavar="AGENT.FIELD=VALUE", help="With --agents: configure one differently; of a bag: ros_bridge."
+        ),
     ] = None,
     view: Annotated[
         bool, typer.Option("--view", help="Open a window; without a display: dsr view --serve -g replay.")
@@ -102,6 +106,11 @@ def replay(
         dsr replay --agents simulation_handler runs/hovering-20260101-120000
 
     A truncated recording is played up to the cut.
+
+    A bag of ROS (a rosbag2 MCAP, .db3 or folder, or a .bag of ROS 1) is played as a bridge would have written
+    it to the graph. The settings of this bridge are those of the agent ros_bridge:
+
+        dsr replay drive.mcap --set ros_bridge.world_frame=odom
     """
     if control is not None:
         _control(control, name, router, security, as_json)
@@ -111,7 +120,7 @@ def replay(
         tolerances = {"tolerance": tolerance, "turn_tolerance": turn_tolerance}
         differ = _run_anew(_named(recording), agents, grace, as_json, **options, **tolerances)
         raise typer.Exit(1 if differ and not report else 0)
-    source = open_recording(recording)
+    source = open_recording(recording, read_settings(settings or []), system)
     end = source.duration if until is None else min(until, source.duration)
     if begin > end:
         raise ConfigError(f"--from {begin:g}: expected at most {end:.1f} s, where the replay ends")
@@ -177,9 +186,17 @@ def _named(path: Path | None) -> Path:
     return path
 
 
-def open_recording(path: Path | None) -> ReplayedGraph:
-    """The recording, after telling what of it is missing. Raises `ConfigError` if none was named."""
-    source = ReplayedGraph(_named(path))
+def open_recording(path: Path | None, settings: Settings | None = None, system: str | None = None) -> ReplayedGraph:
+    """The recording, after telling how it is understood, and what of it is missing.
+
+    Raises:
+        ConfigError: if none was named, or the settings do not fit.
+    """
+    source = ReplayedGraph(_named(path), settings, system)
+    if unknown := sorted((settings or {}).keys() - {source.index.settings_of}):
+        raise ConfigError(f"--set {unknown[0]}: no such agent runs; with --agents it runs anew")
+    for note in source.index.notes:
+        console.print(shown(note), style="dim", soft_wrap=True)
     for problem in source.problems:
         errors.print(f"[yellow]{shown(problem)}; what could be read: {source.duration:.1f} s[/]", soft_wrap=True)
     return source
@@ -260,5 +277,7 @@ def _report(source: ReplayedGraph, player: Player) -> None:
     """Say what was left out."""
     if source.malformed:
         errors.print(f"[yellow]{source.malformed} changes left out: {shown(source.first_malformed)}[/]", soft_wrap=True)
+    for finding in source.index.findings():
+        errors.print(f"[yellow]{shown(finding)}[/]", soft_wrap=True)
     for reason, count in player.mirror.left_out.most_common(_SHOWN):
         errors.print(f"[yellow]left out {count} times: {shown(reason)}[/]", soft_wrap=True)

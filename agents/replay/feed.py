@@ -9,7 +9,8 @@ from typing import ClassVar
 from msgspec.structs import replace
 
 from agents.recorder.channels import SNAPSHOT
-from agents.recorder.index import RecordingIndex, TimedRecord
+from agents.recorder.index import TimedRecord
+from agents.recorder.opening import RecordingSource
 from agents.replay.traffic import unpacked
 from dsr.agent import Agent
 from dsr.crdt.context import CausalContext, Dot, DotRange
@@ -121,7 +122,7 @@ class Feed:
         publishes: patterns of topics that the agents publish on the bus.
     """
 
-    def __init__(self, index: RecordingIndex, anew: Collection[str], publishes: Collection[str] = ()) -> None:
+    def __init__(self, index: RecordingSource, anew: Collection[str], publishes: Collection[str] = ()) -> None:
         self.malformed = 0
         self.memory: Memory | None = None
         """A replica of the graph of the agents that run anew."""

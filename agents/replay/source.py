@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from agents.recorder.channels import SNAPSHOT
-from agents.recorder.index import RecordingIndex, TimedRecord
+from agents.recorder.index import TimedRecord
+from agents.recorder.opening import Settings, open_source
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError, DsrError, WireError
 from dsr.graph.watch import Change
@@ -27,14 +29,17 @@ class ReplayedGraph:
     `problems` says so; changes that make no sense are counted in `malformed` and left out.
 
     Args:
-        path: a file, or the folder of a run.
+        path: a file, the folder of a run, or a bag of ROS.
+        settings: see `open_source`.
+        system: likewise.
 
     Raises:
         RecordingError: if it is no recording, or an empty one.
+        ConfigError: for settings that do not fit.
     """
 
-    def __init__(self, path: Path | str) -> None:
-        self.index = RecordingIndex(path)
+    def __init__(self, path: Path | str, settings: Settings | None = None, system: str | None = None) -> None:
+        self.index = open_source(path, settings, system)
         self.duration = self.index.duration
         """s"""
         self.problems = self.index.problems
@@ -106,6 +111,11 @@ class ReplayedGraph:
                 on_record(record)
         self._time = max(self._time, min(time, self.duration))
         self._clock.advance_to(max(self._clock.now(), self.index.begin + self._time))
+
+    @property
+    def next_time(self) -> float:
+        """Time of the message that `next` gives, s; infinite at the end."""
+        return math.inf if self._following is None else self._following.time
 
     @property
     def ended(self) -> bool:

@@ -142,6 +142,11 @@ class RosBridge(Agent):
         if hasattr(self, "_closing"):
             self._closing.close()
 
+    @property
+    def told(self) -> list[str]:
+        """Each kind of trouble that there was, once, in words."""
+        return self._tally.told
+
     def _notify(self) -> None:
         """Something came or changed: tick at once, unless the last tick was so lately that the next one will do."""
         if self.clock.monotonic() - self._ticked >= 1.0 / self.config.most_hz:

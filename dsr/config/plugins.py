@@ -18,6 +18,11 @@ ACTION_POLICIES = "dsr.action_policies"
 CALIBRATION_METHODS = "dsr.calibration_methods"
 """Group of methods that find a camera's pose: functions of a problem and a pose to start from (agents/calibrator)."""
 
+EXPORTERS = "dsr.exporters"
+"""Group of those who write recordings in formats of others (`dsr record export`)."""
+RECORDINGS = "dsr.recordings"
+"""Group of those who read recordings of others as if they were ours (agents/replay)."""
+
 
 def provided(group: str) -> list[str]:
     """Names of all that packages provide in a group, sorted."""

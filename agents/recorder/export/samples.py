@@ -67,6 +67,11 @@ class ExportSelection:
         self._seen.update(names)
         return any(fnmatchcase(name, pattern) for pattern in self.nodes for name in names)
 
+    def check_begin(self, duration: float) -> None:
+        """Raise `ConfigError` if a recording of this duration (s) ends before the time wanted."""
+        if self.since > duration:
+            raise ConfigError(f"--from {self.since:g}: expected at most {duration:.1f} s, where the recording ends")
+
     def check_found(self) -> None:
         """Raise `ConfigError` for a node that nothing was about."""
         for pattern in self.nodes:
@@ -82,10 +87,7 @@ def rows_of(
     Raises:
         ConfigError: if the recording ends before the time wanted, or has none of the nodes wanted.
     """
-    if wanted.since > source.duration:
-        raise ConfigError(
-            f"--from {wanted.since:g}: expected at most {source.duration:.1f} s, where the recording ends"
-        )
+    wanted.check_begin(source.duration)
     end = min(wanted.until, source.duration)
     source.restart()
     source.leap(wanted.since)

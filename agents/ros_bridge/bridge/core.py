@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from agents.ros_bridge.bridge.inbox import RosInbox
@@ -29,11 +29,14 @@ class BridgeCore:
     def __init__(
         self, memory: Memory, link: RosLink, types: RosTypes, names: FrameNames, times: TimeSource, tally: Tally,
         clock: Clock, agent: str, notify: Callable[[], None],
+        wants: Callable[[Iterable[str]], bool] = lambda names: True,
     ) -> None:  # fmt: skip
         self.memory, self.link, self.types, self.names = memory, link, types, names
         self.times, self.tally, self.clock = times, tally, clock
         self.notify = notify
         """Asks for a tick soon; may be called in any thread."""
+        self.wants = wants
+        """Whether what is about nodes of these names is sent"""
         self.own: set[bytes] = set()
         """Gids of our publishers"""
         self._agent = agent

@@ -45,7 +45,7 @@ class BeliefsOut:
         found = []
         for node in sorted(present_things(self._core.memory), key=lambda node: node.name):
             pose = self._core.memory.get_transform(WORLD, node.name, types=BELIEVED)
-            if pose is not None:
+            if pose is not None and self._core.wants((node.name,)):
                 size = node.get("size")
                 found.append(Believed(node.name, node.type, pose, size, float(node.get("confidence", 1.0))))
         return found
@@ -57,7 +57,7 @@ class BeliefsOut:
         for node in nodes:
             pose = memory.get_transform(WORLD, node.name, types=BELIEVED)
             shape = self._shape(node)
-            if pose is not None and shape is not None:
+            if pose is not None and shape is not None and self._core.wants((node.name,)):
                 found.append(Drawn(node.name, pose, shape, node.get("color", GREY)))
         return found
 

@@ -22,6 +22,12 @@ _JOINTED = ("robot", "arm", "gripper", "hand", "body")
 _UNSAFE = re.compile(r"[^A-Za-z0-9_]")
 
 
+def sensor_topic(node: str) -> str:
+    """The topic below which those of a camera or another sensor are."""
+    name = _UNSAFE.sub("_", node)
+    return f"/dsr/camera_{name}" if name[0].isdigit() else f"/dsr/{name}"
+
+
 class JointsOut:
     """Publishes the joints of each arm when they change."""
 
@@ -40,6 +46,8 @@ class JointsOut:
             node = self._core.memory.get_node(change.name) if change.element == "node" else None
             positions = None if node is None else node.get("joint_positions")
             if node is None or positions is None or self._core.came_from_ros(node, "joint_positions"):
+                continue
+            if not self._core.wants((node.name,)):
                 continue
             names = [name.strip() for name in node.get("joint_names", "").split(",")]
             if len(names) != len(positions):
@@ -61,8 +69,7 @@ class _Stream:
     def __init__(self, core: BridgeCore, node: str) -> None:
         self._core = core
         self.node = node
-        base = f"/dsr/{_UNSAFE.sub('_', node)}"
-        base = base if not base[5].isdigit() else f"/dsr/camera_{base[5:]}"
+        base = sensor_topic(node)
         self._color = core.outlet(f"{base}/image_raw", IMAGE)
         self._depth = core.outlet(f"{base}/depth", IMAGE)
         self._info = core.outlet(f"{base}/camera_info", CAMERA_INFO)

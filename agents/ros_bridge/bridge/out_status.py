@@ -69,6 +69,8 @@ class EventsOut:
             entry = None if node is None else read_entry(node)
             if entry is None or self._sent.get(entry.name, math.nan) == entry.end:
                 continue
+            if not self._core.wants(entry.participants):
+                continue
             self._sent[entry.name] = entry.end
             self._outlet.send(lambda entry=entry: to_event(self._core.types, entry))  # type: ignore[misc]
 

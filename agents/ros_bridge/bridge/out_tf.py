@@ -93,7 +93,7 @@ class TfOut:
     def _is_to_be_sent(self, edge: Edge, pose: Pose) -> bool:
         """Not what came from ROS, nor a sample twice, nor one below a parent that is not the frame's in tf."""
         own_root = edge.src == WORLD and edge.dst in self._roots
-        if self._core.came_from_ros(edge, "pose") and not own_root:
+        if not self._core.wants((edge.src, edge.dst)) or (self._core.came_from_ros(edge, "pose") and not own_root):
             return False
         key = edge.type, edge.dst
         published = self._published.get(key)

@@ -25,6 +25,8 @@ class Tally:
     def __init__(self, clock: Clock, log: logging.Logger) -> None:
         self.counts: Counter[str] = Counter()
         """Numbers by what was counted, for the status"""
+        self.told: list[str] = []
+        """Each kind of trouble once, in words"""
         self._clock = clock
         self._log = log
         self._told: set[tuple[str, str]] = set()
@@ -41,6 +43,7 @@ class Tally:
         self._newest, self._until = text, self._clock.monotonic() + _SHOWN
         if (what, subject) not in self._told and len(self._told) < _MOST_KINDS:
             self._told.add((what, subject))
+            self.told.append(text)
             self._log.warning("%s (told once; then only counted)", text)
 
     @property

@@ -94,6 +94,11 @@ def to_image(types: RosTypes, stamp: float, frame: str, array: NDArray[Any]) -> 
     )  # fmt: skip
 
 
+def to_compressed(types: RosTypes, stamp: float, frame: str, data: NDArray[np.uint8], format: str) -> Any:
+    """A CompressedImage of a file's bytes; `format` is `jpeg` or `png`."""
+    return types.new(COMPRESSED, header=to_header(types, stamp, frame), format=format, data=data)
+
+
 def read_compressed_color(message: Any) -> Color:
     """(h, w, 3) RGB of a CompressedImage, JPEG or PNG. Raises `RosMessageError`."""
     array = _unpacked(_bytes(message))

@@ -131,6 +131,14 @@ class RosTypes:
             raise RosMessageError(f"{len(cdr)} bytes are no {type}: {end + _HEADER - len(cdr)} are missing")
         return message
 
+    def from_ros1(self, type: str, message: bytes) -> bytes:
+        """The CDR of a message in the encoding of ROS 1. Raises `RosMessageError` for bytes that are none."""
+        self._class(type)
+        try:
+            return bytes(self._store.ros1_to_cdr(message, type))
+        except _REFUSALS as error:
+            raise RosMessageError(f"{len(message)} bytes are no {type} of ROS 1: {error}") from error
+
     def _encode_large(self, type: str, message: Any, after: int) -> bytes:
         """Copies the data once only, which takes a third of the time for a VGA image."""
         data = np.ascontiguousarray(message.data, np.uint8).reshape(-1)
