@@ -65,12 +65,12 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Fault of the agent's clock, or of another one, in words; empty if all agree."""
     worlds: list[WorldUse] = []
     """The agent's use of each world."""
-    counts: dict[str, int] = {}
-    """What the agent counts of its own work, by name, since its start."""
     waiting: float = 0.0
     """Share of the last second in which the agent was ready to go on and its machine had no processor free."""
     overloaded: bool = False
     """Whether the agent left out ticks while it waited so: the machine has more to do than it can."""
+    counts: dict[str, int] = {}
+    """What the agent counts of its own work, by name, since its start."""
 
 
 _encoder = msgspec.msgpack.Encoder()
