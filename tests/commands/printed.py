@@ -17,6 +17,8 @@ from agents.recorder.cli import _table as recordings_table
 from agents.recorder.contents import ChannelContents, RecordingContents
 from agents.replay.compare import Disagreement, PoseDifference, ReplayOutcome, Stretch
 from agents.replay.compare import show as show_comparison
+from agents.ros_bridge.looking_cli import _table as topics_table
+from agents.ros_bridge.watching import TopicSeen
 from agents.scenario.format.scenario import load_scenario
 from agents.scenario.judge.result import Result, Verdict
 from agents.scenario.run.report import show_result
@@ -217,6 +219,13 @@ def _soak(place: Place) -> None:
     soak._races(place.folder, 1, 0, console)
 
 
+def _ros_list(_: Place) -> None:
+    topic = f"/{CUBE}/image_rectified/compressed"
+    camera = TopicSeen(topic, ["sensor_msgs/msg/CompressedImage"], [f"/{CAMERA}"], [f"/{TABLE}"], False, 1234.5, 1e9)
+    reset = TopicSeen(f"/{TABLE}/reset", ["std_srvs/srv/Trigger"], [], [], True, note=CUBE)
+    console.print(topics_table([camera, reset]))
+
+
 def _call(*arguments: str) -> Callable[[Place], Any]:
     return lambda place: place.cli(*arguments)
 
@@ -246,12 +255,13 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "calibrate": _calibrate,
     "mission": _mission,
     "bench": _bench,
+    "ros list": _ros_list,
     "soak": _soak,
 }
 """Commands by what one types after `dsr`, with how to have them print."""
 
 SENTENCES = {
     "new", "run", "stop", "logs", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
-    "record export", "security init", "security add",
+    "record export", "security init", "security add", "ros run", "ros check",
 }  # fmt: skip
 """Commands that print lines only, which the terminal breaks, or what one of `PRINTED` prints: `run`, `demo`."""

@@ -24,6 +24,7 @@ NO_DATA = {
     "security add": "writes files",
     "record": "writes a file",
     "view": "opens a window",
+    "ros run": "goes on until Ctrl-C",
 }
 """Commands that have no outcome but what they do."""
 
