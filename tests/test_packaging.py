@@ -99,6 +99,7 @@ def install(built: dict[str, Path], tmp_path: Path) -> Callable[..., Run]:
 
         def run(program: str, *arguments: str, inside: str = ".") -> subprocess.CompletedProcess[str]:
             environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+            environment["XDG_RUNTIME_DIR"] = str(empty)  # no graph of anybody else is there
             command = [str(home / "bin" / program), *arguments]
             return subprocess.run(
                 command, cwd=empty / inside, env=environment, capture_output=True, text=True, timeout=120.0, check=False
