@@ -276,7 +276,7 @@ def check_pip(words: list[str]) -> None:
 
 def check_make(words: list[str]) -> None:
     """Find the targets."""
-    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert {word for word in words if "=" not in word} <= set(targets), words
 
 
@@ -291,7 +291,7 @@ def check_ssh(words: list[str]) -> None:
 def check_ros2(words: list[str]) -> None:
     """Find the types of a call of a service, fill its request, and find the name among those that the bridge serves."""
     if words[:2] != ["service", "call"]:
-        assert words[0] == "run", words
+        assert words[0] == "run" or words[:2] in (["bag", "info"], ["bag", "play"]), words
         return
     name, type, *request = words[2:]
     fields = json.loads(request[0]) if request else {}

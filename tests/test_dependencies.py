@@ -21,6 +21,7 @@ OWN = {*SYSTEM, "benchmarks", "tests", "toy_agents"}
 DISTRIBUTIONS = {
     "collada": "pycollada",
     "cv2": "opencv-python-headless",
+    "mcap_ros2": "mcap-ros2-support",
     "rerun": "rerun-sdk",
     "zenoh": "eclipse-zenoh",
     "zmq": "pyzmq",
