@@ -27,7 +27,7 @@ DISTRIBUTIONS = {
     "zmq": "pyzmq",
 }
 """What provides a module that has another name."""
-BROUGHT = {"flatbuffers": "mediapipe"}
+BROUGHT = {"flatbuffers": "mediapipe", "ruamel": "rosbags"}
 """Modules that tests use only beside a library that cannot be without them."""
 TOOLS = {
     "dsr-memory", "mkdocs", "mkdocs-material", "mkdocstrings-python", "mypy", "pytest-timeout", "pytest-xdist", "ruff",
