@@ -21,6 +21,7 @@ _log = logging.getLogger("dsr.ros")
 _MOST_WAITING = 64
 """Requests to one service; of more, the oldest is dropped, whose client most likely has given up"""
 _PATIENCE = 2.0  # s
+_LOOK = 0.005  # s
 _TIMED_OUT = "Timeout"
 """What Zenoh says in place of a response that did not come in time"""
 
@@ -85,10 +86,20 @@ class ZenohClient:
         self._asked = 0
         self._lock = threading.Lock()
         self._session = session
+        self._querier: Any = session.declare_querier(self.key, target=zenoh.QueryTarget.ALL_COMPLETE)
         self._token = session.liveliness().declare_token(token)
 
+    def wait(self, timeout: float) -> bool:
+        """Wait until requests reach a server, of which its announcement may come first; false after `timeout` s."""
+        end, never = WALL_CLOCK.monotonic() + timeout, threading.Event()
+        while not self._querier.matching_status.matching:
+            if WALL_CLOCK.monotonic() >= end:
+                return False
+            WALL_CLOCK.wait(never, _LOOK)
+        return True
+
     def call(self, request: bytes, timeout: float) -> bytes:
-        """Ask, and wait for the first response; errors as of `RosLink.call`."""
+        """Ask once, and wait for the first response; errors as of `RosLink.call`."""
         with self._lock:
             self._asked += 1
             number = self._asked
@@ -111,6 +122,7 @@ class ZenohClient:
     def close(self) -> None:
         """Take it back; harmless when repeated."""
         undeclare(self._token)
+        undeclare(self._querier)
 
 
 def _nanoseconds() -> int:

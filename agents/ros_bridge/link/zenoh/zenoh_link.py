@@ -80,10 +80,11 @@ class ZenohLink:
             client = ZenohClient(self._session, self._entity("client", Topic(name, type, _SERVICE_QOS)))
             with self._lock:
                 client = self._clients.setdefault(name, client)
-        began = WALL_CLOCK.monotonic()
-        if not self._discovery.wait_for_service(client.key, timeout):
+        end = WALL_CLOCK.monotonic() + timeout
+        announced = self._discovery.wait_for_service(client.key, timeout)
+        if not announced or not client.wait(end - WALL_CLOCK.monotonic()):
             raise RosTimeoutError(f"nobody serves {name} ({type}) within {timeout:g} s")
-        return client.call(request, max(timeout - (WALL_CLOCK.monotonic() - began), 0.001))
+        return client.call(request, max(end - WALL_CLOCK.monotonic(), 0.001))
 
     def problems(self) -> list[str]:
         """Sentences that tell why messages may not arrive; empty if all is well."""
