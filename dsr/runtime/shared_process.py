@@ -83,7 +83,10 @@ class SharedProcess:
         try:
             return exit_code(lambda: self._run_agent(order, stop))
         except SystemExit as end:
-            return end.code if isinstance(end.code, int) else EXIT_FAILED if end.code else 0
+            if end.code is None or isinstance(end.code, int):
+                return end.code or 0
+            _log.error("%s", end.code)  # as Python does where it ends the process
+            return EXIT_FAILED
         except BaseException:  # it would end a process of its own, with this text
             _log.exception("agent %s has ended", order.name)
             return EXIT_FAILED

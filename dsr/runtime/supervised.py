@@ -46,6 +46,11 @@ class Supervised:
         return self._launched.logs[0]
 
     @property
+    def runs(self) -> bool:
+        """Whether it was started and is not known to have ended."""
+        return self._runs
+
+    @property
     def pid(self) -> int | None:
         """Id of the process that it runs in; None while it does not run."""
         return self._launched.pid if self._runs else None
