@@ -27,6 +27,8 @@ from dsr.runtime.native_output import silenced
 
 SHARED = "shared"
 """Process of the agents that may share one, where the system file names none."""
+RUN = "run"
+"""No agent and no process has this name: the log of `dsr run` itself has it."""
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
 _log = logging.getLogger("dsr.system")
@@ -70,6 +72,8 @@ class System:
 
     def _check_processes(self) -> None:
         names = {spec.name for spec in self.agents}
+        if RUN in names | self.processes().keys():
+            raise ConfigError(f"no agent and no process can be called {RUN!r}: the log of `dsr run` has that name")
         for process, specs in self.processes().items():
             if len(specs) > 1 and process in names:
                 shared = ", ".join(spec.name for spec in specs)

@@ -43,6 +43,9 @@ def test_it_goes_on_until_it_is_stopped(detached: Path) -> None:
 def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
     assert "run: first: ready" in dsr("logs", "run").stdout
     assert "no log of 'frist'" in dsr("logs", "frist").stderr
+    whole = dsr("logs", "run", "-n", "1000").stdout.splitlines()
+    for most in (1, len(whole) - 1, len(whole), len(whole) + 1, 2 * len(whole) - 1):
+        assert dsr("logs", "run", "-n", str(most)).stdout.splitlines() == whole[-most:]
     rows = [json.loads(line) for line in dsr("logs", "run", "--json").stdout.splitlines()]
     assert {"agent": "run", "text": "first: ready"} in rows
     assert {line.partition(":")[0] for line in dsr("logs", "--lines", "1").stdout.splitlines()} <= {
@@ -87,3 +90,6 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
 def test_what_no_launcher_started_is_not_stopped(memory: object) -> None:
     result = dsr("stop", "--graph", "scene")
     assert result.returncode == 2 and "no `dsr run` started graph 'scene' on this machine" in result.stderr
+    for command in ("stop", "logs"):
+        result = dsr(command, "--graph", "kitchen")
+        assert result.returncode == 2 and "no graph 'kitchen' runs on this machine; running: scene" in result.stderr

@@ -185,6 +185,10 @@ def test_what_no_system_can_mean_is_refused(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('"ann"\n[agent.config]', '"a/b"\n[agent.config]', 1))
     with pytest.raises(ConfigError, match=r"mates.toml:\d+: process name 'a/b': expected 1 to 64"):
         load_system(file)
+    for name, more in (("run", ""), ("bob", 'process = "run"')):
+        file.write_text('graph = "mates"\n' + TABLE.format(name=name, kind="toy_counter:Counter", more=more))
+        with pytest.raises(ConfigError, match="no agent and no process can be called 'run'"):
+            load_system(file)
 
 
 def test_an_agent_shares_by_its_class_by_the_file_or_not_at_all(tmp_path: Path) -> None:
