@@ -19,7 +19,7 @@ from dsr.cli.common import RouterOption, SecurityOption, SystemsGraphOption, con
 from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
 from dsr.cli.streams import redraws
-from dsr.errors import ConfigError
+from dsr.errors import AgentError, ConfigError
 from dsr.persistence.files import read_graph
 from dsr.runtime.display import has_display
 from dsr.runtime.launcher import AgentRow, Launcher
@@ -98,7 +98,7 @@ def run(
             except KeyboardInterrupt:
                 table.live.update("")
                 raise typer.Exit(0) from None
-    raise typer.Exit(1)
+    raise AgentError(f"all agents have ended by themselves; their logs are in {place}")
 
 
 def _with_window(system: System) -> System:

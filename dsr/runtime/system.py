@@ -173,6 +173,8 @@ def load_system(name_or_path: str | Path, only: Collection[str] | None = None, *
         if table.name in {other.name for _, other in wanted[:count]}:
             raise source.error(f"two agents are called {table.name!r}", ("agent", index, "name"))
     specs = [spec for spec in read if spec is not None]
+    if only is None and not specs:
+        raise source.error("no agent is left to run" if tables.agent else "expected an agent at least", ("agent",))
     with _located(source, ()):
         return System(tables.graph, tuple(specs), folder)
 
