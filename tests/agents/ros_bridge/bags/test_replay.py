@@ -250,4 +250,3 @@ def test_without_the_extra_it_is_told_what_to_install(bag: Path, monkeypatch: py
     monkeypatch.setattr(plugins, "entry_points", Missing)
     with pytest.raises(ConfigError, match=r"pip install 'dsr-memory\[ros\]'"):
         ReplayedGraph(bag)
-
