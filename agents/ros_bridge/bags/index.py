@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -30,6 +31,8 @@ DISTRO = "jazzy"
 """Release whose definitions are used: those of the bridged messages are the same in all, and are compared"""
 _STEP = 0.02
 """s between two steps of the bridge, as live"""
+_IDLE = 5.0
+"""s without a message after which the bridge has forgotten what it forgets, and its steps are left out"""
 _SNAPSHOTS = 10.0
 """s between two snapshots that are kept to go back to"""
 _MOST_SNAPSHOTS = 500
@@ -173,8 +176,11 @@ class BagIndex:
                 self._places.append(_Place(now, bridge.memory.snapshot()))
 
         for message in self._bag.messages(self._used, begin):
-            while begin + steps * _STEP < message.time:
+            idle_from = begin + steps * _STEP + _IDLE
+            while begin + steps * _STEP < min(message.time, idle_from):
                 yield from step()
+            if message.time > idle_from:
+                steps = math.ceil((message.time - begin) / _STEP)
             if message.topic not in self._heavy or message.time >= images_from:
                 bridge.play(message)
             if self._bag.topics[message.topic].type == CAMERA_INFO:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from mcap.writer import CompressionType
 
 from agents.recorder.mcap_file import RecordingError
 from agents.recorder.opening import is_bag
+from agents.replay import ReplayedGraph
 from agents.ros_bridge.bags.reader import Bag
 from dsr.errors import ConfigError
 from tests.agents.ros_bridge.bags.made import BEGIN, COLOR, DELAY, FORMATS, TYPES, Message, drive, mcap, rosbag2
@@ -77,6 +79,32 @@ def test_a_damaged_piece_costs_only_itself(tmp_path: Path) -> None:
     assert "is damaged" in bag.problems[0]
     assert 0.9 * len(DRIVE) < len(read) < len(DRIVE)
     assert read[-1].time == pytest.approx(DRIVE[-1].time, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "format", ["mcap file, zstd", "mcap file, lz4", "mcap file without chunks", "db3 file", "ROS 1"]
+)
+def test_whatever_is_damaged_bags_are_read_or_refused(format: str, tmp_path: Path) -> None:
+    path = FORMATS[format](tmp_path, DRIVE[:120])
+    whole, random = path.read_bytes(), np.random.default_rng(7)
+    read = 0
+    for _ in range(40):
+        data = bytearray(whole)
+        for _ in range(random.integers(1, 6)):
+            at = int(random.integers(len(data)))
+            change = random.integers(3)
+            if change == 0:
+                data[at : at + 8] = random.bytes(8)
+            elif change == 1:
+                del data[at : at + int(random.integers(1, 200))]
+            else:
+                data[at:at] = random.bytes(int(random.integers(1, 100)))
+        path.write_bytes(data)
+        with contextlib.suppress(RecordingError):
+            bag = Bag(path, TYPES)
+            read += bool(sum(1 for _ in bag.messages(bag.topics)))
+            ReplayedGraph(path).at(1.0)
+    assert read or not format.startswith("mcap")
 
 
 @pytest.mark.parametrize(

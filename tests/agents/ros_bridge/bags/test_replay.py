@@ -199,6 +199,15 @@ def test_what_cannot_be_read_is_counted_and_told_and_the_rest_is_played(tmp_path
     assert any("/strange (my_msgs/msg/Own: its type is not known)" in note for note in source.index.notes)
 
 
+def test_a_gap_of_years_takes_no_time(tmp_path: Path) -> None:
+    years = 3e8  # s
+    later = [one._replace(time=one.time + years) for one in DRIVE[-8:] if one.topic == "/joint_states"]
+    source = ReplayedGraph(mcap(tmp_path / "a.mcap", [*DRIVE, *later], CompressionType.ZSTD))
+    assert source.duration > years and len(list(source.index.read_for(0.0))) < 2000
+    memory = source.at(source.duration)
+    assert memory.node("robot").written_at("joint_positions") == pytest.approx(BEGIN + years + SECONDS, abs=0.2)
+
+
 def test_the_root_of_the_frames_is_the_world_and_depth_that_is_not_aligned_a_camera_of_its_own(tmp_path: Path) -> None:
     moved = [one for one in DRIVE if one.topic != DEPTH]
     for number in range(3):
@@ -241,4 +250,3 @@ def test_without_the_extra_it_is_told_what_to_install(bag: Path, monkeypatch: py
     monkeypatch.setattr(plugins, "entry_points", Missing)
     with pytest.raises(ConfigError, match=r"pip install 'dsr-memory\[ros\]'"):
         ReplayedGraph(bag)
-
