@@ -20,6 +20,7 @@ from dsr.cli.common import GraphOption, JsonOption, check_runs, console, errors,
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
 from dsr.network.rendezvous import Claim, read_claim, running_graph
+from dsr.runtime.launched import exit_text
 from dsr.runtime.logs import printable
 from dsr.runtime.system import RUN
 
@@ -54,8 +55,10 @@ def start_in_background(folder: Path) -> None:
         )  # fmt: skip
     try:
         while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
-            if process.poll() is not None:
-                raise AgentError(f"the system did not start:\n{printable(said.strip())}")
+            if (code := process.poll()) is not None:
+                said = log.read_text(encoding="utf-8", errors="replace").strip()
+                reason = said or f"it ended with {exit_text(code)}, and nothing could be written to {log}"
+                raise AgentError(f"the system did not start:\n{printable(reason)}")
             _wait()
     except KeyboardInterrupt:
         process.terminate()

@@ -239,3 +239,15 @@ def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
             folder.mkdir(mode=FOLDER_MODE, parents=True)
             return folder
     raise ConfigError(f"{folders[-1]} and all before it exist already")
+
+
+@contextlib.contextmanager
+def run_folder(given: Path | None, name: str) -> Iterator[Path]:
+    """The folder that was given, or a new one as `new_run_folder` makes it, which goes again if nothing is in it."""
+    place = given or new_run_folder(name)
+    try:
+        yield place
+    finally:
+        if given is None:
+            with contextlib.suppress(OSError):  # something is in it
+                place.rmdir()

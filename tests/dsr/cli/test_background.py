@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -64,6 +65,25 @@ def test_a_system_that_does_not_start_says_why(tmp_path: Path, private_runtime_d
     result = dsr("run", str(file), "-dg", "kitchen", "--folder", str(tmp_path / "run"))
     assert result.returncode == 1
     assert "the system did not start" in result.stderr and "class 'nowhere' cannot be loaded" in result.stderr
+
+
+def test_a_system_that_could_say_nothing_is_told_with_how_it_ended(tmp_path: Path, private_runtime_dir: Path) -> None:
+    """As on a full disk: what the run says is lost, here with standard output and error themselves."""
+    mute = tmp_path / "sitecustomize.py"
+    mute.write_text(
+        "import os\nif 'DSR_DETACHED' in os.environ:\n    full = os.open('/dev/full', os.O_WRONLY)\n"
+        "    os.dup2(full, 1)\n    os.dup2(full, 2)\n"
+    )
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "-d"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    result = subprocess.run(
+        [*command, "--folder", str(folder)], capture_output=True, text=True, timeout=60, check=False, env=environment
+    )
+    assert result.returncode == 1
+    said = f"the system did not start:\nit ended with exit code 1, and nothing could be written to {folder / 'run.log'}"
+    assert said in result.stderr
+    assert read_claim("counters") is None and graphs() == []
 
 
 def test_warnings_are_told_whole_before_where_it_runs(detached: Path, tmp_path: Path) -> None:
