@@ -17,9 +17,8 @@ from typing import Protocol
 
 import msgspec
 
-from dsr.runtime.agent_process import EXIT_FAILED, EXIT_USAGE
 from dsr.runtime.lifeline import LAUNCHED
-from dsr.runtime.orders import Lines, StartAgent, decode_report, encode_line
+from dsr.runtime.orders import EXIT_FAILED, EXIT_USAGE, Lines, StartAgent, decode_report, encode_line
 
 _MOST_READ = 1 << 16  # bytes
 _log = logging.getLogger("dsr.runtime.launcher")

@@ -18,10 +18,10 @@ import threading
 from collections import deque
 from pathlib import Path
 
-from dsr.runtime.agent_process import EXIT_FAILED, StopSignal, exit_code, run_agent
+from dsr.runtime.agent_process import StopSignal, exit_code, run_agent
 from dsr.runtime.lifeline import clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import log_to_file, log_to_terminal, said_by
-from dsr.runtime.orders import AgentEnded, Lines, StartAgent, decode_order, encode_line
+from dsr.runtime.orders import EXIT_FAILED, AgentEnded, Lines, StartAgent, decode_order, encode_line
 from dsr.runtime.resources import exit_if_short
 from dsr.runtime.signals import set_on_signals
 from dsr.runtime.system import load_class

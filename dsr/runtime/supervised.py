@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from dsr.clock import Clock
-from dsr.runtime.agent_process import EXIT_USAGE
 from dsr.runtime.launched import Launched
+from dsr.runtime.orders import EXIT_USAGE
 
 FIRST_BACKOFF = 0.2
 """s until the first restart; doubles with each."""

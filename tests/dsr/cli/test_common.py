@@ -44,7 +44,7 @@ def test_a_new_run_folder_goes_again_if_nothing_is_in_it(tmp_path: Path, monkeyp
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match="no start"), run_folder(None, "towers") as empty:
         raise ValueError("no start")
-    with run_folder(None, "towers") as used:
+    with run_folder(None, "hovering") as used:
         (used / "plant.log").touch()
     with run_folder(tmp_path / "given", "towers") as given:
         given.mkdir()
