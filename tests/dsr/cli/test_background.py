@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,13 +23,16 @@ def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def detached(tmp_path: Path, private_runtime_dir: Path) -> Path:
+def detached(tmp_path: Path, private_runtime_dir: Path) -> Iterator[Path]:
+    """The folder of a system in the background, which ends with the test."""
     folder = tmp_path / "run"
     result = dsr("run", str(SYSTEMS / "counters.toml"), "--detach", "--folder", str(folder))
     assert result.returncode == 0, result.stderr
     said = f"graph counters, logs and recordings in {folder}; dsr logs -g counters, dsr stop -g counters\n"
     assert result.stdout == said
-    return folder
+    yield folder
+    if read_claim("counters") is not None:
+        assert dsr("stop", "-g", "counters").returncode == 0
 
 
 def test_it_goes_on_until_it_is_stopped(detached: Path) -> None:
