@@ -162,6 +162,8 @@ class Recorder(Agent):
         for inbox in self._inboxes:
             inbox.close()
         self._record(self.clock.now(), ends=True)
+        if self._waits:
+            self.log.error("there was no room for the end of the recording; %d messages are missing", self._unwritten)
         for missing in self._selection.unheard:
             self.log.warning("%s", missing)
         if self._meshes is not None:

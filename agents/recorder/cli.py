@@ -27,6 +27,7 @@ from dsr.cli.common import (
     RouterOption,
     add_names,
     add_numbers,
+    check_runs,
     console,
     errors,
     new_run_folder,
@@ -36,7 +37,7 @@ from dsr.cli.common import (
 from dsr.config.plugins import EXPORTERS, load
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
-from dsr.network.rendezvous import endpoints, graphs, running_graph
+from dsr.network.rendezvous import running_graph
 from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.signals import set_on_signals
 
@@ -101,8 +102,8 @@ def record(
     }  # fmt: skip
     convert(config, RecorderConfig, "options")
     name = running_graph(graph) if router is None or graph is None else graph
-    if router is None and not endpoints(name):
-        raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
+    if router is None:
+        check_runs(name)
     folder = folder or new_run_folder(_NAME)
     before = set(segments(folder, FILE_NAME))
     stop = StopSignal()

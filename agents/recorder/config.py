@@ -47,7 +47,7 @@ class RecorderConfig(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         for name in ("frames_hz", "still_hz", "rotate_mb", "rotate_period", "keep_mb"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"{name} {getattr(self, name)}: expected 0 or more")
+                raise ValueError(f"{name} {getattr(self, name)}: expected a finite number, 0 or more")
         for name in ("flush_period", "snapshot_period"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise ValueError(f"{name} {getattr(self, name)}: expected more than 0 s")

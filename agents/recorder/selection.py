@@ -65,6 +65,8 @@ class RecordSelection:
         self._streams: set[str] = set()
         if self.may_include(STREAMS) and not self.may_include(GRAPH):
             raise ValueError("streams without graph: expected both or neither, for streams change nodes of the graph")
+        if not any(map(self.may_include, PARTS)):
+            raise ValueError("nothing is left to record")
 
     def may_include(self, part: str) -> bool:
         """Whether anything of a part is wanted."""

@@ -36,9 +36,9 @@ from dsr.cli.common import (
     console,
     errors,
     for_people,
-    new_run_folder,
     print_json,
     put_json,
+    run_folder,
     shown,
 )
 from dsr.errors import ConfigError
@@ -209,15 +209,15 @@ def _play(
         errors.print("there is no display: the view is only recorded; to watch the run elsewhere: dsr view --serve")
     plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
     check_writable(json_file)
-    folder = new_run_folder(plan.scenario.name)
-    plan = msgspec.structs.replace(plan, folder=folder)
-    try:
-        with ProgressBar(plan.scenario, said) as bar:
-            result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
-    except KeyboardInterrupt:
-        said.print(f"stopped; what was recorded until then is in {folder}")
-        raise typer.Exit(_INTERRUPTED) from None
-    write_result(result, folder / "result.json")
+    with run_folder(None, plan.scenario.name) as folder:
+        plan = msgspec.structs.replace(plan, folder=folder)
+        try:
+            with ProgressBar(plan.scenario, said) as bar:
+                result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
+        except KeyboardInterrupt:
+            said.print(f"stopped; what was recorded until then is in {folder}")
+            raise typer.Exit(_INTERRUPTED) from None
+        write_result(result, folder / "result.json")
     show_result(result, plan.scenario, said)
     _show_files(folder, said)
     put_json(result, as_json=as_json, file=json_file)

@@ -16,11 +16,13 @@ from typing import Annotated
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, JsonOption, console, errors, shown
+from dsr.cli.common import GraphOption, JsonOption, check_runs, console, errors, shown
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
 from dsr.network.rendezvous import Claim, read_claim, running_graph
+from dsr.runtime.launched import exit_text
 from dsr.runtime.logs import printable
+from dsr.runtime.system import RUN
 
 Show = Callable[[str, list[bytes]], None]
 """Prints lines of an agent's log."""
@@ -28,7 +30,7 @@ Show = Callable[[str, list[bytes]], None]
 app = typer.Typer()
 ALL_READY = "all agents are ready"
 """Line of a run without a terminal, after which `--detach` lets it go on alone."""
-RUN_LOG = "run.log"
+RUN_LOG = f"{RUN}.log"
 """File in the folder of a run in the background: what `dsr run` says."""
 _DETACHED = "DSR_DETACHED"
 """Environment variable of the run that goes on in the background: its folder."""
@@ -53,8 +55,10 @@ def start_in_background(folder: Path) -> None:
         )  # fmt: skip
     try:
         while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
-            if process.poll() is not None:
-                raise AgentError(f"the system did not start:\n{printable(said.strip())}")
+            if (code := process.poll()) is not None:
+                said = log.read_text(encoding="utf-8", errors="replace").strip()
+                reason = said or f"it ended with {exit_text(code)}, and nothing could be written to {log}"
+                raise AgentError(f"the system did not start:\n{printable(reason)}")
             _wait()
     except KeyboardInterrupt:
         process.terminate()
@@ -120,6 +124,7 @@ def logs(
 def _claim(graph: str) -> Claim:
     claim = read_claim(graph)
     if claim is None:
+        check_runs(graph)
         raise ConfigError(f"no `dsr run` started graph {graph!r} on this machine; end its processes where they run")
     return claim
 
@@ -127,7 +132,7 @@ def _claim(graph: str) -> Claim:
 def _show_end(agent: str, file: Path, lines: int, show: Show) -> int:
     """Print the last lines of a log; returns where it ends now, in bytes."""
     content = file.read_bytes()
-    show(agent, content.splitlines()[len(content.splitlines()) - lines :] if lines else [])
+    show(agent, content.splitlines()[-lines:] if lines else [])
     return len(content)
 
 

@@ -124,9 +124,15 @@ def opened(memory: Memory, name: str) -> Iterator[Memory]:
 def _running(graph: str | None, router: str | None) -> str:
     """The name of a graph that can be joined. Raises `ConfigError` if there is none."""
     name = running_graph(graph) if graph is None or router is None else graph
-    if router is None and not endpoints(name):
-        raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
+    if router is None:
+        check_runs(name)
     return name
+
+
+def check_runs(graph: str) -> None:
+    """Raise `ConfigError` if no process on this machine takes part in `graph`."""
+    if not endpoints(graph):
+        raise ConfigError(f"no graph {graph!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
 
 
 def _check_company(memory: Memory, router: str | None) -> None:
@@ -233,3 +239,15 @@ def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
             folder.mkdir(mode=FOLDER_MODE, parents=True)
             return folder
     raise ConfigError(f"{folders[-1]} and all before it exist already")
+
+
+@contextlib.contextmanager
+def run_folder(given: Path | None, name: str) -> Iterator[Path]:
+    """The folder that was given, or a new one as `new_run_folder` makes it, which goes again if nothing is in it."""
+    place = given or new_run_folder(name)
+    try:
+        yield place
+    finally:
+        if given is None:
+            with contextlib.suppress(OSError):  # something is in it
+                place.rmdir()

@@ -20,6 +20,7 @@ from rich.table import Table
 
 from dsr.cli.common import JsonOption, add_names, console, print_json
 from dsr.clock import WALL_CLOCK
+from dsr.config.extras import DISTRIBUTION, EXTRAS
 from dsr.connecting import open_transport
 from dsr.errors import DsrError
 from dsr.network.keys import Keys
@@ -37,7 +38,10 @@ PACKAGES = {
     "rerun-sdk": "rerun",
     "mcap": "mcap",
 }
-"""Packages that must be installed, with the module that each provides; pybullet has a check of its own."""
+"""Packages whose versions are told, with the module that each provides; pybullet has a check of its own."""
+_OWN_CHECK = frozenset({"pybullet", "pybullet_data"})
+_PURPOSES = {"cli": "the command dsr", "sim": "agents and simulated worlds", "view": "the live view"}
+"""What the extras are for that have no check of their own."""
 _COMPILERS = ("c++", "g++", "clang++", "cl")
 _EGL_PROBE = "from agents.plant.renderer import egl_works; raise SystemExit(0 if egl_works() else 3)"
 _SOLVER_PROBE = "from planner.solver import probe; print(probe())"
@@ -100,17 +104,43 @@ def check_python() -> Check:
 
 
 def check_packages() -> Check:
-    """All Python packages but pybullet."""
-    lacking = [package for package, module in PACKAGES.items() if importlib.util.find_spec(module) is None]
-    if lacking:
-        return Check("packages", "missing", f"not installed; run: pip install {' '.join(lacking)}")
+    """All Python packages but pybullet. An extra of which nothing is installed was not asked for."""
+    absent = {extra: _absent(extra) for extra in _PURPOSES}
+    partly = {extra: modules for extra, modules in absent.items() if modules and not _is_left_out(extra)}
+    if partly:
+        named = ", ".join(module for modules in partly.values() for module in modules)
+        return Check("packages", "missing", f"not installed: {named}; run: pip install '{_with_extras(partly)}'")
+    left_out = [extra for extra in _PURPOSES if absent[extra]]
+    if left_out:
+        purposes = ", ".join(_PURPOSES[extra] for extra in left_out)
+        return Check("packages", "limited", f"for {purposes}: pip install '{_with_extras(left_out)}'")
     return Check("packages", "ok", ", ".join(f"{name} {importlib.metadata.version(name)}" for name in PACKAGES))
+
+
+def _absent(extra: str) -> list[str]:
+    """The modules of an extra that are not installed."""
+    return [module for module in _modules(extra) if importlib.util.find_spec(module) is None]
+
+
+def _is_left_out(extra: str) -> bool:
+    """Whether nothing of an extra is installed."""
+    return len(_absent(extra)) == len(_modules(extra))
+
+
+def _modules(extra: str) -> list[str]:
+    return [module for module, of in EXTRAS.items() if of == extra and module not in _OWN_CHECK]
+
+
+def _with_extras(extras: Iterable[str]) -> str:
+    return f"{DISTRIBUTION}[{','.join(extras)}]"
 
 
 def check_pybullet() -> Check:
     """Check the physics engine, or the tools to build it."""
     if importlib.util.find_spec("pybullet") is not None:
         return Check("pybullet", "ok", importlib.metadata.version("pybullet"))
+    if _is_left_out("sim"):
+        return Check("pybullet", "limited", f"not installed; it comes with: pip install '{_with_extras(['sim'])}'")
     compiler = next(filter(None, map(shutil.which, _COMPILERS)), None)
     if compiler is None:
         advice = "and no C++ compiler to build it: install one (Debian, Ubuntu: apt install g++ python3-dev)"
@@ -199,6 +229,8 @@ def check_display() -> Check:
 
 def check_viewer() -> Check:
     """The rerun viewer's program."""
+    if _is_left_out("view"):
+        return Check("rerun", "limited", f"not installed; it comes with: pip install '{_with_extras(['view'])}'")
     program = [sys.executable, "-m", "rerun_cli", "--version"]
     found = subprocess.run(program, capture_output=True, text=True, timeout=_PATIENCE, check=False)
     if found.returncode == 0:

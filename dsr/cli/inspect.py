@@ -73,7 +73,7 @@ def ls(
     console.print(table)
     hidden = 0 if wanted is None else count - len(rows)
     if kind is None and hidden:
-        console.print(f"and {hidden} other nodes: --all", style="dim")
+        console.print(f"and {hidden} other {'node' if hidden == 1 else 'nodes'}: --all", style="dim")
 
 
 def _summary(memory: Memory, node: Node) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib.util
 import keyword
 import re
+import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +21,7 @@ from dsr.files.built_in import ETC
 app = typer.Typer()
 PLACEHOLDER = "my_robot"
 """Stands in the template, in texts and names of files, for the name of the package."""
+_TEMPLATE = ETC / "template"
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
@@ -48,19 +51,36 @@ def check_package_name(name: str) -> None:
         raise ConfigError(f"there is a package {name!r} already; choose another name")
     if name in OWN or name in plugins():
         raise ConfigError(f"there is a command `dsr {name}` already; choose another name")
+    if name != PLACEHOLDER and (_TEMPLATE / name).exists():
+        raise ConfigError(f"the package has a folder {name!r} besides; choose another name")
     for kind in ("systems", "scenarios"):
         if (ETC / kind / f"{name}.toml").exists():
             raise ConfigError(f"{name!r} is one of the {kind} of dsr already; choose another name")
 
 
 def make_package(name: str, place: Path) -> list[Path]:
-    """Write the template to the folder `place` with `name` for its placeholder; returns the files."""
-    template, made = ETC / "template", []
-    for source in sorted(template.rglob("*")):
-        relative = str(source.relative_to(template))
+    """Write the template with `name` for its placeholder; returns the files.
+
+    Args:
+        name: of the package.
+        place: a folder that is empty or missing, and is so again if not all can be written (`OSError`).
+    """
+    was_there = place.exists()
+    try:
+        return list(_written(name, place))
+    except BaseException:
+        for left in place.iterdir() if place.is_dir() else ():
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
+        if not was_there and place.exists():
+            place.rmdir()
+        raise
+
+
+def _written(name: str, place: Path) -> Iterator[Path]:
+    for source in sorted(_TEMPLATE.rglob("*")):
+        relative = str(source.relative_to(_TEMPLATE))
         if source.is_file() and "__pycache__" not in relative:
             file = place / relative.replace(PLACEHOLDER, name)
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(source.read_text(encoding="utf-8").replace(PLACEHOLDER, name), encoding="utf-8")
-            made.append(file)
-    return made
+            yield file

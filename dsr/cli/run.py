@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import enum
 import os
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -15,11 +13,11 @@ import typer
 from rich.live import Live
 
 from dsr.cli.background import ALL_READY, folder_in_background, start_in_background
-from dsr.cli.common import RouterOption, SecurityOption, SystemsGraphOption, console, new_run_folder, shown
+from dsr.cli.common import RouterOption, SecurityOption, SystemsGraphOption, console, new_run_folder, run_folder, shown
 from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
 from dsr.cli.streams import redraws
-from dsr.errors import ConfigError
+from dsr.errors import AgentError, ConfigError
 from dsr.persistence.files import read_graph
 from dsr.runtime.display import has_display
 from dsr.runtime.launcher import AgentRow, Launcher
@@ -81,7 +79,7 @@ def run(
     if content is not None:
         warn(content)
     level = log_level.value
-    with _run_folder(folder, find_system(system).stem) as place, Launcher(
+    with run_folder(folder, find_system(system).stem) as place, Launcher(
         chosen, place, seed=seed, router=router, log_level=level, security=security, content=content, state=state
     ) as launcher:
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
@@ -98,7 +96,7 @@ def run(
             except KeyboardInterrupt:
                 table.live.update("")
                 raise typer.Exit(0) from None
-    raise typer.Exit(1)
+    raise AgentError(f"all agents have ended by themselves; their logs are in {place}")
 
 
 def _with_window(system: System) -> System:
@@ -108,18 +106,6 @@ def _with_window(system: System) -> System:
     if not has_display(os.environ, sys.platform):
         raise ConfigError("there is no display; serve the view to a browser, from another terminal: dsr view --serve")
     return system.with_config(_VIEWER, spawn=True)
-
-
-@contextlib.contextmanager
-def _run_folder(given: Path | None, stem: str) -> Iterator[Path]:
-    """The folder that was given, or a new one that goes again if the system does not start."""
-    place = given or new_run_folder(stem)
-    try:
-        yield place
-    finally:
-        if given is None:
-            with contextlib.suppress(OSError):  # something is in it
-                place.rmdir()
 
 
 class _Table:

@@ -23,6 +23,8 @@ _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
 _INT_LIMIT = 1 << 63
 MAX_LENGTH = 1 << 20
 """Characters, bytes or numbers in one value; what is larger does not belong in a graph (see `dsr.images.blobs`)."""
+MAX_TEXT = 1000
+"""Characters of a meaning or a unit: some sentences. Every process of a graph keeps them all."""
 POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
 _POSE_FIELDS = frozenset(POSE_FIELDS)
 
@@ -70,13 +72,18 @@ class Schema:
         """Grows with each name that is registered."""
 
     def register_node_type(self, name: str, meaning: str) -> None:
-        """Allow nodes of type `name`."""
-        self.node_types[_checked_name("node type", name)] = meaning
+        """Allow nodes of type `name`. Raises `SchemaError` if the name or the meaning cannot be such."""
+        self.node_types[_checked_name("node type", name)] = _checked_text(f"meaning of node type {name!r}", meaning)
         self.version += 1
 
     def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
-        """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains."""
-        self.edge_types[_checked_name("edge type", name)] = meaning
+        """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains.
+
+        Raises `SchemaError` if the name or the meaning cannot be such, or if the type is known and differs in that.
+        """
+        if name in self.edge_types and (name in self.geometric) != geometric:
+            raise SchemaError(f"edge type {name!r} is already one that is {'not ' if geometric else ''}geometric")
+        self.edge_types[_checked_name("edge type", name)] = _checked_text(f"meaning of edge type {name!r}", meaning)
         self.version += 1
         if geometric:
             self.geometric.add(name)
@@ -84,10 +91,9 @@ class Schema:
     def register_attribute(self, name: str, attribute: AttributeType) -> None:
         """Allow attribute `name`.
 
-        Raises `SchemaError` if its kind is unknown, or if the name is known with another kind, unit or length.
+        Raises `SchemaError` if a field of it makes no sense, or if the name is known with another kind, unit or length.
         """
-        if attribute.kind not in KINDS:
-            raise SchemaError(f"attribute {name!r}: unknown kind {attribute.kind!r}; {suggest(attribute.kind, KINDS)}")
+        _check_attribute(name, attribute)
         known = self.attributes.get(name)
         if known is not None and not known.agrees_with(attribute):
             raise SchemaError(f"attribute {name!r} is already a {known.described}, not a {attribute.described}")
@@ -157,6 +163,25 @@ def _checked_name(what: str, name: str) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise SchemaError(f"{what} name {name!r}: expected 1 to 128 letters, digits, '_', '.' or '-'")
     return name
+
+
+def _checked_text(what: str, text: str) -> str:
+    if not isinstance(text, str) or len(text) > MAX_TEXT:
+        raise SchemaError(f"{what}: expected a text of at most {MAX_TEXT} characters, got {text!r:.40}")
+    return text
+
+
+def _check_attribute(name: str, attribute: AttributeType) -> None:
+    """Raise `SchemaError` for fields of other types than declared, which a struct takes, and for what cannot be."""
+    if attribute.kind not in KINDS:
+        raise SchemaError(f"attribute {name!r}: unknown kind {attribute.kind!r}; {suggest(str(attribute.kind), KINDS)}")
+    for field in ("unit", "meaning"):
+        _checked_text(f"{field} of attribute {name!r}", getattr(attribute, field))
+    length = attribute.length
+    if length is not None and (attribute.kind != "vector" or type(length) is not int or not 0 < length <= MAX_LENGTH):
+        raise SchemaError(f"attribute {name!r}: length {length!r}: expected 1 to {MAX_LENGTH}, for a vector only")
+    if type(attribute.stream) is not bool:
+        raise SchemaError(f"attribute {name!r}: stream {attribute.stream!r}: expected True or False")
 
 
 def _bool(value: Any) -> bool | None:

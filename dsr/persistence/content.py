@@ -147,15 +147,17 @@ def _chunks(items: Iterable[Any]) -> Iterator[list[Any]]:
 
 
 def register(names: Schema, schema: Schema) -> None:
-    """Let `schema` know all that `names` does. Raises `ConfigError` if a name means another kind there."""
+    """Let `schema` know all that `names` does. Raises `ConfigError` if a name means something else there."""
     try:
         for name, attribute in names.attributes.items():
-            if name not in schema.attributes or schema.attributes[name].kind != attribute.kind:
+            if name not in schema.attributes or not schema.attributes[name].agrees_with(attribute):
                 schema.register_attribute(name, attribute)
         for name in names.node_types.keys() - schema.node_types.keys():
             schema.register_node_type(name, names.node_types[name])
-        for name in names.edge_types.keys() - schema.edge_types.keys():
-            schema.register_edge_type(name, names.edge_types[name], geometric=name in names.geometric)
+        for name, meaning in names.edge_types.items():
+            geometric = name in names.geometric
+            if name not in schema.edge_types or (name in schema.geometric) != geometric:
+                schema.register_edge_type(name, meaning, geometric=geometric)
     except SchemaError as error:
         raise ConfigError(str(error)) from error
 

@@ -4,7 +4,8 @@ import sys
 from pathlib import Path
 
 from dsr.errors import ConfigError
-from dsr.runtime.agent_process import EXIT_USAGE, run_command_line
+from dsr.runtime.agent_process import run_command_line
+from dsr.runtime.orders import EXIT_USAGE
 from dsr.runtime.resources import exit_if_short
 from dsr.runtime.system import load_class
 

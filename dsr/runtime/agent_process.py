@@ -28,14 +28,11 @@ from dsr.network.rendezvous import running_graph
 from dsr.network.transport import Transport
 from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal, said_by
+from dsr.runtime.orders import EXIT_FAILED, EXIT_USAGE
 from dsr.runtime.resources import shortage
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
 from dsr.threads import acting_for
-
-EXIT_FAILED = 1
-EXIT_USAGE = 2
-"""Wrong arguments or configuration: starting again would not help."""
 
 _log = logging.getLogger("dsr.agent")
 

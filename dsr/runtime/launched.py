@@ -7,6 +7,7 @@ is in its process group and ends with it. Its standard input is its lifeline (ds
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import signal
 import subprocess
@@ -17,9 +18,15 @@ from typing import Protocol
 import msgspec
 
 from dsr.runtime.lifeline import LAUNCHED
-from dsr.runtime.orders import Lines, StartAgent, decode_report, encode_line
+from dsr.runtime.orders import EXIT_FAILED, EXIT_USAGE, Lines, StartAgent, decode_report, encode_line
 
 _MOST_READ = 1 << 16  # bytes
+_log = logging.getLogger("dsr.runtime.launcher")
+
+
+def exit_text(code: int | None) -> str:
+    """How a process ended, in words; a negative code is a signal."""
+    return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
 
 class Launched(Protocol):
@@ -137,11 +144,13 @@ class SharedProgram:
     """A process that several agents share (dsr/runtime/shared_process.py), and how those ended that did.
 
     Args:
+        name: of the process.
         program: the process; it also gets the argument `--reports`.
     """
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, name: str, program: Program) -> None:
         self.program = program
+        self._name = name
         self._running: set[str] = set()
         self._ended: dict[str, int] = {}
         self._reports: int | None = None
@@ -181,14 +190,21 @@ class SharedProgram:
         self._close_reports()
 
     def _look(self) -> None:
-        """Learn which agents have ended."""
+        """Learn which agents have ended: each that has reported it, and all others if the process has ended."""
+        code = self.program.exit_code()  # first: its last reports are then there to be read
         for line in self._lines.take(self._read()):
             report = decode_report(line)
             self._end([report.name], report.code)
-        code = self.program.exit_code()
         if code is not None:
-            self._end(list(self._running), code)
+            self._lose(code)
             self._close_reports()
+
+    def _lose(self, code: int) -> None:
+        """Note that the process took the agents along that had not ended: that is a crash, whatever its code is."""
+        lost = sorted(self._running)
+        if lost and not self._asked:
+            _log.warning("process %s ended with %s, and with it %s", self._name, exit_text(code), ", ".join(lost))
+        self._end(lost, EXIT_FAILED if code in (0, EXIT_USAGE) else code)
 
     def _end(self, agents: Sequence[str], code: int) -> None:
         self._running.difference_update(agents)

@@ -27,7 +27,7 @@ from dsr.files.private_files import FOLDER_MODE, lock_file
 from dsr.network.rendezvous import claim_file
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
-from dsr.runtime.launched import Launched, Program, Seat, SharedProgram
+from dsr.runtime.launched import Launched, Program, Seat, SharedProgram, exit_text
 from dsr.runtime.orders import StartAgent
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
@@ -156,7 +156,8 @@ class Launcher:
         if len(specs) == 1:
             spec = specs[0]
             return {spec.name: Program(self._command(spec), self._log_file(spec.name), environment)}
-        shared = SharedProgram(Program(self._shared_command(process), self._log_file(process), environment))
+        program = Program(self._shared_command(process), self._log_file(process), environment)
+        shared = SharedProgram(process, program)
         return {spec.name: Seat(shared, self._order(spec)) for spec in specs}
 
     def _command(self, spec: AgentSpec) -> list[str]:
@@ -186,11 +187,11 @@ class Launcher:
     def poll(self) -> None:
         """Notice what ended and start it again when due. Call it every `POLL_PERIOD` or so."""
         for name, process in self._processes.items():
-            before = process.pid
+            before = process.runs
             process.poll()
-            if before is not None and process.pid is None:
-                _log.warning("agent %s ended with %s", name, _exit_text(process.exit_code))
-            elif before is None and process.pid is not None:
+            if before and not process.runs:
+                _log.warning("agent %s ended with %s", name, exit_text(process.exit_code))
+            elif process.runs and not before:
                 _log.warning("agent %s was started again (restart %d)", name, process.restarts)
 
     def rows(self) -> list[AgentRow]:
@@ -209,7 +210,7 @@ class Launcher:
             state = "silent" if self.board.is_silent(name) else str(heard.status.state)
         error = heard.status.last_error if heard else ""
         if process.pid is None and process.exit_code:
-            error = _exit_text(process.exit_code)
+            error = exit_text(process.exit_code)
         return AgentRow(name, state, process.pid, heard, process.restarts, error)
 
     def wait_ready(self, progress: Callable[[list[AgentRow]], None] = lambda rows: None) -> None:
@@ -234,7 +235,7 @@ class Launcher:
         limit = self.system.agent(row.agent).ready_timeout
         process = self._processes[row.agent]
         if process.ended:
-            why = f"ended with {_exit_text(process.exit_code)}"
+            why = f"ended with {exit_text(process.exit_code)}"
         elif waited > limit:
             why = f"was not ready within {limit:g} s (state: {row.state}, {row.restarts} restarts)"
         else:
@@ -265,12 +266,9 @@ class Launcher:
             left = {name: process for name, process in left.items() if not process.has_ended()}
             self.clock.wait(threading.Event(), POLL_PERIOD if left else 0.0)
         for name, process in left.items():
-            _log.warning("agent %s did not stop and was killed", name)
+            if process.runs:
+                _log.warning("agent %s did not stop and was killed", name)
             process.kill()
-
-
-def _exit_text(code: int | None) -> str:
-    return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
 
 @contextlib.contextmanager

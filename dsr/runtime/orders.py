@@ -9,6 +9,10 @@ import msgspec
 
 from dsr.network.decoding import decoded
 
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+"""Exit code for wrong arguments or configuration: starting again would not help."""
+
 
 class StartAgent(msgspec.Struct, frozen=True):
     """The order to start an agent; it is also started again by it."""

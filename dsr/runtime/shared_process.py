@@ -18,10 +18,10 @@ import threading
 from collections import deque
 from pathlib import Path
 
-from dsr.runtime.agent_process import EXIT_FAILED, StopSignal, exit_code, run_agent
+from dsr.runtime.agent_process import StopSignal, exit_code, run_agent
 from dsr.runtime.lifeline import clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import log_to_file, log_to_terminal, said_by
-from dsr.runtime.orders import AgentEnded, Lines, StartAgent, decode_order, encode_line
+from dsr.runtime.orders import EXIT_FAILED, AgentEnded, Lines, StartAgent, decode_order, encode_line
 from dsr.runtime.resources import exit_if_short
 from dsr.runtime.signals import set_on_signals
 from dsr.runtime.system import load_class
@@ -83,7 +83,10 @@ class SharedProcess:
         try:
             return exit_code(lambda: self._run_agent(order, stop))
         except SystemExit as end:
-            return end.code if isinstance(end.code, int) else EXIT_FAILED if end.code else 0
+            if end.code is None or isinstance(end.code, int):
+                return end.code or 0
+            _log.error("%s", end.code)  # as Python does where it ends the process
+            return EXIT_FAILED
         except BaseException:  # it would end a process of its own, with this text
             _log.exception("agent %s has ended", order.name)
             return EXIT_FAILED

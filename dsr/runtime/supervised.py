@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from dsr.clock import Clock
-from dsr.runtime.agent_process import EXIT_USAGE
 from dsr.runtime.launched import Launched
+from dsr.runtime.orders import EXIT_USAGE
 
 FIRST_BACKOFF = 0.2
 """s until the first restart; doubles with each."""
@@ -44,6 +44,11 @@ class Supervised:
     def log_file(self) -> Path:
         """File with what it says."""
         return self._launched.logs[0]
+
+    @property
+    def runs(self) -> bool:
+        """Whether it was started and is not known to have ended."""
+        return self._runs
 
     @property
     def pid(self) -> int | None:

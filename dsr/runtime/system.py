@@ -27,6 +27,8 @@ from dsr.runtime.native_output import silenced
 
 SHARED = "shared"
 """Process of the agents that may share one, where the system file names none."""
+RUN = "run"
+"""No agent and no process has this name: the log of `dsr run` itself has it."""
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
 _log = logging.getLogger("dsr.system")
@@ -70,6 +72,8 @@ class System:
 
     def _check_processes(self) -> None:
         names = {spec.name for spec in self.agents}
+        if RUN in names | self.processes().keys():
+            raise ConfigError(f"no agent and no process can be called {RUN!r}: the log of `dsr run` has that name")
         for process, specs in self.processes().items():
             if len(specs) > 1 and process in names:
                 shared = ", ".join(spec.name for spec in specs)
@@ -169,6 +173,8 @@ def load_system(name_or_path: str | Path, only: Collection[str] | None = None, *
         if table.name in {other.name for _, other in wanted[:count]}:
             raise source.error(f"two agents are called {table.name!r}", ("agent", index, "name"))
     specs = [spec for spec in read if spec is not None]
+    if only is None and not specs:
+        raise source.error("no agent is left to run" if tables.agent else "expected an agent at least", ("agent",))
     with _located(source, ()):
         return System(tables.graph, tuple(specs), folder)
 

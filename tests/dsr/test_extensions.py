@@ -169,6 +169,47 @@ def test_a_node_keeps_its_type(net: Net) -> None:
     assert memory.node("c")["mass"] == 0.2
 
 
+@pytest.mark.parametrize(
+    ("attribute", "said"),
+    [
+        (AttributeType("float", unit=3), "unit of attribute 'charge': expected a text"),  # type: ignore[arg-type]
+        (AttributeType("float", meaning="x" * 1001), "meaning of attribute 'charge': expected a text of at most 1000"),
+        (AttributeType("vector", length=0), "length 0: expected 1 to"),
+        (AttributeType("vector", length=2.0), "length 2.0: expected 1 to"),  # type: ignore[arg-type]
+        (AttributeType("float", length=2), "length 2: expected 1 to .* for a vector only"),
+        (AttributeType("float", stream=1), "stream 1: expected True or False"),  # type: ignore[arg-type]
+        (AttributeType(["int"]), "unknown kind"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_could_not_travel_is_refused_where_it_is_registered(attribute: AttributeType, said: str) -> None:
+    schema = Schema()
+    with pytest.raises(SchemaError, match=said):
+        schema.register_attribute("charge", attribute)
+    assert "charge" not in schema.attributes and schema.version == 0
+
+
+def test_a_meaning_that_is_no_short_text_is_refused_and_later_writes_go_on(net: Net) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    for meaning in ("x" * 5_000_000, None):
+        with pytest.raises(SchemaError, match="meaning of node type 'ship': expected a text of at most 1000"):
+            pilot.schema.register_node_type("ship", meaning)  # type: ignore[arg-type]
+        with pytest.raises(SchemaError, match="meaning of edge type 'tows': expected a text of at most 1000"):
+            pilot.schema.register_edge_type("tows", meaning)  # type: ignore[arg-type]
+    pilot.add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    assert reader.node("d1")["battery"] == 11.1 and reader.schema.attribute("battery").unit == "V"
+
+
+def test_an_edge_type_stays_geometric_or_not() -> None:
+    schema = drones()
+    schema.register_edge_type("tether", "in other words", geometric=True)
+    with pytest.raises(SchemaError, match="edge type 'tether' is already one that is geometric"):
+        schema.register_edge_type("tether", "a rope")
+    with pytest.raises(SchemaError, match="edge type 'has' is already one that is not geometric"):
+        schema.register_edge_type("has", "a pose", geometric=True)
+    assert schema.edge_types["tether"] == "in other words" and "has" not in schema.geometric
+
+
 def test_an_attribute_of_an_unknown_kind_is_refused_at_once() -> None:
     with pytest.raises(SchemaError, match="attribute 'mass': unknown kind 'flaot'; did you mean 'float'"):
         Schema().register_attribute("mass", AttributeType("flaot"))  # type: ignore[arg-type]

@@ -253,6 +253,19 @@ def test_what_was_lost_to_a_full_disk_is_counted(
     assert told == 150 - kept
 
 
+def test_a_recording_that_ends_on_a_full_disk_says_how_much_is_missing(
+    world: World, disk: type[FullDisk], caplog: pytest.LogCaptureFixture
+) -> None:
+    recorder = world.start_recorder(flush_period=0.2)
+    write_much(world, 2.0)
+    disk.free = 0
+    write_much(world, 7.0)
+    recorder.teardown()
+    kept = sum(record.topic == "log/x" for record in world.records())
+    told = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"][-1]
+    assert told == f"there was no room for the end of the recording; {90 - kept} messages are missing"
+
+
 @pytest.mark.parametrize(
     ("config", "said"),
     [

@@ -54,6 +54,8 @@ def test_some_of_a_part_is_chosen_by_a_pattern() -> None:
         ({"without": ["d/*"]}, "'d/\\*' is no part"),
         ({"only": ["streams"]}, "streams without graph"),
         ({"without": ["graph"]}, "streams without graph"),
+        ({"only": ["graph"], "without": ["graph"]}, "nothing is left to record"),
+        ({"without": list(PARTS)}, "nothing is left to record"),
     ],
 )
 def test_unknown_names_are_refused(world: World, choice: dict[str, list[str]], said: str) -> None:

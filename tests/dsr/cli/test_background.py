@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,13 +23,16 @@ def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def detached(tmp_path: Path, private_runtime_dir: Path) -> Path:
+def detached(tmp_path: Path, private_runtime_dir: Path) -> Iterator[Path]:
+    """The folder of a system in the background, which ends with the test."""
     folder = tmp_path / "run"
     result = dsr("run", str(SYSTEMS / "counters.toml"), "--detach", "--folder", str(folder))
     assert result.returncode == 0, result.stderr
     said = f"graph counters, logs and recordings in {folder}; dsr logs -g counters, dsr stop -g counters\n"
     assert result.stdout == said
-    return folder
+    yield folder
+    if read_claim("counters") is not None:
+        assert dsr("stop", "-g", "counters").returncode == 0
 
 
 def test_it_goes_on_until_it_is_stopped(detached: Path) -> None:
@@ -43,6 +48,9 @@ def test_it_goes_on_until_it_is_stopped(detached: Path) -> None:
 def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
     assert "run: first: ready" in dsr("logs", "run").stdout
     assert "no log of 'frist'" in dsr("logs", "frist").stderr
+    whole = dsr("logs", "run", "-n", "1000").stdout.splitlines()
+    for most in (1, len(whole) - 1, len(whole), len(whole) + 1, 2 * len(whole) - 1):
+        assert dsr("logs", "run", "-n", str(most)).stdout.splitlines() == whole[-most:]
     rows = [json.loads(line) for line in dsr("logs", "run", "--json").stdout.splitlines()]
     assert {"agent": "run", "text": "first: ready"} in rows
     assert {line.partition(":")[0] for line in dsr("logs", "--lines", "1").stdout.splitlines()} <= {
@@ -61,6 +69,25 @@ def test_a_system_that_does_not_start_says_why(tmp_path: Path, private_runtime_d
     result = dsr("run", str(file), "-dg", "kitchen", "--folder", str(tmp_path / "run"))
     assert result.returncode == 1
     assert "the system did not start" in result.stderr and "class 'nowhere' cannot be loaded" in result.stderr
+
+
+def test_a_system_that_could_say_nothing_is_told_with_how_it_ended(tmp_path: Path, private_runtime_dir: Path) -> None:
+    """As on a full disk: what the run says is lost, here with standard output and error themselves."""
+    mute = tmp_path / "sitecustomize.py"
+    mute.write_text(
+        "import os\nif 'DSR_DETACHED' in os.environ:\n    full = os.open('/dev/full', os.O_WRONLY)\n"
+        "    os.dup2(full, 1)\n    os.dup2(full, 2)\n"
+    )
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "-d"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    result = subprocess.run(
+        [*command, "--folder", str(folder)], capture_output=True, text=True, timeout=60, check=False, env=environment
+    )
+    assert result.returncode == 1
+    said = f"the system did not start:\nit ended with exit code 1, and nothing could be written to {folder / 'run.log'}"
+    assert said in result.stderr
+    assert read_claim("counters") is None and graphs() == []
 
 
 def test_warnings_are_told_whole_before_where_it_runs(detached: Path, tmp_path: Path) -> None:
@@ -87,3 +114,6 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
 def test_what_no_launcher_started_is_not_stopped(memory: object) -> None:
     result = dsr("stop", "--graph", "scene")
     assert result.returncode == 2 and "no `dsr run` started graph 'scene' on this machine" in result.stderr
+    for command in ("stop", "logs"):
+        result = dsr(command, "--graph", "kitchen")
+        assert result.returncode == 2 and "no graph 'kitchen' runs on this machine; running: scene" in result.stderr

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dsr import Pose
-from dsr.cli.common import new_run_folder, plain, readable
+from dsr.cli.common import new_run_folder, plain, readable, run_folder
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,17 @@ def test_a_pose_keeps_everything_for_programs() -> None:
     assert read["translation"] == [0.1, 0.0, 0.2]
     assert (read["rotation"], read["stamp"]) == ([0.0, 0.0, 0.0, 1.0], 5.0)
     assert read["covariance"] == np.eye(6).tolist()
+
+
+def test_a_new_run_folder_goes_again_if_nothing_is_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="no start"), run_folder(None, "towers") as empty:
+        raise ValueError("no start")
+    with run_folder(None, "hovering") as used:
+        (used / "plant.log").touch()
+    with run_folder(tmp_path / "given", "towers") as given:
+        given.mkdir()
+    assert not empty.exists() and used.exists() and given.exists()
 
 
 def test_run_folders_are_new_each_time(tmp_path: Path) -> None:

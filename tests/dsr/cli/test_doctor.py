@@ -15,12 +15,13 @@ from typer.testing import CliRunner
 
 from dsr.cli import doctor
 from dsr.cli.doctor import app
+from dsr.config.extras import EXTRAS
 
 
-def without(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make `module` look as if it were not installed."""
+def without(*modules: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make modules look as if they were not installed."""
     find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == module else find(name, *a))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name in modules else find(name, *a))
 
 
 def test_zenoh_sessions_meet_and_leave_nothing_behind(private_runtime_dir: Path) -> None:
@@ -34,17 +35,26 @@ def test_here_all_that_is_needed_is_there() -> None:
 
 
 def test_a_missing_package_is_named_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    without("mcap", monkeypatch)
+    without("mcap", "scipy", monkeypatch=monkeypatch)
     check = doctor.check_packages()
     assert check.state == "missing"
-    assert "pip install mcap" in check.detail
+    assert check.detail == "not installed: mcap, scipy; run: pip install 'dsr-memory[cli,sim]'"
+
+
+def test_an_extra_that_nobody_asked_for_is_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With `dsr-memory[cli]` alone, all that was asked for is there."""
+    without(*(module for module, extra in EXTRAS.items() if extra in ("sim", "view")), monkeypatch=monkeypatch)
+    checks = [doctor.check_packages(), doctor.check_pybullet(), doctor.check_viewer()]
+    assert [check.state for check in checks] == ["limited"] * 3
+    assert "for agents and simulated worlds, the live view: pip install 'dsr-memory[sim,view]'" in checks[0].detail
+    assert "dsr-memory[sim]" in checks[1].detail and "dsr-memory[view]" in checks[2].detail
 
 
 @pytest.mark.parametrize(("compiler", "expected"), [("/usr/bin/c++", "ten minutes"), (None, "apt install g++")])
 def test_without_pybullet_the_compiler_matters(
     monkeypatch: pytest.MonkeyPatch, compiler: str | None, expected: str
 ) -> None:
-    without("pybullet", monkeypatch)
+    without("pybullet", monkeypatch=monkeypatch)
     monkeypatch.setattr(shutil, "which", lambda name: compiler)
     check = doctor.check_pybullet()
     assert check.state == "missing" and expected in check.detail

@@ -89,6 +89,19 @@ def test_run_fails_if_an_agent_cannot_be_started(tmp_path: Path) -> None:
     assert "the motor does not answer" in result.stderr
 
 
+def test_run_says_that_all_agents_have_ended(tmp_path: Path) -> None:
+    (tmp_path / "toy_brief.py").write_text(
+        "import sys\n\nfrom dsr import Agent\n\n\nclass Brief(Agent):\n    ticks = 0\n\n"
+        "    def tick(self, now):\n        self.ticks += 1\n        if self.ticks > 3:\n            sys.exit(0)\n"
+    )
+    file = tmp_path / "brief.toml"
+    file.write_text('graph = "g"\n[[agent]]\nname = "brief"\nclass = "toy_brief:Brief"\n')
+    result = dsr("run", str(file), "--folder", str(tmp_path / "run"))
+    assert result.returncode == 1
+    assert "all agents are ready\n" in result.stdout
+    assert result.stderr.endswith(f"all agents have ended by themselves; their logs are in {tmp_path / 'run'}\n")
+
+
 def test_a_second_system_of_that_name_says_which_name_it_takes(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--folder"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

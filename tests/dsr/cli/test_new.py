@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from agents.scenario.check.file_check import Findings, look_through
 from agents.scenario.judge.result import Result
 from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import make_run
-from dsr.cli.new import app, check_package_name
+from dsr.cli.new import app, check_package_name, make_package
 from dsr.errors import ConfigError
 
 ROOT = Path(__file__).parents[3]
@@ -57,10 +58,34 @@ def test_names_that_no_package_can_have_are_refused(name: str) -> None:
         check_package_name(name)
 
 
-@pytest.mark.parametrize("name", ["demo", "ls", "tabletop", "hovering"])
-def test_names_of_commands_systems_and_scenarios_are_refused(name: str) -> None:
-    with pytest.raises(ConfigError, match="already; choose another name"):
+@pytest.mark.parametrize("name", ["demo", "ls", "tabletop", "hovering", "tests", "etc"])
+def test_names_of_commands_systems_scenarios_and_of_its_own_folders_are_refused(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [place for place in sys.path if Path(place or ".").resolve() != ROOT])
+    with pytest.raises(ConfigError, match="; choose another name"):
         check_package_name(name)
+
+
+@pytest.mark.parametrize("was_there", [True, False])
+def test_what_could_not_be_written_whole_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, was_there: bool
+) -> None:
+    place = tmp_path / "lab_bot"
+    if was_there:
+        place.mkdir()
+    write = Path.write_text
+
+    def full(file: Path, text: str, encoding: str) -> int:
+        if file.name == "test_counter.py":
+            raise OSError(errno.ENOSPC, "No space left on device", str(file))
+        return write(file, text, encoding=encoding)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match="No space left"):
+        make_package("lab_bot", place)
+    assert place.exists() == was_there and list(tmp_path.rglob("*")) == [place] * was_there
 
 
 def test_nothing_is_overwritten(made: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from dsr import ConfigError, Memory, Pose
-from dsr.graph.schema import AttributeType
+from dsr.graph.schema import AttributeType, Schema
 from dsr.persistence.content import GraphContent
 from dsr.persistence.document import to_document
 from dsr.persistence.files import read_graph, write_graph
@@ -158,6 +158,24 @@ def test_a_custom_name_of_another_kind_is_refused_before_anything_is_written(net
     with pytest.raises(ConfigError, match="'fill_level' is already a str, not a float"):
         read_graph(BREAKFAST).put_into(memory)
     assert memory.nodes() == []
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        (lambda schema: schema.register_attribute("battery", AttributeType("float", "%")), "already a float in %"),
+        (lambda schema: schema.register_edge_type("tether", "a rope"), "'tether' is already one that is not geometric"),
+    ],
+)
+def test_a_custom_name_of_another_meaning_is_refused_too(net: Net, known: Callable[[Schema], None], said: str) -> None:
+    """A charge in V is not one in %: the values would be taken for what they are not."""
+    content = GraphContent("g")
+    content.schema.register_attribute("battery", AttributeType("float", "V"))
+    content.schema.register_edge_type("tether", "pose of what hangs on it", geometric=True)
+    memory = net.join("a")
+    known(memory.schema)
+    with pytest.raises(ConfigError, match=said):
+        content.put_into(memory)
 
 
 def test_a_large_graph_reaches_a_peer_complete(net: Net) -> None:

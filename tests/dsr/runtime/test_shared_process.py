@@ -87,7 +87,7 @@ def test_what_the_thread_of_an_agents_memory_says_is_in_the_log_of_the_agent(mat
     assert log_of(mates, "shared") == ""
 
 
-@pytest.mark.parametrize("order", ["fail", "exit"])
+@pytest.mark.parametrize("order", ["fail", "exit", "exit with a text"])
 def test_an_agent_that_fails_is_started_again_and_its_mate_does_not_notice(
     mates: Launcher, tmp_path: Path, order: str
 ) -> None:
@@ -101,25 +101,41 @@ def test_an_agent_that_fails_is_started_again_and_its_mate_does_not_notice(
     goes_on(mates, "ann")
     goes_on(mates, "bob")
     assert ("it hurts" in log_of(mates, "ann")) == (order == "fail")
+    assert ("ERROR   ann: ann is fed up" in log_of(mates, "ann")) == (order == "exit with a text")
     assert "it hurts" not in log_of(mates, "bob")
 
 
-@pytest.mark.parametrize("how", ["kill", "crash"])
+@pytest.mark.parametrize("how", ["kill", "crash", "leave"])
 def test_a_crash_of_the_process_has_all_its_agents_started_again_and_no_other(
-    mates: Launcher, tmp_path: Path, how: str
+    mates: Launcher, tmp_path: Path, how: str, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Whoever ends the process in passing (`os._exit(0)`) has not ended its mates in good order."""
     pid = mates.rows()[0].pid
     assert pid is not None
     if how == "kill":
         os.kill(pid, signal.SIGKILL)
     else:
-        (tmp_path / "bob.order").write_text("crash")
+        (tmp_path / "bob.order").write_text(how)
     wait_for(lambda: (mates.poll(), [row.restarts for row in mates.rows()])[1] == [1, 1, 0])
     mates.wait_ready()
     ann, bob, cid = mates.rows()
     assert ann.pid == bob.pid and ann.pid not in (pid, cid.pid)
     for name in ("ann", "bob", "cid"):
         goes_on(mates, name)
+    with_what = {"kill": "signal 9", "crash": "signal 11", "leave": "exit code 0"}[how]
+    assert f"process shared ended with {with_what}, and with it ann, bob" in caplog.messages
+    assert [message.split()[1] for message in caplog.messages if " ended with " in message] == ["shared", "ann", "bob"]
+
+
+def test_only_the_agent_that_did_not_stop_is_named_where_its_process_is_killed(
+    mates: Launcher, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "bob.order").write_text("block")
+    wait_for(lambda: "bob is told to block" in log_of(mates, "bob"))
+    pid = mates.rows()[1].pid
+    mates.stop()
+    assert [message for message in caplog.messages if "stop" in message] == ["agent bob did not stop and was killed"]
+    assert pid is not None and not is_alive(pid)
 
 
 def test_one_that_cannot_be_set_up_is_reported_with_its_log_and_its_mates_end_too(tmp_path: Path) -> None:
@@ -169,6 +185,10 @@ def test_what_no_system_can_mean_is_refused(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('"ann"\n[agent.config]', '"a/b"\n[agent.config]', 1))
     with pytest.raises(ConfigError, match=r"mates.toml:\d+: process name 'a/b': expected 1 to 64"):
         load_system(file)
+    for name, more in (("run", ""), ("bob", 'process = "run"')):
+        file.write_text('graph = "mates"\n' + TABLE.format(name=name, kind="toy_counter:Counter", more=more))
+        with pytest.raises(ConfigError, match="no agent and no process can be called 'run'"):
+            load_system(file)
 
 
 def test_an_agent_shares_by_its_class_by_the_file_or_not_at_all(tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ def test_a_system_is_read_in_order_with_its_classes_and_configurations() -> None
         ('[[agent]]\nname = "a"\nclass = "toy_counter:Countr"\n', 4, "class 'toy_counter:Countr' cannot be loaded"),
         ('[[agent]]\nname = "a"\nclass = "nowhere"\n', 4, "class 'nowhere' cannot be loaded"),
         ('[[agent]]\nname = "a"\nclass = "pathlib:Path"\n', 4, "class 'pathlib:Path' is no dsr.agent.Agent"),
+        ("agent = []\n", 2, "expected an agent at least"),
         ('[[agent]]\nname = "a b"\nclass = "toy_counter:Counter"\n', 3, "agent name 'a b': expected 1 to 64"),
     ],
 )
@@ -50,6 +51,15 @@ def test_a_mistake_is_told_with_file_line_and_what_was_expected(
 ) -> None:
     file = write(tmp_path, text)
     with pytest.raises(ConfigError, match=re.escape(f"{file}:{line}: {expected}")):
+        load_system(file)
+
+
+def test_a_system_of_which_all_agents_are_left_out_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "toy_heavy.py").write_text(
+        "from dsr import Agent\n\n\nclass Heavy(Agent):\n    libraries = ('no_such_library',)\n"
+    )
+    file = write(tmp_path, '[[agent]]\nname = "a"\nclass = "toy_heavy:Heavy"\noptional = true\n')
+    with pytest.raises(ConfigError, match="no agent is left to run"):
         load_system(file)
 
 

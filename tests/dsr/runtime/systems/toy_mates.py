@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import os
 import sys
+import threading
 from pathlib import Path
 
 import msgspec
@@ -48,7 +50,13 @@ class Mate(Agent):
             self.fails = True
         elif order == "exit":
             sys.exit(3)
+        elif order == "exit with a text":
+            sys.exit(f"{self.name} is fed up")
         elif order == "crash":
             ctypes.string_at(0)
+        elif order == "leave":
+            os._exit(0)
+        elif order == "block":
+            threading.Event().wait()
         elif order == "talk":
             logging.getLogger("elsewhere").warning("said by %s in another logger", self.name)
