@@ -196,6 +196,22 @@ def test_without_matplotlib_the_curves_are_written_still(tmp_path: Path, monkeyp
     assert (tmp_path / "growth.csv").read_text().startswith("nodes,get node (us)")
 
 
+def test_without_ros_the_other_rows_are_measured() -> None:
+    code = """
+import sys
+sys.modules |= dict.fromkeys(("rosbags", "cyclonedds", "xxhash"))
+from benchmarks import groups
+from benchmarks.group import Run
+told = []
+run = Run(told.append)
+run.has = lambda module: told.append(module)
+groups.find("ros").measure(run)
+print(told)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "['rosbags']\n", done.stderr
+
+
 def test_plots_are_drawn_of_what_was_measured(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     from benchmarks.plots import draw

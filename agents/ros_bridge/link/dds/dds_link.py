@@ -69,7 +69,8 @@ class DdsPublisher:
 class DdsSubscription:
     """Calls back with what comes on one topic, from a thread of its own.
 
-    DDS keeps the newest messages for this thread, as many as the depth of its QoS; older ones are dropped and counted.
+    DDS keeps the newest messages for this thread, as many as the depth of its QoS. DDS drops older ones, and
+    does not count them here.
     """
 
     def __init__(
