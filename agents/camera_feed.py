@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-
-import msgspec
+from typing import Any
 
 from agents.drivers import CameraDriver
 from dsr import Frame, Memory
@@ -26,7 +25,7 @@ class CameraFeed:
         self._node = node
         self._driver = driver
         self._log = log
-        self._described: dict[str, float | int | str] = {}
+        self._described: dict[str, Any] = {}
         self._complained = False
 
     def forward(self) -> None:
@@ -54,10 +53,10 @@ class CameraFeed:
             self._described = description
 
 
-def describe(frame: Frame) -> dict[str, float | int | str] | None:
-    """Attributes of a camera that takes such frames: intrinsics and image size in px; None if not all are known."""
+def describe(frame: Frame) -> dict[str, Any] | None:
+    """Attributes of a camera that takes such frames: its intrinsics and lens; None if not all are known."""
     images = [array for array in frame.arrays.values() if array.ndim >= 2]
     try:
-        return msgspec.structs.asdict(Intrinsics.from_meta(frame.meta, images[0].shape)) if images else None
+        return Intrinsics.from_meta(frame.meta, images[0].shape).attributes() if images else None
     except ValueError:
         return None

@@ -231,7 +231,7 @@ def in_band(depth: Depth, intrinsics: Intrinsics, table: Array | None, model: Sk
     good = (depth == 0) | ((depth >= near) & (depth <= far))
     if table is not None:
         x, y = intrinsics.slopes()
-        slope = (table[0] * x[None, :] + table[1] * y[:, None] + table[2]).astype(np.float32)
+        slope = (table[0] * x + table[1] * y + table[2]).astype(np.float32)
         good &= (depth == 0) | (depth * slope + np.float32(table[3]) >= model.above_table)
     return np.asarray(good)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from agents.plant.lens import through_lens
 from agents.plant.noise import Color, Depth, SensorModel, shift_bodies
 from agents.plant.renderer import Renderer
 from agents.plant.world import World
@@ -83,25 +84,19 @@ class SimulatedCamera:
 
     def photograph(self, world: World, renderer: Renderer, stamp: float) -> Frame:
         """A frame as a driver delivers it: `color`, `depth` and the intrinsics."""
-        intrinsics = self.intrinsics
-        meta: dict[str, float | int | str] = {
-            "fx": intrinsics.fx,
-            "fy": intrinsics.fy,
-            "cx": intrinsics.cx,
-            "cy": intrinsics.cy,
-        }
         if self.covers:
-            shape = (intrinsics.height, intrinsics.width)
+            shape = (self.intrinsics.height, self.intrinsics.width)
             color, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
         else:
             with world.shown_at(self.seen_poses(world)):
                 color, depth = self._expose(world, renderer)
-        return Frame(stamp, {"color": color, "depth": depth}, meta)
+        return Frame(stamp, {"color": color, "depth": depth}, self.intrinsics.meta())
 
     def _expose(self, world: World, renderer: Renderer) -> tuple[Color, Depth]:
         """Colour and depth with all errors."""
         errors = {world.body(name): error for name, error in self.sensor.errors().items() if name in world}
-        picture = renderer.render(self.pose, self.intrinsics, bodies=self.sensor.is_per_object)
+        ideal = renderer.render(self.pose, self.intrinsics.pinhole(), bodies=self.sensor.is_per_object)
+        picture = through_lens(ideal, self.intrinsics)
         depth = picture.depth
         if picture.bodies is not None:
             depth = shift_bodies(depth, picture.bodies, errors, self.intrinsics)

@@ -8,6 +8,7 @@ import msgspec
 
 from agents.plant.camera import OVERHEAD
 from agents.plant.renderer import RendererName
+from dsr.vocabulary.distortion import Distortion
 
 SensorKind = Literal["pixels", "poses", "none"]
 
@@ -27,6 +28,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """Height of camera images, px."""
     fov: float = 0.98
     """rad, horizontal field of view; 0.98 gives a focal length of 600 px at 640 px"""
+    distortion: Distortion | None = None
+    """Of the lenses of all cameras; None: they are ideal."""
     overhead: tuple[float, float, float, float, float, float, float] = (*OVERHEAD.t, *OVERHEAD.q)
     """world_from_camera of the overhead camera (optical frame): m, then a quaternion (x, y, z, w)"""
     camera_hz: float = 10.0

@@ -98,7 +98,7 @@ class SensorModel:
 def shift_bodies(depth: Depth, bodies: NDArray[np.int32], errors: Mapping[int, float], intrinsics: Intrinsics) -> Depth:
     """The depth with each body of `errors` (m) brought nearer by that much along the viewing rays."""
     x, y = intrinsics.slopes()
-    along_axis = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
+    along_axis = 1 / np.sqrt(1 + x**2 + y**2)
     nearer = np.zeros_like(depth)
     for body, error in errors.items():
         nearer[bodies == body] = error

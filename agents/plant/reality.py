@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
@@ -150,7 +151,8 @@ class Reality:
         self, scenario: Scenario, config: PlantConfig, rngs: Mapping[str, np.random.Generator]
     ) -> dict[str, SimulatedCamera]:
         overhead = Pose(config.overhead[:3], config.overhead[3:])
-        intrinsics = Intrinsics.from_fov(config.width, config.height, config.fov)
+        ideal = Intrinsics.from_fov(config.width, config.height, config.fov)
+        intrinsics = replace(ideal, distortion=config.distortion)
         mounts: dict[str, Callable[[], Pose]] = {"overhead": lambda: overhead}
         if isinstance(self.arm, SimulatedArm):
             mounts["wrist"] = self.arm.camera_pose

@@ -93,7 +93,7 @@ class Picture:
 
     Args:
         world_from_view: of the optical frame: z forward, x right, y down.
-        intrinsics: of the picture.
+        intrinsics: of the camera; of one whose lens distorts the picture is that of `Intrinsics.pinhole`.
         bodies: all that is there.
         wanted: names of those whose visible fraction will be asked.
     """
@@ -101,6 +101,7 @@ class Picture:
     def __init__(
         self, world_from_view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], wanted: Collection[str]
     ) -> None:
+        intrinsics = intrinsics.pinhole()
         self.names = [body.name for body in bodies]
         self.frame = PixelWindow(0, 0, intrinsics.width, intrinsics.height)
         self._intrinsics = intrinsics

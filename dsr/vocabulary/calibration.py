@@ -1,8 +1,8 @@
 """Requests to calibrate a camera: nodes of type `calibration`, which agents/calibrator answers.
 
-    name = request_calibration(memory, "camera_wrist")
-    ...
-    if (report := read_report(memory, name)) is not None: print(report.text)
+name = request_calibration(memory, "camera_wrist")
+...
+if (report := read_report(memory, name)) is not None: print(report.text)
 """
 
 from __future__ import annotations
@@ -38,7 +38,6 @@ CALIBRATED = "calibrated"
 of its node tells the pose before and after."""
 SURPRISE = "surprise"
 """`source` of requests that nobody made: the calibrator began by itself."""
-
 
 
 class ObjectReport(msgspec.Struct, frozen=True):

@@ -25,8 +25,8 @@ def test_a_ray_goes_through_its_pixel_at_any_distance() -> None:
 
 def test_slopes_are_those_of_the_rays() -> None:
     x, y = LENS.slopes()
-    assert (len(x), len(y)) == (640, 480)
-    assert LENS.rays(np.array([17.0, 401.0]))[:2] == pytest.approx((x[17], y[401]), abs=1e-6)
+    assert np.broadcast_shapes(x.shape, y.shape) == (480, 640)
+    assert LENS.rays(np.array([17.0, 401.0]))[:2] == pytest.approx((x[0, 17], y[401, 0]), abs=1e-6)
 
 
 def test_the_field_of_view_is_that_of_the_outermost_edges() -> None:

@@ -26,9 +26,9 @@ MODULES = {
         "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
         "nobody_pursues",
     },
+    "dsr.vocabulary.distortion": {"Distortion", "LensModel", "MOST_COEFFICIENTS"},
     "dsr.vocabulary.intrinsics": {
-        *("DISTORTION", "INTRINSICS", "Distortion", "Intrinsics"),
-        *("read_distortion", "read_intrinsics"),
+        "DISTORTION", "INTRINSICS", "Intrinsics", "read_intrinsics",
     },
     "dsr.vocabulary.relations": {
         "ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "grasped_things", "is_present",

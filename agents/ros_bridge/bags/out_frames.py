@@ -13,7 +13,7 @@ from agents.ros_bridge.mapping.clouds import CLOUD, to_cloud
 from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE, to_compressed, to_image
 from dsr.graph.elements import Node
 from dsr.images.blobs import Frame, decode_frame
-from dsr.vocabulary.intrinsics import read_distortion, read_intrinsics
+from dsr.vocabulary.intrinsics import read_intrinsics
 
 BLOB = "blob/"
 _PACKED = {"color.jpeg": "jpeg", "color.png": "png"}
@@ -55,7 +55,7 @@ class FramesOut:
             self._send(f"{base}/points", CLOUD, cloud)
         intrinsics = None if node is None else read_intrinsics(node)
         if node is not None and intrinsics is not None and (kept or frame.arrays.keys() & {"color", "depth"}):
-            info = to_camera_info(types, stamp, name, intrinsics, read_distortion(node))
+            info = to_camera_info(types, stamp, name, intrinsics)
             self._send(f"{base}/camera_info", CAMERA_INFO, info)
 
     def _send_image(self, topic: str, stamp: float, name: str, array: Any) -> None:

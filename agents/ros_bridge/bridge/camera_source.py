@@ -25,7 +25,7 @@ from agents.ros_bridge.mapping.images import (
 from agents.ros_bridge.mapping.stamps import to_seconds
 from agents.ros_bridge.messages.types import RosTypes
 from dsr.images.blobs import Frame
-from dsr.vocabulary.intrinsics import Distortion, Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 
 _APART = 0.02
 """s by which the stamps of colour and depth of one exposure may differ: less than a frame at 30 Hz"""
@@ -74,7 +74,6 @@ class CameraSource:
         self._camera_info: Any = None
         self.intrinsics: Intrinsics | None = None
         """Those of the newest CameraInfo; None before the first"""
-        self.distortion: Distortion | None = None
         self.frame_id = ""
         """Frame of ROS in which the camera sees; empty before the first image"""
 
@@ -118,7 +117,7 @@ class CameraSource:
             name = self._info.topic.name
             try:
                 decoded = self._types.decode(CAMERA_INFO, message.cdr)
-                self.intrinsics, self.distortion = read_camera_info(decoded, rectified=self._topics.rectified)
+                self.intrinsics = read_camera_info(decoded, rectified=self._topics.rectified)
             except RosMessageError as error:
                 self._tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
 
@@ -182,7 +181,7 @@ class CameraSource:
             text = f"{self._info.topic.name} is about images of {told}"
             self._tally.tell("intrinsics of another size", self._info.topic.name, text)
             return {}
-        return {"fx": intrinsics.fx, "fy": intrinsics.fy, "cx": intrinsics.cx, "cy": intrinsics.cy}
+        return intrinsics.meta()
 
 
 def _forget(images: deque[_Image], stamp: float) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import msgspec
 from numpy.typing import NDArray
 
 from agents.ros_bridge.bridge.camera_source import CameraSource
@@ -51,12 +50,10 @@ class CamerasIn:
                     self._core.tally.tell("not written", node, f"a frame of {node!r} was not written: {error}")
 
     def _describe(self, node: str, source: CameraSource) -> None:
-        """Write intrinsics, distortion and the frame from which the camera hangs, if they are new."""
+        """Write intrinsics and the frame from which the camera hangs, if they are new."""
         told: dict[str, object] = {"frame": source.frame_id}
         if source.intrinsics is not None:
-            told |= msgspec.structs.asdict(source.intrinsics)
-        if source.distortion is not None:
-            told |= {"distortion_model": source.distortion.model, "distortion": source.distortion.coefficients}
+            told |= source.intrinsics.attributes()
         if told == self._described.get(node) and node in self._core.memory:
             return
         memory = self._core.memory

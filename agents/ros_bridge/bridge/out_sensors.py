@@ -13,7 +13,7 @@ from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
 from dsr.graph.elements import Node
 from dsr.images.blobs import Frame
 from dsr.images.frame_reader import FrameReader
-from dsr.vocabulary.intrinsics import read_distortion, read_intrinsics
+from dsr.vocabulary.intrinsics import read_intrinsics
 
 _LOOK = 0.5
 """s until it is looked again whether anybody wants the images of a camera"""
@@ -103,7 +103,7 @@ class _Stream:
         node = core.memory.get_node(self.node)
         intrinsics = None if node is None else read_intrinsics(node)
         if self._info in self._wanted and node is not None and intrinsics is not None:
-            self._info.send(lambda: to_camera_info(core.types, stamp, name, intrinsics, read_distortion(node)))
+            self._info.send(lambda: to_camera_info(core.types, stamp, name, intrinsics))
 
     def close(self) -> None:
         """Publish no more."""

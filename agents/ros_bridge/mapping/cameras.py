@@ -6,17 +6,19 @@ import math
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import to_header
 from agents.ros_bridge.messages.types import RosTypes
-from dsr.vocabulary.intrinsics import Distortion, Intrinsics
+from dsr.vocabulary.distortion import Distortion
+from dsr.vocabulary.intrinsics import Intrinsics
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
-def read_camera_info(message: Any, *, rectified: bool = False) -> tuple[Intrinsics, Distortion | None]:
-    """The intrinsics that a CameraInfo tells for its image, and the distortion, if there is any.
+def read_camera_info(message: Any, *, rectified: bool = False) -> Intrinsics:
+    """The intrinsics that a CameraInfo tells for its image, with the distortion of the lens, if there is any.
 
     Args:
         message: the CameraInfo. Its matrices are about the full image, of which the published one is a part
@@ -24,7 +26,8 @@ def read_camera_info(message: Any, *, rectified: bool = False) -> tuple[Intrinsi
         rectified: of the images that image_proc made (`image_rect`): by the matrix `p`, and without distortion.
 
     Raises:
-        RosMessageError: for a camera that was never calibrated, or numbers that no camera has.
+        RosMessageError: for a camera that was never calibrated, a lens whose model is not known, or numbers that no
+            camera has.
     """
     matrix = np.asarray(message.p).reshape(3, 4) if rectified else np.asarray(message.k).reshape(3, 3)
     binning = max(1, message.binning_x), max(1, message.binning_y)
@@ -40,17 +43,17 @@ def read_camera_info(message: Any, *, rectified: bool = False) -> tuple[Intrinsi
         raise RosMessageError("a CameraInfo without intrinsics: the camera was not calibrated")
     try:
         intrinsics = Intrinsics.from_meta(meta, shape)
-        coefficients = tuple(np.asarray(message.d, np.float64).tolist())
-        distorted = not rectified and message.distortion_model and any(coefficients)
-        return intrinsics, Distortion.of(message.distortion_model, coefficients) if distorted else None
+        coefficients = np.asarray(message.d, np.float64).tolist()
+        if rectified or not message.distortion_model or not any(coefficients):
+            return intrinsics
+        return replace(intrinsics, distortion=Distortion.of(message.distortion_model, coefficients))
     except ValueError as error:
         raise RosMessageError(f"a CameraInfo: {error}") from error
 
 
-def to_camera_info(
-    types: RosTypes, stamp: float, frame: str, intrinsics: Intrinsics, distortion: Distortion | None = None
-) -> Any:
+def to_camera_info(types: RosTypes, stamp: float, frame: str, intrinsics: Intrinsics) -> Any:
     """A CameraInfo of a camera that stands alone: its rectified image has the same matrix."""
+    distortion = intrinsics.distortion
     k = intrinsics.matrix
     p = np.zeros((3, 4))
     p[:, :3] = k

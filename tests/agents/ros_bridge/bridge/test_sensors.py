@@ -15,7 +15,8 @@ from agents.ros_bridge.mapping.images import pixels, to_image
 from agents.ros_bridge.mapping.joints import to_joint_state
 from agents.ros_bridge.mapping.stamps import to_seconds
 from dsr import Frame, Pose
-from dsr.vocabulary.intrinsics import Distortion, Intrinsics, read_distortion, read_intrinsics
+from dsr.vocabulary.distortion import Distortion
+from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from tests.agents.ros_bridge.robot import TYPES, Bridged, Robot, bridged
 
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
@@ -23,7 +24,8 @@ JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 DETECTIONS = "vision_msgs/msg/Detection3DArray"
 COLOR = np.random.default_rng(3).integers(0, 256, (4, 6, 3), dtype=np.uint8)
 DEPTH = np.full((4, 6), 1.25, np.float32)
-INTRINSICS = Intrinsics(500.0, 505.0, 2.5, 1.5, 6, 4)
+LENS = Distortion("plumb_bob", (0.1, 0.0, 0.0, 0.0, 0.0))
+INTRINSICS = Intrinsics(500.0, 505.0, 2.5, 1.5, 6, 4, LENS)
 CAMERA = {"receive": {"cameras": {"eye": {"color": "/cam/color/image_raw", "depth": "/cam/depth/image"}}}}
 
 
@@ -40,8 +42,7 @@ def look(system: Bridged, *, depth: bool = True, stamp: float | None = None) -> 
 
 
 def tell_intrinsics(system: Bridged, intrinsics: Intrinsics = INTRINSICS) -> None:
-    distortion = Distortion("plumb_bob", (0.1, 0.0, 0.0, 0.0, 0.0))
-    message = to_camera_info(TYPES, system.now, "eye_optical", intrinsics, distortion)
+    message = to_camera_info(TYPES, system.now, "eye_optical", intrinsics)
     publish(system.robot, "/cam/color/camera_info", INFO, message)
 
 
@@ -56,10 +57,9 @@ def test_a_camera_of_ros_is_a_camera_of_the_memory() -> None:
         assert frame is not None and frame.stamp == pytest.approx(began)
         np.testing.assert_array_equal(frame.arrays["color"], COLOR)
         np.testing.assert_array_equal(frame.arrays["depth"], DEPTH)
-        assert frame.meta == {"fx": 500.0, "fy": 505.0, "cx": 2.5, "cy": 1.5}
+        assert Intrinsics.from_meta(frame.meta, COLOR.shape) == INTRINSICS
         node = system.memory.node("eye")
         assert node.type == "camera" and read_intrinsics(node) == INTRINSICS
-        assert read_distortion(node) == Distortion("plumb_bob", (0.1, 0.0, 0.0, 0.0, 0.0))
         system.robot.tf(("world", "eye_optical", system.now, Pose((0.0, 0.0, 1.0))))
         system.run()
         assert system.memory.transform("world", "eye").t == (0.0, 0.0, 1.0)
