@@ -29,7 +29,7 @@ from agents.ros_bridge.messages.types import types_of
 from agents.ros_bridge.services.questions import Questions
 from dsr.agent import Access, Agent
 from dsr.errors import WireError
-from dsr.vocabulary.intrinsics import DISTORTION, INTRINSICS
+from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
 
@@ -52,7 +52,7 @@ def _writes(config: RosBridgeConfig) -> Access:
         attributes |= set(_JOINTS)
     if receive.cameras:
         nodes |= {"camera"}
-        attributes |= {*INTRINSICS, *DISTORTION}
+        attributes |= set(INTRINSICS)
     if receive.cameras or receive.clouds:
         attributes |= {"stream"}
     if receive.detections:

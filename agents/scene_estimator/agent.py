@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 
-import msgspec
-
 from agents.drivers import TagDriver, TagReadings, make_driver
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
@@ -105,7 +103,7 @@ class SceneEstimator(Agent):
     def _describe(self, camera: str, intrinsics: Intrinsics | None) -> None:
         """Write the intrinsics of a sensor without images, whose frames would tell them, if the node says others."""
         node = self.memory.get_node(camera)
-        values = {} if intrinsics is None else msgspec.structs.asdict(intrinsics)
+        values = {} if intrinsics is None else intrinsics.attributes()
         if node is not None and any(node.get(name) != value for name, value in values.items()):
             self.memory.update_node(camera, **values)
 

@@ -1,15 +1,15 @@
-"""Pose of a tag with its covariance: depth gives the plane it lies in, the corners place it there.
+"""Pose of a tag with its covariance: corners, depth and the tag's size, weighed together.
 
-The corners' rays are cut with the plane fitted to the depth within the tag. Near the camera the tag's known
-size tells its distance better than depth does; further away it is the other way round. The orientation is
-that of the plane at all distances: flips cannot occur, and the error is a fraction of that of perspective.
-Without depth, perspective is all there is.
+Four things tell where a tag is: its corners in the image, the plane of the depth within it, the side that it
+should have, and how wrong each may be. Gauss-Newton steps from several starts find the most likely pose; its
+covariance is the inverse of the Fisher information. Corners alone fit two poses where perspective is weak
+(Schweighofer and Pinz 2006); depth decides.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import cv2
 import msgspec
@@ -20,33 +20,174 @@ from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
 from agents.scene_estimator.detection import Tag, tag_corners
 from dsr.math3d import quaternions
 from dsr.math3d.batches import skew
-from dsr.math3d.transforms import Array, Pose, log
+from dsr.math3d.transforms import Array, Pose, exp, log
 from dsr.vocabulary.intrinsics import Intrinsics
 
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+_SIZE_RATIO = 1.5
+"""Seen over true size of a tag; outside 1/1.5 to 1.5 the depth is that of something else."""
+_WRONG_SIZE = 0.02
+"""Probability that somebody told a wrong size; all sizes up to `_SIZE_RATIO` are alike then."""
 _CERTAIN = 50.0  # log odds
+_STEPS = 20  # of Gauss-Newton; four or five do
+_SETTLED = 1e-2  # standard deviations of the result, of the last step
+_SAME = 0.1  # standard deviations, between starts that end at one pose
 
 
-def pose_from_perspective(tag: Tag, intrinsics: Intrinsics, tag_size: float) -> Pose | None:
-    """`camera_from_tag` with covariance, or None if the corners are no projection of a square.
+class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A model of the sensor's errors."""
 
-    Of the two poses it is the more likely one, with a covariance that spans both as far as both are likely.
+    corner_std: NotNegative = 0.2
+    """px, standard deviation of a tag's corners in sharp images of a real lens, beside the detector's own error."""
+    depth_bias_std: NotNegative = 0.01
+    """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""
+    depth_ripple_std: NotNegative = 5e-4
+    """m, systematic error of depth from one edge of a tag to the middle: by the brightness of what is printed there."""
+    inverse_depth_floor: Positive = 3e-4
+    """1/m, least standard deviation of a pixel's inverse depth."""
+    inverse_depth_std: Positive = 2.5e-3
+    """1/m, standard deviation of a pixel's inverse depth, by which a shape fits or not"""
+    depth_correlation: NotNegative = 4.0
+    """px, over which neighbouring depth errors are alike: stereo compares patches."""
+    size_std: Positive = 0.01
+    """Standard deviation of a tag's side over the side that it should have: half a millimetre of a tag of 50 mm."""
+
+
+class _Plane(NamedTuple):
+    """What depth tells: p of a plane p . X = 1 in the camera frame."""
+
+    p: Array
+    """(3,) 1/m"""
+    information: Array
+    """(3, 3) inverse of its covariance, m^2"""
+
+
+class _Fit(NamedTuple):
+    """A most likely pose."""
+
+    pose: Pose
+    covariance: Array
+    """(6, 6) of a right perturbation"""
+    cost: float
+    """Twice the negative logarithm of the likelihood, up to a constant"""
+
+    def is_apart(self, other: _Fit) -> bool:
+        """Whether it is another pose than the other one."""
+        apart = log(self.pose.inverse() @ other.pose)
+        return bool(apart @ np.linalg.solve(self.covariance, apart) > _SAME**2)
+
+
+def estimate_tag_pose(
+    tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
+) -> Pose | None:
+    """`camera_from_tag` (x right, y up as printed, z off the face) with covariance; None if it cannot be told.
+
+    Where several poses are about as likely, it is the most likely one, with a covariance that spans them.
+
+    Args:
+        tag: its corners, px.
+        depth: (h, w) m, of the same exposure and intrinsics; None without a depth camera.
+        intrinsics: px, and the distortion of the lens.
+        tag_size: side of the black square, m.
+        noise: error model of the sensor.
     """
-    candidates = _candidates(tag, intrinsics, tag_size)
-    if not candidates:
+    rays = intrinsics.rays(tag.corners)
+    if not np.isfinite(rays).all():
         return None
-    costs = [_cost(pose, tag, intrinsics, tag_size) for pose in candidates]
-    best, other = (candidates[i] for i in np.argsort(costs)[[0, -1]])
-    covariance = _covariance(best, tag, intrinsics, tag_size)
-    doubt = 1.0 / (1.0 + math.exp(min(0.5 * (max(costs) - min(costs)), _CERTAIN)))
-    apart = log(best.inverse() @ other)
-    uncertain: Pose = best.with_covariance(covariance + doubt * np.outer(apart, apart))
-    return uncertain
+    plane = None if depth is None else _plane(tag, rays, depth, intrinsics, tag_size, noise)
+    starts = [(start, 0.0) for start in _perspective_starts(rays, tag_size)]
+    told = None
+    if plane is not None:
+        starts.append((_pose_on_plane(rays, plane, tag_size), math.log(_side(plane, rays) / tag_size)))
+        told = _Plane(plane.p, np.asarray(np.linalg.inv(_plane_covariance(plane, rays, tag_size, noise)), np.float64))
+    problem = _TagFit(tag, intrinsics, tag_size, noise.size_std, told)
+    fits = [fit for start in starts if (fit := problem.solve(*start)) is not None]
+    return _combined(fits) if fits else None
 
 
-def _candidates(tag: Tag, intrinsics: Intrinsics, tag_size: float) -> list[Pose]:
+def _combined(fits: list[_Fit]) -> Pose:
+    """The best of several, with a covariance that spans the others as far as they are likely."""
+    best, *others = sorted(fits, key=lambda fit: fit.cost)
+    covariance, counted = best.covariance.copy(), [best]
+    for other in others:
+        if all(fit.is_apart(other) for fit in counted):
+            counted.append(other)
+            doubt = 1.0 / (1.0 + math.exp(min(0.5 * (other.cost - best.cost), _CERTAIN)))
+            apart = log(best.pose.inverse() @ other.pose)
+            covariance += doubt * np.outer(apart, apart)
+    return best.pose.with_covariance(covariance)
+
+
+class _TagFit:
+    """Corners, depth and size of one tag as a least squares problem in the pose and the logarithm of the scale."""
+
+    def __init__(
+        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float, plane: _Plane | None
+    ) -> None:
+        self._tag, self._intrinsics, self._plane = tag, intrinsics, plane
+        self._square, self._size_std = tag_corners(tag_size), size_std
+        self._wrong = _WRONG_SIZE * size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
+
+    def solve(self, pose: Pose, scale: float) -> _Fit | None:
+        """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
+        for _ in range(_STEPS):
+            linear = self._linear(pose, scale)
+            if linear is None:
+                return None
+            information, gradient, cost = linear
+            try:
+                covariance = np.linalg.inv(information)
+            except np.linalg.LinAlgError:
+                return None
+            step = covariance @ gradient
+            pose, scale = pose @ exp(step[:6]), scale + float(step[6])
+            if gradient @ step < _SETTLED**2:
+                break
+        return _Fit(pose, np.asarray(covariance[:6, :6], np.float64), cost)
+
+    def _linear(self, pose: Pose, scale: float) -> tuple[Array, Array, float] | None:
+        """Information (7, 7), gradient (7,) and cost at a pose and a scale."""
+        square = math.exp(scale) * self._square
+        points = pose.apply(square)
+        if not (np.isfinite(points).all() and points[:, 2].min() > 0.0):
+            return None
+        pixels, by_point = self._intrinsics.project_with_derivative(points)
+        by_twist = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), -skew(square), square[:, :, None]], axis=-1)
+        jacobian = (by_point @ (pose.rotation_matrix @ by_twist)).reshape(8, 7) / self._tag.corner_std
+        residual = (self._tag.corners - pixels).ravel() / self._tag.corner_std
+        if not np.isfinite(residual).all():
+            return None
+        information, gradient, cost = jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual)
+        if self._plane is not None:
+            p, by_pose = _plane_of(pose)
+            off = self._plane.p - p
+            weighted = by_pose.T @ self._plane.information
+            information[:6, :6] += weighted @ by_pose
+            gradient[:6] += weighted @ off
+            cost += float(off @ self._plane.information @ off)
+        right = math.exp(-0.5 * (scale / self._size_std) ** 2)
+        weight = right / (right + self._wrong) / self._size_std**2  # none if the size that was told is plainly wrong
+        information[6, 6] += weight
+        gradient[6] -= weight * scale
+        return information, gradient, cost - 2.0 * math.log(right + self._wrong)
+
+
+def _plane_of(pose: Pose) -> tuple[Array, Array]:
+    """The p (3,) of the tag's plane p . X = 1, and its derivative (3, 6) by a right perturbation of the pose."""
+    rotation, centre = pose.rotation_matrix, pose.translation
+    normal = rotation[:, 2]
+    distance = float(normal @ centre)
+    turned = np.concatenate([np.zeros((3, 3)), -rotation @ skew(np.array([0.0, 0.0, 1.0]))], axis=1)
+    moved = np.concatenate([normal @ rotation, np.zeros(3)]) + centre @ turned
+    return normal / distance, turned / distance - np.outer(normal, moved) / distance**2
+
+
+def _perspective_starts(rays: Array, tag_size: float) -> list[Pose]:
+    """The two poses (one, or none) from which a square looks like that (IPPE, Collins and Bartoli 2014)."""
     try:
         _, rotations, translations, _ = cv2.solvePnPGeneric(
-            tag_corners(tag_size), tag.corners, intrinsics.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+            tag_corners(tag_size), np.ascontiguousarray(rays[:, :2]), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE
         )
     except cv2.error:
         return []
@@ -55,70 +196,8 @@ def _candidates(tag: Tag, intrinsics: Intrinsics, tag_size: float) -> list[Pose]
     return [Pose.from_rotvec(t, r) for t, r in vectors if t[2] > 0.0]
 
 
-def _cost(pose: Pose, tag: Tag, intrinsics: Intrinsics, tag_size: float) -> float:
-    """Squared normalised reprojection error."""
-    reprojected = intrinsics.project(pose.apply(tag_corners(tag_size)))
-    return float(((reprojected - tag.corners) ** 2).sum()) / tag.corner_std**2
-
-
-def _covariance(pose: Pose, tag: Tag, intrinsics: Intrinsics, tag_size: float) -> Array:
-    """(6, 6) of a right perturbation: the inverse of the corners' Fisher information."""
-    square = tag_corners(tag_size)
-    x, y, z = pose.apply(square).T
-    zero = np.zeros(4)
-    by_point = np.stack(
-        [
-            np.stack([intrinsics.fx / z, zero, -intrinsics.fx * x / z**2], axis=-1),
-            np.stack([zero, intrinsics.fy / z, -intrinsics.fy * y / z**2], axis=-1),
-        ],
-        axis=1,
-    )
-    by_twist = pose.rotation_matrix @ np.concatenate([np.tile(np.eye(3), (4, 1, 1)), -skew(square)], axis=-1)
-    jacobian = (by_point @ by_twist).reshape(8, 6)
-    return np.asarray(tag.corner_std**2 * np.linalg.inv(jacobian.T @ jacobian))
-
-
-Positive = Annotated[float, msgspec.Meta(gt=0)]
-NotNegative = Annotated[float, msgspec.Meta(ge=0)]
-_SIZE_RATIO = 1.5
-"""Seen over true size of a tag; outside 1/1.5 to 1.5 the depth is that of something else."""
-
-
-class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A model of the sensor's errors."""
-
-    depth_bias_std: NotNegative = 0.01
-    """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""
-    inverse_depth_floor: Positive = 3e-4
-    """1/m, least standard deviation of a pixel's inverse depth."""
-    inverse_depth_std: Positive = 2.5e-3
-    """1/m, standard deviation of a pixel's inverse depth, by which a shape fits or not"""
-    depth_correlation: NotNegative = 4.0
-    """px, over which neighbouring depth errors are alike: stereo compares patches."""
-    size_below: NotNegative = 0.5
-    """m, distance below which the tag's size tells the distance instead of depth."""
-
-
-def estimate_tag_pose(
-    tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
-) -> Pose | None:
-    """`camera_from_tag` (x right, y up as printed, z off the face) with covariance; None if it cannot be told.
-
-    Args:
-        tag: its corners, px.
-        depth: (h, w) m, of the same exposure and intrinsics; None without a depth camera.
-        intrinsics: px.
-        tag_size: side of the black square, m.
-        noise: error model of the sensor.
-    """
-    plane = None if depth is None else _plane(tag, depth, intrinsics, tag_size, noise)
-    if plane is None:
-        return pose_from_perspective(tag, intrinsics, tag_size)
-    return _pose_on_plane(tag, plane, intrinsics, tag_size, noise)
-
-
 def _plane(
-    tag: Tag, depth: NDArray[np.float32], intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
+    tag: Tag, rays: Array, depth: NDArray[np.float32], intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
 ) -> DepthPlane | None:
     """The tag's plane, unless the depth there contradicts the tag's size."""
     plane = fit_depth_plane(
@@ -130,72 +209,40 @@ def _plane(
     )
     if plane is None:
         return None
-    points = plane.points(intrinsics.rays(tag.corners))
-    side = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).mean())
-    return plane if 1.0 / _SIZE_RATIO < side / tag_size < _SIZE_RATIO else None
+    return plane if 1.0 / _SIZE_RATIO < _side(plane, rays) / tag_size < _SIZE_RATIO else None
 
 
-def _pose_on_plane(tag: Tag, plane: DepthPlane, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel) -> Pose:
-    """Centre from the corners' points on the plane, axes by Procrustes; errors propagated to first order."""
-    points = plane.points(intrinsics.rays(tag.corners))
+def _side(plane: DepthPlane, rays: Array) -> float:
+    """m, mean side of what has its corners on rays (4, 3) in a plane."""
+    points = plane.points(rays)
+    return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).mean())
+
+
+def _plane_covariance(plane: DepthPlane, rays: Array, tag_size: float, noise: NoiseModel) -> Array:
+    """(3, 3) of p, with the systematic errors of depth, for a tag whose corners are on rays (4, 3).
+
+    A bias b of the depth z scales p by b / z: the tag moves along its ray. If b is the same for the whole tag, or
+    grows with z^2 (a shift of disparity), the ends of a tilted tag move unequally: that adds or takes
+    (p - e_z / z) b / z. A ripple tilts the plane about the middle of the tag, along x and y of the image.
+    """
+    centre = plane.points(rays).mean(axis=0)
+    distance = float(centre[2])
+    covariance = plane.covariance.copy()
+    for direction in (plane.p, plane.p - (0.0, 0.0, 1.0 / distance)):
+        covariance += (noise.depth_bias_std / distance) ** 2 * np.outer(direction, direction)
+    slope = noise.depth_ripple_std / (0.5 * tag_size * distance)  # 1/m, of inverse depth over a unit of the ray
+    for direction in (np.array([1.0, 0.0, -centre[0] / distance]), np.array([0.0, 1.0, -centre[1] / distance])):
+        covariance += slope**2 * np.outer(direction, direction)
+    return covariance
+
+
+def _pose_on_plane(rays: Array, plane: DepthPlane, tag_size: float) -> Pose:
+    """The pose that the plane and the corners' rays (4, 3) give: axes by Procrustes (Schonemann 1966)."""
+    points = plane.points(rays)
     centre = points.mean(axis=0)
-    offsets, square = points - centre, tag_corners(tag_size)
-    by_input = _point_derivatives(points, plane, intrinsics)
-    moved = by_input.mean(axis=0)
-    turned = _rotation_derivative(offsets, by_input, plane)
-    if np.linalg.norm(centre) < noise.size_below:
-        spread = (offsets**2).sum()
-        scale = np.sqrt((square**2).sum() / spread)
-        moved = scale * (moved - np.outer(centre, np.einsum("ni,nij->j", offsets, by_input) / spread))
-        centre = scale * centre
-    rotation = _axes(offsets, square, plane.normal)
-    to_tag = np.concatenate([rotation.T @ moved, rotation.T @ turned])
-    inputs = _input_covariance(tag, plane, float(points[:, 2].mean()), noise.depth_bias_std)
-    quaternion = quaternions.from_matrix(rotation.tolist())
-    return Pose(centre, quaternion, covariance=to_tag @ inputs @ to_tag.T)
-
-
-def _axes(offsets: Array, square: Array, normal: Array) -> Array:
-    """(3, 3) rotation with z = normal that best turns the tag's corners (4, 3) onto the offsets (4, 3)."""
+    offsets, square, normal = points - centre, tag_corners(tag_size), plane.normal
     x = square[:, 0] @ offsets + square[:, 1] @ np.cross(offsets, normal)
     x -= normal * (normal @ x)
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(normal, x), normal])
-
-
-def _point_derivatives(points: Array, plane: DepthPlane, intrinsics: Intrinsics) -> Array:
-    """(4, 3, 11) of the corners' points by the corners' pixels u0, v0, u1, ... and the plane p.
-
-    With X = z r and z = 1 / (p . r): dX = z (I - X p^T) dr - X X^T dp.
-    """
-    by_ray = points[:, 2, None, None] * (np.eye(3) - points[:, :, None] * plane.p)
-    by_pixel = by_ray[:, :, :2] / (intrinsics.fx, intrinsics.fy)
-    derivatives = np.zeros((4, 3, 11))
-    for corner in range(4):
-        derivatives[corner, :, 2 * corner : 2 * corner + 2] = by_pixel[corner]
-    derivatives[:, :, 8:] = -points[:, :, None] * points[:, None, :]
-    return derivatives
-
-
-def _rotation_derivative(offsets: Array, by_input: Array, plane: DepthPlane) -> Array:
-    """(3, 11) rotation vector in camera axes: turn of the corners about the normal, tilt with the plane."""
-    normal = plane.normal
-    lever = np.cross(normal, offsets) / (offsets**2).sum()
-    derivative = np.outer(normal, np.einsum("ni,nij->j", lever, by_input))
-    derivative[:, 8:] -= skew(normal) / np.linalg.norm(plane.p)
-    return derivative
-
-
-def _input_covariance(tag: Tag, plane: DepthPlane, distance: float, depth_bias_std: float) -> Array:
-    """(11, 11) of the corners' pixels and the plane, for a tag `distance` m along the optical axis.
-
-    A bias b of the depth z in proportion to z scales p by b / z: the tag moves along its ray. If b is the same
-    for the whole tag, or grows with z^2 (a shift of disparity), the ends of a tilted tag move unequally: that
-    adds or takes (p - e_z / z) b / z, a tilt.
-    """
-    covariance = np.zeros((11, 11))
-    covariance[:8, :8] = tag.corner_std**2 * np.eye(8)
-    covariance[8:, 8:] = plane.covariance
-    for direction in (plane.p, plane.p - (0.0, 0.0, 1.0 / distance)):
-        covariance[8:, 8:] += (depth_bias_std / distance) ** 2 * np.outer(direction, direction)
-    return covariance
+    rotation = np.column_stack([x, np.cross(normal, x), normal])
+    return Pose(centre, quaternions.from_matrix(rotation.tolist()))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -56,11 +58,15 @@ class FrameSource:
     def read(self, frame: Frame) -> tuple[list[Sighting], Outlines]:
         """Sightings in the frame, and the outlines of all tags found. Raises `WireError` for an unusable frame."""
         color, depth, intrinsics = images(frame)
-        tags = self._detector.detect(color)
+        tags = [self._seen_through_lens(tag) for tag in self._detector.detect(color)]
         sightings = self._sightings(tags, depth, intrinsics, frame.stamp)
         ids = np.array([tag.marker_id for tag in tags], dtype=np.int32)
         corners = np.array([tag.corners for tag in tags], dtype=np.float32).reshape(-1, 4, 2)
         return sightings, Outlines(ids, corners)
+
+    def _seen_through_lens(self, tag: Tag) -> Tag:
+        """With the error of a real lens beside that of the detector."""
+        return replace(tag, corner_std=math.hypot(tag.corner_std, self._noise.corner_std))
 
     def read_corners(self, readings: TagReadings) -> list[Sighting]:
         """Sightings of tags that a device found without their poses. Raises `WireError` for corners that are none."""

@@ -91,7 +91,7 @@ class Distortion(msgspec.Struct, frozen=True):
             if not (np.abs(off) > _CLOSE).any():
                 break
             found = found - _solved(self.derivative(found), off)
-        arrived = (np.abs(self.distort(found) - wanted) <= _CLOSE).all(axis=-1)
+        arrived = np.asarray((np.abs(self.distort(found) - wanted) <= _CLOSE).all(axis=-1))
         return np.where(arrived[..., None], found, np.nan)
 
 

@@ -14,10 +14,9 @@ from dsr.graph.elements import Node
 from dsr.math3d.transforms import Array
 from dsr.vocabulary.distortion import MOST_COEFFICIENTS, Distortion
 
-INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height")
+INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height", "distortion_model", "distortion")
 """Attributes of a camera's node that tell them."""
-DISTORTION = ("distortion_model", "distortion")
-"""Attributes of a camera's node that tell how its lens distorts."""
+_PINHOLE, _LENS = INTRINSICS[:6], INTRINSICS[6:]
 _MOST_PIXELS = 1e5
 """px, no focal length or principal point is beyond."""
 _LARGER = 3.0
@@ -75,8 +74,8 @@ class Intrinsics(msgspec.Struct, frozen=True):
     def attributes(self) -> dict[str, Any]:
         """What the node of a camera tells; of a camera without a lens the model is empty."""
         model, coefficients = ("", ()) if self.distortion is None else msgspec.structs.astuple(self.distortion)
-        told = {name: getattr(self, name) for name in INTRINSICS}
-        return told | dict(zip(DISTORTION, (model, coefficients), strict=True))
+        told = {name: getattr(self, name) for name in _PINHOLE}
+        return told | dict(zip(_LENS, (model, coefficients), strict=True))
 
     @property
     def matrix(self) -> Array:
@@ -155,12 +154,12 @@ def _pinhole(intrinsics: Intrinsics) -> Intrinsics:
 
 def read_intrinsics(camera: Node) -> Intrinsics | None:
     """Read the intrinsics of a camera's node; None if a value is missing, or no camera can have it."""
-    values = [camera.get(name) for name in INTRINSICS]
-    if None in values:
+    values: dict[str, Any] = {name: camera.get(name) for name in _PINHOLE}
+    if None in values.values():
         return None
-    model, coefficients = (camera.get(name) for name in DISTORTION)
+    model, coefficients = (camera.get(name) for name in _LENS)
     try:
-        found = Intrinsics(*values, Distortion.of(model, coefficients or ()) if model else None)
+        found = Intrinsics(**values, distortion=Distortion.of(model, coefficients or ()) if model else None)
     except ValueError:
         return None
     return found if min(found.fx, found.fy, found.width, found.height) > 0 else None

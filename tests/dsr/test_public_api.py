@@ -28,7 +28,7 @@ MODULES = {
     },
     "dsr.vocabulary.distortion": {"Distortion", "LensModel", "MOST_COEFFICIENTS"},
     "dsr.vocabulary.intrinsics": {
-        "DISTORTION", "INTRINSICS", "Intrinsics", "read_intrinsics",
+        "INTRINSICS", "Intrinsics", "read_intrinsics",
     },
     "dsr.vocabulary.relations": {
         "ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "grasped_things", "is_present",
