@@ -97,7 +97,7 @@ class _Element(Mapping[str, Any]):
 
     def newest_write(self, attribute: str) -> Write | None:
         """The write that the present value is from, or that took it away; None if it never was set."""
-        return winner(self._entries, attribute)
+        return write_in(self._entries, attribute)
 
     @property
     def written(self) -> frozenset[str]:

@@ -100,14 +100,19 @@ class StampAccess:
         An element of which an attribute cannot be overwritten is made anew first. Raises `AgentError` if this agent may
         not do that.
         """
-        try:
-            delta = write()
-        except NoRoomError as full:
+        renewed: set[Key] = set()
+        while True:
             try:
-                self._renew(full.key)
-            except AgentError as error:
-                raise AgentError(f"{full}, unless it is made anew, and {error}") from None
-            delta = write()
+                delta = write()
+                break
+            except NoRoomError as full:
+                if full.key in renewed:
+                    raise
+                renewed.add(full.key)
+                try:
+                    self._renew(full.key)
+                except AgentError as error:
+                    raise AgentError(f"{full}, unless it is made anew, and {error}") from None
         if delta:
             self._replica.commit(delta)
         return delta
