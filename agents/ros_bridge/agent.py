@@ -34,6 +34,8 @@ from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
 
 _JOINTS = ("joint_names", "joint_positions", "joint_velocities")
+_REST = 10
+"""Times as long as a tick took, until a message wakes the agent again: so that a flood takes a tenth of a core"""
 _LOOK = 1.0
 """s between two looks at what may be wrong with the connection"""
 
@@ -94,7 +96,7 @@ class RosBridge(Agent):
         self._closing = contextlib.ExitStack()
         self._tally = Tally(self.clock, self.log)
         self.counts = self._tally.counts
-        self._ticked = self._looked = -math.inf
+        self._looked = self._rested = -math.inf
         self._problem = self._hint = ""
         link = type(self).connect(config.link, config.node)
         self._closing.callback(link.close)
@@ -120,7 +122,7 @@ class RosBridge(Agent):
 
     def tick(self, now: float) -> None:
         """Take what came from ROS, then send what is new in the memory."""
-        self._ticked = self.clock.monotonic()
+        began = self.clock.monotonic()
         self._clock_out.update()
         self._hear_clock()
         if self._tf_in is not None:
@@ -136,6 +138,8 @@ class RosBridge(Agent):
         self._images_out.update(now)
         self._diagnostics_out.update(now)
         self._tell_problems()
+        ended = self.clock.monotonic()
+        self._rested = ended + _REST * (ended - began)
 
     def teardown(self) -> None:
         """Leave ROS."""
@@ -148,8 +152,8 @@ class RosBridge(Agent):
         return self._tally.told
 
     def _notify(self) -> None:
-        """Something came or changed: tick at once, unless the last tick was so lately that the next one will do."""
-        if self.clock.monotonic() - self._ticked >= 1.0 / self.config.most_hz:
+        """Something came or changed: tick at once, unless ticks take so long that it has to wait for the next one."""
+        if self.clock.monotonic() >= self._rested:
             self.wake()
 
     def _hear_clock(self) -> None:

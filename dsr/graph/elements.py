@@ -171,4 +171,4 @@ class Edge(_Element):
 
 def key_of(element: Node | Edge) -> Key:
     """Identify a node by its name, and an edge by its (source, destination, type)."""
-    return element.name if isinstance(element, Node) else element.key
+    return element.key if isinstance(element, Edge) else element.name  # quick for edges, of which more change
