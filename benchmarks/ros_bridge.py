@@ -49,8 +49,11 @@ _NAMES = [f"robot/link_{number}" for number in range(_FRAMES)]
 _NODES = [name.replace("/", ".") for name in _NAMES]
 _WARM = 2.0
 """s of load before it is measured"""
+_BASE = "ros-base"
+"""Graph of the peers, without ROS"""
 _SHARE = 0.5
 """of what was sent, that must have arrived: so that nothing is measured that does not work"""
+
 
 def _pose(number: int, stamp: float) -> Pose:
     return Pose.unchecked((float(number), 0.2, 0.3), (0.0, 0.0, 0.6, 0.8), stamp)
@@ -176,23 +179,32 @@ def _measure_cores(run: Run, spec: Spec, *, into_memory: bool) -> None:
     """Tf one way: the bridge and its peer in turns."""
     seconds, rounds = run.pick(5.0, 2.0), run.pick(4, 2)
     endpoint, graph = f"tcp/127.0.0.1:{free_port()}", f"ros-{'in' if into_memory else 'out'}"
-    mains = [(robot, endpoint), (bridge, endpoint, graph), *((memory, name) for name in (graph, "base", "base"))]
-    with all_of(Worker(*main) for main in mains) as workers:
+    starts: list[tuple[Callable[..., None], list[str]]] = [
+        (robot, [endpoint]), (bridge, [endpoint, graph]), (memory, [graph]), (memory, [_BASE]), (memory, [_BASE])
+    ]  # fmt: skip
+    with all_of(Worker(main, *arguments) for main, arguments in starts) as workers:
         run.step(f"{spec.row}: starting")
         for worker in workers:
             worker.receive()
         node, bridging, *memories = workers
         other, writer, reader = (_Memory(worker) for worker in memories)
-        if into_memory:
-            came, name, base = lambda: other.seen, "a memory that writes the edges", writer
-        else:
-            came, name, base = lambda: node.ask(("listen", 0.0)), "a memory that hears the edges", reader
-        source = (lambda time: node.ask(("tf", time))) if into_memory else (lambda time: other.write(time, _HZ))
         rate = _WRITTEN_HZ if into_memory else _HZ
-        for load in (source, lambda time: writer.write(time, rate)):
-            load(_WARM)
-        ours = _Side(lambda: bridging.ask("work"), lambda: source(seconds))
-        peer = _Side(lambda: base.work, lambda: writer.write(seconds, rate))
+
+        def source(time: float) -> None:
+            if into_memory:
+                node.ask(("tf", time))
+            else:
+                other.write(time, _HZ)
+
+        def came() -> int:
+            return other.seen if into_memory else int(node.ask(("listen", 0.0)))
+
+        came()
+        source(_WARM)
+        writer.write(_WARM, rate)
+        measured, name = (writer, "writes") if into_memory else (reader, "hears")
+        ours = _Side(lambda: float(bridging.ask("work")), lambda: source(seconds))
+        peer = _Side(lambda: measured.work, lambda: writer.write(seconds, rate))
         before, taken, taken_by_peer = came(), [], []
         for number in range(rounds):
             run.step(f"{spec.row}: round {number + 1} of {rounds}")
@@ -201,7 +213,8 @@ def _measure_cores(run: Run, spec: Spec, *, into_memory: bool) -> None:
         hz = (came() - before) / (_FRAMES * seconds * rounds)
     if hz < _WRITTEN_HZ * _SHARE:
         raise BenchmarkError(f"only {hz:.0f} transforms a second of each frame went through")
-    run.row(spec, median(taken), [Peer(name, median(taken_by_peer))], f"{hz:.0f} Hz of each frame went through")
+    peers = [Peer(f"a memory that {name} the edges", median(taken_by_peer))]
+    run.row(spec, median(taken), peers, f"{hz:.0f} Hz of each frame went through")
 
 
 class _Memory:

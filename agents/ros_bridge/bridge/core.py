@@ -13,6 +13,7 @@ from agents.ros_bridge.link.link import Publisher, Qos, RosLink, Topic
 from agents.ros_bridge.mapping.names import FrameNames
 from agents.ros_bridge.messages.types import RosTypes
 from dsr.clock import Clock
+from dsr.crdt.delta import Write
 from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
@@ -67,7 +68,11 @@ class BridgeCore:
     def came_from_ros(self, element: Node | Edge, attribute: str) -> bool:
         """Whether a bridge of our name wrote the present value, now or in an earlier life: it is not sent back."""
         write = element.newest_write(attribute)
-        return write is not None and agent_of(write.writer) == self._agent
+        return write is not None and self.is_of_bridge(write)
+
+    def is_of_bridge(self, write: Write) -> bool:
+        """Whether a bridge of our name made this write, now or in an earlier life."""
+        return agent_of(write.writer) == self._agent
 
 
 class RosOutlet:

@@ -123,9 +123,7 @@ class TfIn:
             frame.heard, frame.stamp, frame.batch, frame.row = heard, stamp, batch, row
             waiting[frame.child] = frame
 
-    def _looked_up(
-        self, ros_parent: str, ros_child: str, writer: bytes, heard: float, stamp: float
-    ) -> _Frame | None:
+    def _looked_up(self, ros_parent: str, ros_child: str, writer: bytes, heard: float, stamp: float) -> _Frame | None:
         """The frame of a transform that comes from elsewhere than its last one; None if it does not count."""
         core = self._core
         if ros_child.lstrip("/").startswith(BELIEF):

@@ -11,6 +11,7 @@ from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.transforms import is_same, to_stamped
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, StampedTransform, encode_transforms
+from dsr.crdt.delta import Write
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.transforms import Pose
@@ -20,6 +21,7 @@ _STALE = 1.0
 _MOST_AT_ONCE = 500
 """Transforms of one message"""
 _RT, _BELIEVED = "RT", "Virtual_RT"
+_POSE = "pose"
 
 
 class TfOut:
@@ -65,8 +67,10 @@ class TfOut:
             if change.type == _RT and change.dst in self.received:
                 continue
             edge = self._core.memory.get_edge(change.src, change.dst, change.type)
-            pose = None if edge is None else edge.get("pose")
-            if edge is None or pose is None or not self._is_to_be_sent(edge, pose):
+            write = None if edge is None else edge.newest_write(_POSE)
+            if edge is None or write is None or not isinstance(pose := write.value, Pose):
+                continue
+            if not self._is_to_be_sent(edge, pose, write):
                 continue
             try:
                 transform = self._transform(edge, pose)
@@ -90,10 +94,10 @@ class TfOut:
             del self._published[type, child]
             self._static.pop((type, child), None)
 
-    def _is_to_be_sent(self, edge: Edge, pose: Pose) -> bool:
+    def _is_to_be_sent(self, edge: Edge, pose: Pose, write: Write) -> bool:
         """Not what came from ROS, nor a sample twice, nor one below a parent that is not the frame's in tf."""
         own_root = edge.src == WORLD and edge.dst in self._roots
-        if not self._core.wants((edge.src, edge.dst)) or (self._core.came_from_ros(edge, "pose") and not own_root):
+        if not self._core.wants((edge.src, edge.dst)) or (self._core.is_of_bridge(write) and not own_root):
             return False
         key = edge.type, edge.dst
         published = self._published.get(key)
