@@ -45,7 +45,7 @@ def _writes(config: RosBridgeConfig) -> Access:
     receive = config.receive
     nodes, edges = {"world", "body", *config.types.values()}, {"RT"}
     attributes: set[str] = set()
-    if config.send.services:  # one of which asks for missions
+    if config.serves:  # one of the services asks for missions
         nodes |= {"mind", "intention"}
         edges |= {"has"}
         attributes |= {"goal", "maintain", "priority", "status"}
@@ -117,7 +117,7 @@ class RosBridge(Agent):
         self._beliefs_out, self._images_out = BeliefsOut(core, config.send), ImagesOut(core, config.send)
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out, self._clock_out = DiagnosticsOut(core, config.send, self.bus, self.keys), ClockOut(core)
-        if config.send.services:
+        if config.serves:
             core.on_close(Questions(core, config.send.services, self.bus, self.keys).close)
 
     def tick(self, now: float) -> None:

@@ -112,7 +112,7 @@ def test_a_chain_of_a_real_robot_is_the_same_in_tf2_and_in_the_memory(
         eventually(lambda: found_by_tf2(listener, WORLD_FRAME, "camera", times[-1]))
         frames = [(WORLD_FRAME, "world"), ("arm/link_1", "arm.link_1"), ("camera", "camera")]
         check_agreement(listener, memory, frames, "in", between(times))
-        assert bridged.status.last_error == ""
+        eventually(lambda: bridged.status.last_error == "")  # until frames hang from one another, it says so
 
 
 def test_a_chain_of_the_memory_is_the_same_in_tf2(real_node: Start, bridged: Bridged) -> None:
