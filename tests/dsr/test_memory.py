@@ -216,6 +216,33 @@ def test_cost_of_a_change_does_not_depend_on_the_other_watches_or_nodes(net: Net
     assert memory._graph.edges_by_type["on"].keys() == {("c1", "c2", "on")}
 
 
+def test_the_poses_of_many_edges_are_written_at_once_or_not_at_all(net: Net) -> None:
+    memory, other = net.join("a"), net.join("b")
+    memory.add_node("world", "world")
+    for name in ("c1", "c2"):
+        memory.add_node(name, "cube")
+        memory.add_edge("world", name, "RT", pose=Pose((0.0, 0.0, 0.0), stamp=1.0))
+    net.pump()
+    watch = memory.watch(edge_type="RT", attribute="pose", existing=False)
+    poses = {("world", name): Pose((x, 0.0, 0.0), stamp=2.0) for name, x in (("c1", 1.0), ("c2", 2.0))}
+    memory.update_poses("RT", poses)
+    memory.update_poses("RT", {})
+    net.pump()
+    for place in (memory, other):
+        assert {(edge.src, edge.dst): edge.pose for edge in place.edges("RT")} == poses
+        assert place.transform("c1", "c2").t == (1.0, 0.0, 0.0)
+    assert [change.dst for change in watch.poll()] == ["c1", "c2"]
+    wrong = {("world", "c1"): Pose((9.0, 0.0, 0.0), stamp=3.0)}
+    with pytest.raises(EdgeNotFoundError, match="c9"):
+        memory.update_poses("RT", {**wrong, ("world", "c9"): Pose()})
+    with pytest.raises(SchemaError, match="pose"):
+        memory.update_poses("RT", {**wrong, ("world", "c2"): (0.0, 0.0, 0.0)})  # type: ignore[dict-item]
+    assert memory.edge("world", "c1", "RT").pose == poses["world", "c1"]
+    memory.close()
+    with pytest.raises(TransportError, match="closed"):
+        memory.update_poses("RT", poses)
+
+
 def test_a_pose_that_was_taken_away_is_no_frame(net: Net) -> None:
     memory = net.join("a")
     tabletop(memory)

@@ -47,10 +47,12 @@ def bridge_process(graph: str, domain: int) -> Iterator[Bridged]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         eventually(lambda: endpoints(graph))
-        with connect(graph, agent="observer") as memory:
-            with closing(StatusBoard(memory.transport, memory.keys, WALL_CLOCK)) as board:
-                eventually(lambda: board.get("ros_bridge"))
-                yield Bridged(memory, board)
+        with (
+            connect(graph, agent="observer") as memory,
+            closing(StatusBoard(memory.transport, memory.keys, WALL_CLOCK)) as board,
+        ):
+            eventually(lambda: board.get("ros_bridge"))
+            yield Bridged(memory, board)
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate(timeout=20)
         assert process.returncode == 0 and "Traceback" not in said, said

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
+from agents.ros_bridge.bridge.core import SENSOR
 from agents.ros_bridge.link.dds.dds_link import DdsLink
 from agents.ros_bridge.link.link import Qos, Received, Topic
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
@@ -116,6 +117,17 @@ def test_images_at_30_hz_come_in_whole(real_node: Start, link: DdsLink) -> None:
     node.publish(topic="/image", cdr=[cdr.hex() for cdr in sent], count=FRAMES, hz=30.0)
     arrived = eventually(lambda: found if len(found := [one for one in got if one != early]) == FRAMES else [])
     assert arrived == [content(cdr) for cdr in sent] * (FRAMES // 3)
+
+
+def test_the_first_image_comes_in_at_best_effort_as_the_bridge_asks_for_it(real_node: Start, link: DdsLink) -> None:
+    node, got = real_node("camera"), []
+    node.advertise(topic="/image", type=IMAGE)
+    subscription = link.subscribe(Topic("/image", IMAGE, SENSOR), got.append)
+    eventually(lambda: node.matched(topic="/image")[0] and subscription.publishers())
+    sent = TYPES.encode(IMAGE, image(0))
+    node.publish(topic="/image", cdr=[sent.hex()])
+    eventually(lambda: got)
+    assert [content(message.cdr) for message in got] == [content(sent)]
 
 
 def test_images_at_30_hz_go_out_whole(real_node: Start, link: DdsLink) -> None:
