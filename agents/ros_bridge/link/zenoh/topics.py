@@ -72,6 +72,7 @@ class ZenohPublisher:
             "congestion_control": zenoh.CongestionControl.DROP,
             "reliability": reliability.RELIABLE if entity.qos.reliable else reliability.BEST_EFFORT,
             "allowed_destination": zenoh.Locality.REMOTE,
+            "express": True,
         }
         if not entity.qos.transient_local:
             return session.declare_publisher(entity.key(), **options)
