@@ -97,6 +97,7 @@ class RosBridge(Agent):
         self._tally = Tally(self.clock, self.log)
         self.counts = self._tally.counts
         self._looked = self._rested = -math.inf
+        self._woken = False
         self._problem = self._hint = ""
         link = type(self).connect(config.link, config.node)
         self._closing.callback(link.close)
@@ -122,7 +123,7 @@ class RosBridge(Agent):
 
     def tick(self, now: float) -> None:
         """Take what came from ROS, then send what is new in the memory."""
-        began = self.clock.monotonic()
+        began, self._woken = self.clock.monotonic(), False
         self._clock_out.update()
         self._hear_clock()
         if self._tf_in is not None:
@@ -153,7 +154,8 @@ class RosBridge(Agent):
 
     def _notify(self) -> None:
         """Something came or changed: tick at once, unless ticks take so long that it has to wait for the next one."""
-        if self.clock.monotonic() >= self._rested:
+        if not self._woken and self.clock.monotonic() >= self._rested:
+            self._woken = True
             self.wake()
 
     def _hear_clock(self) -> None:

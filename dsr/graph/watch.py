@@ -159,9 +159,9 @@ class Watch:
             pending.push(kind)
             if attribute is not None:
                 pending.attributes.add(attribute)
-            if first:
+            if first:  # who waits takes all that there is, and tells the next one
                 self._condition.notify()
-        if first and self._notify is not None:
+        if self._notify is not None:
             self._notify()
 
     def offer_all(self, element: Node | Edge) -> None:

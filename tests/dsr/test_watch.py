@@ -180,17 +180,6 @@ def test_each_of_two_who_wait_gets_one_of_two_changes(net: Net) -> None:
     assert sorted(change.name for change in found if change is not None) == ["x", "y"]
 
 
-def test_who_is_notified_is_so_once_for_all_that_can_be_polled(net: Net) -> None:
-    memory, calls = net.join("a"), []
-    memory.add_node("x", "cube")
-    watch = memory.watch(node_type="cube", existing=False, notify=lambda: calls.append(len(calls)))
-    for number in range(3):
-        for mass in (1.0, 2.0):
-            memory.update_node("x", mass=mass + number)
-        assert len(calls) == number + 1
-        watch.poll()
-
-
 def test_a_watch_that_comes_later_is_told_of_the_same_kinds_of_changes(net: Net) -> None:
     memory = net.join("a")
     memory.add_node("x", "cube", mass=1.0)

@@ -72,7 +72,7 @@ class ZenohPublisher:
             "congestion_control": zenoh.CongestionControl.DROP,
             "reliability": reliability.RELIABLE if entity.qos.reliable else reliability.BEST_EFFORT,
             "allowed_destination": zenoh.Locality.REMOTE,
-            "express": True,
+            "express": True,  # not gathered with what follows: an image would wait for it
         }
         if not entity.qos.transient_local:
             return session.declare_publisher(entity.key(), **options)
