@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
@@ -20,6 +21,8 @@ _STALE = 1.0
 """s by which the newest sample below another parent must be newer before a frame changes its parent in tf"""
 _MOST_AT_ONCE = 500
 """Transforms of one message"""
+_PERIOD = 0.02
+"""s after a message until a change of the memory wakes the bridge again: one that comes sooner waits for a tick"""
 _RT, _BELIEVED = "RT", "Virtual_RT"
 _POSE = "pose"
 
@@ -39,11 +42,13 @@ class TfOut:
         self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
         """Parent and newest pose by edge type and child"""
         self._static: dict[tuple[str, str], StampedTransform] = {}
+        self._sent = -math.inf
+        """s, our monotonic time of the newest message"""
         types = [type for type, wanted in ((_RT, config.tf), (_BELIEVED, config.belief)) if wanted]
         if types:
             self._outlet = core.outlet("/tf", TF_MESSAGE, Qos(depth=100))
             self._latched = core.outlet("/tf_static", TF_MESSAGE, LATCHED)
-            self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=core.notify)
+            self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=self._changed)
             core.on_close(self._watch.close)
         self._sends = bool(types)
         self.received: set[str] = set()
@@ -53,6 +58,10 @@ class TfOut:
         """The node from which we hang a frame in tf; None if we do not publish it."""
         published = self._published.get((_RT, child))
         return None if published is None else published[0]
+
+    def _changed(self) -> None:
+        if self._core.clock.monotonic() - self._sent >= _PERIOD:
+            self._core.notify()
 
     def update(self) -> None:
         """Send what changed since the last call."""
@@ -83,6 +92,8 @@ class TfOut:
             else:
                 self._static.pop((edge.type, edge.dst), None)
                 dynamic.append(transform)
+        if dynamic:
+            self._sent = self._core.clock.monotonic()
         for begin in range(0, len(dynamic), _MOST_AT_ONCE):
             self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
         if latched:
