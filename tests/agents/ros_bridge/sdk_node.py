@@ -35,6 +35,7 @@ class Commands:
         self.session = ZenohSession.get_instance("127.0.0.1", port)
         self.place = {"router_ip": "127.0.0.1", "router_port": port}
         self.got, self.publishers, self.kept = {}, {}, []
+        self.threads, self.ended = [], threading.Event()
 
     def define(self, definitions):
         for type, definition in definitions.items():
@@ -50,7 +51,9 @@ class Commands:
                 value = self.build(inner, value)
             elif node in (3, 4):
                 (of, what), _ = inner
-                if of == 2:
+                if isinstance(value, dict):  # a large array, as a file of its bytes
+                    value = np.fromfile(value["file"], what[0])
+                elif of == 2:
                     value = [self.build(what, item) for item in value]
                 elif what[0] != "string":
                     value = np.array(value, what[0])
@@ -80,6 +83,36 @@ class Commands:
             publisher.publish(**fields)
             if hz:
                 time.sleep(1.0 / hz)
+
+    def repeat(self, messages, hz):
+        """Send messages, by topic, again and again, each time with one present stamp."""
+        sent = []
+        for topic, values in messages.items():
+            publisher = self.publishers[topic]
+            sent.append((publisher, self.build(publisher.msg_type, values)))
+
+        def run():
+            due = time.monotonic()
+            while not self.ended.wait(max(due - time.monotonic(), 0.0)):
+                now = divmod(time.time_ns(), 10**9)
+                for publisher, message in sent:
+                    for part in getattr(message, "transforms", [message]):
+                        part.header.stamp.sec, part.header.stamp.nanosec = now
+                    publisher.publish(**{name: getattr(message, name) for name in names(message)})
+                due = max(due + 1.0 / hz, time.monotonic())
+
+        self.start(run)
+
+    def start(self, run):
+        thread = threading.Thread(target=run, daemon=True)
+        self.threads.append(thread)
+        thread.start()
+
+    def close(self):
+        self.ended.set()
+        for thread in self.threads:
+            thread.join()
+        self.session.close()
 
     def call(self, name, type, hash, request, response, values, timeout=5.0):
         client = ROS2ServiceClient(name, type, request, response, type_hash=hash, timeout=timeout, **self.place)
@@ -189,7 +222,7 @@ def main():
         except Exception as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
         say(answer)
-    commands.session.close()
+    commands.close()
 
 
 if __name__ == "__main__":

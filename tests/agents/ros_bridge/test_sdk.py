@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rosbags.interfaces import Nodetype
-
 from agents.ros_bridge.link.actions import CANCELED, SUCCEEDED, ActionClient
 from agents.ros_bridge.link.link import Qos, Topic
 from agents.ros_bridge.link.zenoh.zenoh_link import ZenohLink
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
 from tests.agents.ros_bridge.samples import TYPES, image, joints, plain
+from tests.agents.ros_bridge.sdk_types import advertise, listen, parts
 from tests.agents.ros_bridge.told import Told, eventually
 
 IMAGE, JOINTS, TF = "sensor_msgs/msg/Image", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
@@ -19,35 +18,6 @@ SUM, TRIGGER = "example_interfaces/srv/AddTwoInts", "std_srvs/srv/Trigger"
 FOLLOW = "control_msgs/action/FollowJointTrajectory"
 Connect = Callable[..., ZenohLink]
 TURNED = (0.0, 0.0, 0.0, 1.0)
-
-
-def parts(*types: str) -> dict[str, str]:
-    """The definitions of types and of all that is in them, by name."""
-    found: dict[str, str] = {}
-    for type in types:
-        lines = []
-        for name, kind in TYPES.fields(type):
-            (of, what), size = (kind, None) if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1]
-            if of == Nodetype.NAME:
-                found |= parts(what)
-            many = "" if size is None else f"[{size or ''}]"
-            lines.append(f"{what if of == Nodetype.NAME else what[0]}{many} {name}")
-        found[type] = "\n".join(lines)
-    return found
-
-
-def listen(sdk: Told, topic: str, type: str, **options: Any) -> None:
-    definitions = parts(type)
-    definition = definitions.pop(type)
-    sdk.define(definitions=definitions)
-    sdk.subscribe(topic=topic, type=type, hash=TYPES.hash(type), definition=definition, **options)
-
-
-def advertise(sdk: Told, topic: str, type: str) -> None:
-    definitions = parts(type)
-    definition = definitions.pop(type)
-    sdk.define(definitions=definitions)
-    sdk.advertise(topic=topic, type=type, hash=TYPES.hash(type), definition=definition)
 
 
 def has_a_joint(message: dict[str, Any]) -> bool:

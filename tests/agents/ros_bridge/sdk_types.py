@@ -1,0 +1,39 @@
+"""Tells a node of the SDK what messages look like: their definitions and hashes come from our side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+
+from tests.agents.ros_bridge.samples import TYPES
+from tests.agents.ros_bridge.told import Told
+
+
+def parts(*types: str) -> dict[str, str]:
+    """The definitions of types and of all that is in them, by name."""
+    found: dict[str, str] = {}
+    for type in types:
+        lines = []
+        for name, kind in TYPES.fields(type):
+            (of, what), size = (kind, None) if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1]
+            if of == Nodetype.NAME:
+                found |= parts(what)
+            many = "" if size is None else f"[{size or ''}]"
+            lines.append(f"{what if of == Nodetype.NAME else what[0]}{many} {name}")
+        found[type] = "\n".join(lines)
+    return found
+
+
+def listen(sdk: Told, topic: str, type: str, **options: Any) -> None:
+    definitions = parts(type)
+    definition = definitions.pop(type)
+    sdk.define(definitions=definitions)
+    sdk.subscribe(topic=topic, type=type, hash=TYPES.hash(type), definition=definition, **options)
+
+
+def advertise(sdk: Told, topic: str, type: str) -> None:
+    definitions = parts(type)
+    definition = definitions.pop(type)
+    sdk.define(definitions=definitions)
+    sdk.advertise(topic=topic, type=type, hash=TYPES.hash(type), definition=definition)
