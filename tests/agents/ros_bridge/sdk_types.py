@@ -37,3 +37,22 @@ def advertise(sdk: Told, topic: str, type: str) -> None:
     definition = definitions.pop(type)
     sdk.define(definitions=definitions)
     sdk.advertise(topic=topic, type=type, hash=TYPES.hash(type), definition=definition)
+
+
+def serve_action(sdk: Told, name: str, type: str) -> None:
+    """Let it serve an action, with definitions and hashes from our side."""
+    cancel = "action_msgs/srv/CancelGoal"
+    names = {
+        "send_goal_request": f"{type}_SendGoal_Request", "send_goal_response": f"{type}_SendGoal_Response",
+        "get_result_request": f"{type}_GetResult_Request", "get_result_response": f"{type}_GetResult_Response",
+        "cancel_goal_request": f"{cancel}_Request", "cancel_goal_response": f"{cancel}_Response",
+        "feedback": f"{type}_FeedbackMessage",
+    }  # fmt: skip
+    known = parts(*names.values())
+    definitions = {part: known.pop(name) for part, name in names.items()}
+    sdk.define(definitions=known)
+    hashes = {
+        "send_goal": TYPES.hash(f"{type}_SendGoal"), "get_result": TYPES.hash(f"{type}_GetResult"),
+        "cancel_goal": TYPES.hash(cancel), "feedback": TYPES.hash(f"{type}_FeedbackMessage"),
+    }  # fmt: skip
+    sdk.serve_action(name=name, type=type, hashes=hashes, definitions=definitions)
