@@ -32,7 +32,7 @@ class DiagnosticsOut:
     """
 
     def __init__(
-        self, core: BridgeCore, config: Send, bus: Transport, keys: Keys, own: Callable[[], object]
+        self, core: BridgeCore, config: Send, bus: Transport, keys: Keys, own: Callable[[], object] = lambda: None
     ) -> None:
         self._core = core
         self._own = own

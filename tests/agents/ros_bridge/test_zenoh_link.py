@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -214,7 +215,7 @@ def test_a_slow_subscriber_holds_up_nobody_and_its_loss_is_counted(connect: Conn
 
 
 def test_a_router_that_is_joined_with_others_is_told(router: Router, connect: Connect) -> None:
-    """A link over another interface: whoever is there speaks through the router, although that is on this machine."""
+    """A link over another interface: who is there speaks through the router, although the router is here."""
     link = connect()
     assert link.unauthenticated() == [
         f"whoever reaches the Zenoh router {router.endpoint} may speak in domain 0, in the name of any node"

@@ -116,7 +116,7 @@ def test_the_simulation_handler_answers_in_lockstep() -> None:
         memory = system.memory
         memory.add_node("world", "world")
         memory.add_node("table", "table", size=(1.0, 1.0, 0.04))
-        memory.add_edge("world", "table", "RT", pose=Pose((0.0, 0.0, -0.02)))
+        memory.add_edge("world", "table", "RT", pose=Pose((0.0, 0.0, 0.0)))  # of its top
         memory.add_node("cube_1", "cube", size=(0.04, 0.04, 0.04), perceived=True)
         for _ in range(20):
             memory.add_edge("world", "cube_1", "RT", pose=Pose((0.0, 0.0, 0.02), stamp=system.now))
