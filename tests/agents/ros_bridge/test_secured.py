@@ -141,10 +141,10 @@ def test_without_a_grant_the_bridge_is_refused(secured: Secured, router: Router)
     del rules["agents"]["ros_bridge"]
     policy.write_text(json.dumps(rules))
     keys, place = str(secured.keys), ["--ros-router", router.endpoint, "--graph", secured.graph]
-    for arguments, environment in (
-        (["run", str(secured.files["without"]), "--security", keys], {}),
-        (["ros", "run", *place], {"DSR_SECURITY": keys}),
+    for arguments, code, environment in (
+        (["run", str(secured.files["without"]), "--security", keys], 1, {}),
+        (["ros", "run", *place], 2, {"DSR_SECURITY": keys}),
     ):
-        said = " ".join(secured.command(*arguments, expect=1, **environment).split())
+        said = " ".join(secured.command(*arguments, expect=code, **environment).split())
         assert "agent 'ros_bridge' has no certificate" in said and "dsr security add" in said, said
         assert "Traceback" not in said

@@ -98,6 +98,10 @@ class ZenohLink:
                 continue
             for number, what in (
                 (subscription.malformed, "came without the data that rmw_zenoh adds, and were dropped"),
+                (
+                    subscription.outdated,
+                    "came from an rmw_zenoh older than 0.2.4 (Jazzy) or 0.1.2 (Humble), and were dropped: update it",
+                ),
                 (subscription.failures, "could not be handled"),
             ):
                 if number:
