@@ -168,6 +168,22 @@ def test_messages_without_attachment_are_counted_and_dropped(connect: Connect, t
     assert any("4 messages" in problem and topic in problem for problem in link.problems())
 
 
+def test_messages_of_an_old_rmw_zenoh_are_told_as_such(connect: Connect, topic: str) -> None:
+    """Up to 0.2.3 (Jazzy) a name stood before each number: rmw_zenoh's pull request 601."""
+    link = connect("/listener")
+    link.subscribe(Topic(topic, STRING), lambda _: None)
+    stranger = connect("/stranger")
+    eventually(lambda: [one for one in stranger.endpoints() if one.kind == "subscriber"])
+    old = b"".join(bytes([len(name)]) + name + value for name, value in (
+        (b"sequence_number", (1).to_bytes(8, "little")), (b"source_timestamp", (5).to_bytes(8, "little")),
+        (b"source_gid", bytes([16]) + b"g" * 16),
+    ))  # fmt: skip
+    key = f"0{topic}/std_msgs::msg::dds_::String_/{TYPES.hash(STRING)}"
+    stranger._session.put(key, text("old"), attachment=old)
+    (problem,) = eventually(link.problems)
+    assert f"1 messages of {topic} came from an rmw_zenoh older than 0.2.4 (Jazzy)" in problem
+
+
 def test_a_handler_that_fails_loses_only_its_message(
     connect: Connect, topic: str, caplog: pytest.LogCaptureFixture
 ) -> None:
