@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -45,10 +46,9 @@ class Live:
         self.memory, self.graph = memory, graph
 
 
-@pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
-    """One system for the tests below, of which the last one ends it."""
-    folder = tmp_path_factory.mktemp("live")
+@contextmanager
+def started(folder: Path) -> Iterator[Live]:
+    """A robot, and the system beside it once all is ready."""
     runtime = folder / "runtime"
     runtime.mkdir(mode=0o700)
     robot, router = simulate(), Router()
@@ -68,6 +68,13 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
             run.kill()
             sdk.close()
             router.stop()
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
+    """One system for all tests that leave it as it is."""
+    with started(tmp_path_factory.mktemp("live")) as found:
+        yield found
 
 
 def believed(live: Live, name: str) -> Any:
@@ -144,15 +151,17 @@ def test_a_browser_shows_what_the_node_of_ros_alone_tells(live: Live, tmp_path: 
         view.kill()
 
 
-def test_ctrl_c_leaves_nothing(live: Live) -> None:
-    """No process, no topic in ROS, no file in the runtime folder but our own, and nothing in shared memory."""
-    link = ZenohLink(LinkConfig(router=live.router.endpoint), "/looking")
-    try:
-        eventually(lambda: "/dsr_bridge" in {one.node for one in link.endpoints()})
-        pids = {one.pid for one in psutil.Process(live.run.process.pid).children(recursive=True)}
-        assert live.run.interrupt() == 0, live.run.said
-        assert live.run.processes() == [] and not {pid for pid in pids if psutil.pid_exists(pid)}
-        assert "Traceback" not in live.run.said
-        eventually(lambda: "/dsr_bridge" not in {one.node for one in link.endpoints()})
-    finally:
-        link.close()
+def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
+    """No process of the system, and nothing of it in ROS."""
+    with started(tmp_path) as live:
+        link = ZenohLink(LinkConfig(router=live.router.endpoint), "/looking")
+        try:
+            eventually(lambda: "/dsr_bridge" in {one.node for one in link.endpoints()})
+            pids = {one.pid for one in psutil.Process(live.run.process.pid).children(recursive=True)}
+            assert len(pids) > 3
+            assert live.run.interrupt() == 0, live.run.said
+            assert live.run.processes() == [] and not {pid for pid in pids if psutil.pid_exists(pid)}
+            assert "Traceback" not in live.run.said
+            eventually(lambda: "/dsr_bridge" not in {one.node for one in link.endpoints()})
+        finally:
+            link.close()
