@@ -53,7 +53,7 @@ class Run:
         """All that it said so far."""
         return self._log.read_text()
 
-    def wait_for(self, text: str, seconds: float = 90.0) -> None:
+    def wait_for(self, text: str, seconds: float = 150.0) -> None:
         """Wait until it says this."""
 
         def is_said() -> bool:
@@ -66,7 +66,7 @@ class Run:
         """Ctrl-C as a terminal sends it, to the whole group; returns the exit code."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGINT)
-        return self.process.wait(60)
+        return self.process.wait(120)
 
     def processes(self) -> list[str]:
         """Those of its session that are there still."""
