@@ -46,6 +46,8 @@ class RosFindings(msgspec.Struct):
     nodes: list[str]
     problems: list[str]
     """Sentences; empty if all is well."""
+    lost: list[str] = []
+    """What did not arrive while the check listened, in sentences; the rest did"""
     unauthenticated: list[str] = []
     """Who may speak without proving who they are, in sentences"""
 
@@ -92,8 +94,8 @@ def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[s
         f"{name}: {number} messages did not arrive: they came too fast, or a link broke"
         for name, number in link.lost().items()
     ]
-    everything = [*link.problems(), *problems, *lost]
-    return RosFindings(_versions(), _reached(config), sorted(nodes), everything, link.unauthenticated())
+    everything = [*link.problems(), *problems]
+    return RosFindings(_versions(), _reached(config), sorted(nodes), everything, lost, link.unauthenticated())
 
 
 def _listed(endpoints: Iterable[Endpoint], types: RosTypes) -> Iterable[TopicSeen]:

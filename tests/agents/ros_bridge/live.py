@@ -19,10 +19,20 @@ PROGRAM = [sys.executable, "-c", "import sys; from dsr.cli import start; sys.arg
 READY = "all agents are ready"
 
 
-def system_copy(folder: Path, router: str, world_frame: str, **replaced: str) -> Path:
-    """A copy of the system file for a router elsewhere; `replaced` lines begin with these names."""
+TABLE = """# [[agent]]
+# name = "scene_setup"
+# class = "agents.scene_setup:SceneSetup"
+"""
+
+
+def system_copy(folder: Path, router: str, world_frame: str) -> Path:
+    """A copy of the system file for a router elsewhere, and for a robot at a table, as users make one."""
     text = (ETC / "systems" / "ros.toml").read_text()
-    changes = {"tcp/localhost:7447": router, 'world_frame = "world"': f'world_frame = "{world_frame}"', **replaced}
+    changes = {
+        "tcp/localhost:7447": router,
+        'world_frame = "world"': f'world_frame = "{world_frame}"',
+        TABLE: TABLE.replace("# ", ""),
+    }
     for old, new in changes.items():
         assert old in text, old
         text = text.replace(old, new)
