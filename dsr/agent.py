@@ -74,6 +74,8 @@ class Agent:
     """Why it does not work as well as it should, shown in its status; empty if it does."""
     counts: Mapping[str, int] = MappingProxyType({})
     """What it counts of its work since its start, by name, shown in its status; zeros are not shown."""
+    last_status: object = None
+    """The newest `dsr.runtime.status.Status` that was told about it; None before the first."""
     wake: Callable[[], None] = staticmethod(lambda: None)
     """Asks for a tick now rather than when the next is due; may be called in any thread, and returns at once."""
 

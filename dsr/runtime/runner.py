@@ -144,7 +144,8 @@ class Runner:
         self._told = agent.clock.monotonic()
         self._look_for_namesakes()
         self._look_at_machine()
-        agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
+        agent.last_status = status = self.status()
+        agent.bus.publish(agent.keys.status(agent.name), encode_status(status), Qos.STREAM)
 
     def _look_at_machine(self) -> None:
         """Note whether other work keeps this agent from its processor; say so once if that lasts."""

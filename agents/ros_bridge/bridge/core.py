@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import msgspec
+
 from agents.ros_bridge.bridge.inbox import RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
@@ -45,6 +47,7 @@ class BridgeCore:
 
     def inbox(self, name: str, type: str, most: int, qos: Qos = SENSOR) -> RosInbox:
         """Listen to a topic. Raises `RosMessageError` for a name or type that there is not."""
+        qos = msgspec.structs.replace(qos, depth=max(qos.depth, most))  # what may wait for a tick may wait before, too
         inbox = RosInbox(self.link, Topic(name, type, qos), most, self.clock, self.tally, self.own, self.notify)
         self._closers.append(inbox.close)
         return inbox
