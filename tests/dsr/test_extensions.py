@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import pytest
 
-from dsr import Access, AttributeType, Memory, NodeTypeError, Pose, Schema, SchemaError
+from dsr import Access, AttributeType, Memory, NodeTypeError, Pose, RegistrationError, Schema, SchemaError
 from dsr.graph.access import WriteGuard
 from dsr.graph.extensions import ExtensionRecord
 from dsr.graph.schema import SCHEMA_RECORD
@@ -208,6 +209,47 @@ def test_an_edge_type_stays_geometric_or_not() -> None:
     with pytest.raises(SchemaError, match="edge type 'has' is already one that is not geometric"):
         schema.register_edge_type("has", "a pose", geometric=True)
     assert schema.edge_types["tether"] == "in other words" and "has" not in schema.geometric
+
+
+@pytest.mark.parametrize(
+    ("register", "said"),
+    [
+        (lambda s: s.register_node_type("cup", "a trophy"), "node type 'cup' is built in and means .*'a trophy', too"),
+        (lambda s: s.register_edge_type("has", "owns"), "edge type 'has' .*means 'structure'.*'owns', too"),
+        (
+            lambda s: s.register_attribute("mass", AttributeType("float", "kg", "of many people")),
+            "attribute 'mass' is built in and means 'mass': it cannot mean 'of many people', too",
+        ),
+        (
+            lambda s: s.register_attribute("opening", AttributeType("float", "m")),
+            "attribute 'opening' .*is built in as a stream: it cannot be none",
+        ),
+        (
+            lambda s: s.register_attribute("mass", AttributeType("float", "kg", stream=True)),
+            "attribute 'mass' .*is built in as no stream: it cannot be one",
+        ),
+        (lambda s: s.register_attribute("mass", AttributeType("str", "kg")), "already a float in kg, not a str in kg"),
+    ],
+)
+def test_a_built_in_name_keeps_its_meaning(register: Callable[[Schema], None], said: str) -> None:
+    schema = Schema()
+    with pytest.raises(RegistrationError, match=said):
+        register(schema)
+    untouched = Schema()
+    assert (schema.node_types, schema.edge_types) == (untouched.node_types, untouched.edge_types)
+    assert schema.attributes == untouched.attributes and schema.version == 0
+
+
+def test_a_built_in_name_may_be_registered_again_as_it_is_or_without_a_meaning() -> None:
+    schema, untouched = Schema(), Schema()
+    for meaning in (untouched.node_types["cup"], ""):
+        schema.register_node_type("cup", meaning)
+    for meaning in (untouched.edge_types["RT"], ""):
+        schema.register_edge_type("RT", meaning, geometric=True)
+    for attribute in (untouched.attributes["mass"], AttributeType("float", "kg")):
+        schema.register_attribute("mass", attribute)
+    assert (schema.node_types, schema.edge_types) == (untouched.node_types, untouched.edge_types)
+    assert schema.attributes == untouched.attributes
 
 
 def test_an_attribute_of_an_unknown_kind_is_refused_at_once() -> None:
