@@ -33,8 +33,12 @@ WORLD_RECORD = "world_record"
 """Type of the nodes that list the worlds of a system (dsr/worlds/registry.py)."""
 SCHEMA_RECORD = "schema_record"
 """Type of the nodes that describe registered names (dsr/graph/extensions.py)."""
-RECORDS = frozenset({WORLD_RECORD, SCHEMA_RECORD})
-"""Types of the nodes that are about the graph itself: they are never shown among its things."""
+RECORDS = {WORLD_RECORD: ".world.", SCHEMA_RECORD: ".schema."}
+"""Types of the nodes that are about the graph itself, and how the names of such nodes begin.
+
+They are never shown among the things of the graph, and nobody else has such names.
+"""
+_RECORD_PREFIXES = tuple(RECORDS.values())
 
 
 class AttributeType(msgspec.Struct, frozen=True):
@@ -115,9 +119,11 @@ class Schema:
         self.version += 1
 
     def check_node(self, name: str, type: str) -> None:
-        """Raise `SchemaError` unless a node `name` of `type` may exist."""
+        """Raise `SchemaError` unless a user may make a node `name` of `type`."""
         if not is_name(name):
             raise SchemaError(f"node name {name!r}: {_NAME_TEXT}")
+        if type in RECORDS or name.startswith(_RECORD_PREFIXES):
+            raise SchemaError(records_are_own(f"node {name!r} of type {type!r}"))
         if type not in self.node_types:
             raise SchemaError(f"node {name!r}: unknown node type {type!r}; {suggest(type, self.node_types)}")
 
@@ -183,6 +189,14 @@ def _checked_name(what: str, name: str) -> str:
 def is_name(name: object) -> bool:
     """Whether a node, a type or an attribute can be called so."""
     return isinstance(name, str) and _NAME.fullmatch(name) is not None
+
+
+def records_are_own(what: str) -> str:
+    """The message for somebody who writes a node about the graph itself, told in `what`."""
+    return (
+        f"{what}: names that begin with {' or '.join(_RECORD_PREFIXES)} and types {' and '.join(RECORDS)} are the "
+        "graph's own; they change with memory.schema.register_..., create_world and delete_world"
+    )
 
 
 def _agreed(what: str, name: str, meaning: str, builtin: Mapping[str, str]) -> str:
