@@ -150,7 +150,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         return self._graph.nodes.get(name)
 
     def __repr__(self) -> str:
-        counts = [(len(self._graph.nodes), "node", "s"), (len(self._graph.edges), "edge", "s")]
+        counts = [(len(self.nodes()), "node", "s"), (len(self._graph.edges), "edge", "s")]
         if not self._closed:
             counts.append((len(self.peers), "other process", "es"))
         content = ", ".join(f"{count} {what}{'' if count == 1 else plural}" for count, what, plural in counts)
@@ -284,7 +284,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         try:
             return self._frames.transform(target, source, at, types)
         except NoPathError as error:
-            raise with_unposed(error, self._graph, (source, target), types) from None
+            raise with_unposed(error, self._graph, source, target, types) from None
 
     def get_transform(
         self, target: str, source: str, *, at: float | None = None, types: Types = ("RT",)

@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import pytest
 
-from dsr import Access, AttributeType, Memory, NodeTypeError, Pose, RegistrationError, Schema, SchemaError
+from dsr import Access, AttributeType, ConfigError, Memory, NodeTypeError, Pose, RegistrationError, Schema, SchemaError
 from dsr.crdt.delta import Delta
 from dsr.graph.access import WriteGuard
 from dsr.graph.extensions import ExtensionRecord
 from dsr.graph.graph import Graph
 from dsr.graph.schema import RECORDS, SCHEMA_RECORD
-from dsr.persistence.content import GraphContent
+from dsr.persistence.content import GraphContent, NodeContent
 from tests.dsr.conftest import Net
 
 
@@ -161,6 +161,15 @@ def test_whoever_may_not_write_a_name_does_not_describe_it(net: Net) -> None:
     pilot.add_node("d1", "drone", battery=11.1)
     net.pump(0.5)
     assert "drone" in reader.schema.node_types
+
+
+@pytest.mark.parametrize("node", [(".schema.node.ship", "cube"), ("mine", SCHEMA_RECORD)])
+def test_content_that_holds_such_nodes_is_not_put_in(net: Net, node: tuple[str, str]) -> None:
+    memory = net.join("a")
+    content = GraphContent("g", nodes={"c": NodeContent("cube", {}), node[0]: NodeContent(node[1], {})})
+    with pytest.raises(ConfigError, match="are the graph's own"):
+        content.put_into(memory)
+    assert "c" not in memory
 
 
 RECORD = ".schema.attribute.battery"

@@ -236,13 +236,13 @@ def test_an_edge_that_has_no_pose_yet_is_named_until_it_gets_one(net: Net) -> No
     net.pump(0.5)
     for one in (memory, reader):
         for target, source in (("world", "cup_1"), ("cup_1", "world")):
-            with pytest.raises(NoPathError, match="; RT edge 'world' -> 'table' has no pose yet"):
+            with pytest.raises(NoPathError, match="over RT edges: RT edge 'world' -> 'table' has no pose yet"):
                 one.transform(target, source)
         with pytest.raises(NoPathError, match="Virtual_RT edge 'table' -> 'cup_2', RT edge 'world' -> 'table' have no"):
             one.transform("world", "cup_2", types=("Virtual_RT", "RT"))
         with pytest.raises(NoPathError) as without:
             one.transform("table", "cup_2")
-        assert "no pose yet" not in str(without.value).replace("'world' -> 'table' has no pose yet", "")
+        assert "no pose yet" not in str(without.value)
         assert one.get_transform("world", "cup_1") is None
     memory.update_edge("world", "table", "RT", pose=Pose((1.0, 0.0, 0.0)))
     net.pump(0.5)
