@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,6 +22,7 @@ from dsr.connecting import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
 from dsr.files.private_files import FOLDER_MODE, write_json
 from dsr.graph.access import Access, WriteGuard
+from dsr.graph.schema import Schema
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import BASE
@@ -53,8 +55,13 @@ JsonFileOption = Annotated[
 ]
 AsOption = Annotated[str, typer.Option("--as", metavar="AGENT", help="With --security: whose certificate.")]
 
-_ZERO, _LARGE = 1e-6, 1e6
-"""Numbers below are shown as 0; above (stamps) with three decimals."""
+_DIGITS = 9
+"""Digits of a number that are shown, of a vector those of its largest component: what somebody wrote, and no rounding
+noise, which is in the 16th."""
+_LARGE = 1e6
+"""Numbers from here on (stamps in s) are shown to a thousandth."""
+_POSE_DECIMALS = 6
+"""Of the numbers of a pose: to 1e-6 m, and of its quaternion to 2e-6 rad."""
 
 DELIVERY_PATIENCE = 10.0
 """s that all others get to tell that they have what a command wrote."""
@@ -187,23 +194,38 @@ def plain(value: Any) -> Any:
 
 
 def readable(value: Any) -> str:
-    """An attribute's value for people: four digits, no more."""
+    """An attribute's value for people: as it was written, without rounding noise; a pose with its units."""
     if isinstance(value, Pose):
         spread = "" if value.covariance is None else f" ± {position_deviation(value) * 1e3:.1f} mm"
-        return f"{readable(tuple(value.translation))}{spread}, {readable(tuple(value.rotation))}"
+        place, turn = (_together(part, _POSE_DECIMALS) for part in (value.translation, value.rotation))
+        return f"{place} m{spread}, {turn} xyzw"
     if isinstance(value, float | np.floating):
-        return _short(float(value))
+        return _shortest(float(value))
     if isinstance(value, bytes):
         return f"{len(value)} bytes"
     if isinstance(value, tuple):
-        return f"({', '.join(_short(float(number)) for number in value)})"
+        largest = max(map(abs, value), default=0.0)
+        return _together(value, _DIGITS - 1 - math.floor(math.log10(largest)) if largest else 0)
     return str(value)
 
 
-def _short(number: float) -> str:
-    if abs(number) < _ZERO:
-        return "0"
-    return f"{number:.4g}" if abs(number) < _LARGE else f"{number:.3f}"
+def _together(numbers: Iterable[float], decimals: int) -> str:
+    """Several numbers, all rounded to these decimals."""
+    return f"({', '.join(_shortest(round(float(number), decimals)) for number in numbers)})"
+
+
+def _shortest(number: float) -> str:
+    """A number with no more digits than tell it."""
+    if abs(number) < _LARGE:
+        return f"{number + 0.0:.{_DIGITS}g}"
+    return f"{number:.3f}".rstrip("0").rstrip(".")
+
+
+def with_unit(schema: Schema, name: str, value: Any) -> str:
+    """The value of attribute `name` for people, with its unit if it is known and not told with the value."""
+    known = schema.attributes.get(name)
+    unit = "" if known is None or isinstance(value, Pose) else known.unit
+    return f"{readable(value)} {unit}".rstrip()
 
 
 def shown(text: str) -> str:

@@ -78,7 +78,8 @@ class Graph(Stamping):
             SchemaError: for unknown names or wrong values.
             NodeTypeError: if the node is of another type.
         """
-        self.schema.check_node(name, type)
+        if type not in RECORDS:
+            self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
         there = self.nodes.get(name)
         if there is not None and there.type != type:

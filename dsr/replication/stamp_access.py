@@ -44,7 +44,7 @@ class StampAccess:
         """See `Memory.batch`."""
         raise NotImplementedError
 
-    def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
+    def _check_write(self, element: str, type: str, attributes: Iterable[str], *, own: bool = False) -> None:
         raise NotImplementedError
 
     @property
@@ -124,5 +124,5 @@ class StampAccess:
     def _renew(self, key: Key) -> None:
         for element, writes in self._graph.renewals(key):
             kind = "node" if isinstance(element, Node) else "edge"
-            self._check_write(kind, element.type, [write.attribute for write in writes])
+            self._check_write(kind, element.type, [write.attribute for write in writes], own=True)
         self._replica.commit(self._graph.renew(key, self.clock.now()))

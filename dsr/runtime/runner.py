@@ -25,7 +25,7 @@ class Schedule:
 
     def __init__(self, start: float, rate_hz: float) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0):
-            raise AgentError(f"rate {rate_hz} Hz: expected a positive number")
+            raise ConfigError(f"rate {rate_hz} Hz: expected a positive number")
         self._start = start
         self._rate = rate_hz
         self._next = 0
@@ -77,7 +77,7 @@ class Runner:
         self._warned = False
 
     def setup(self) -> None:
-        """Set the agent up. A failure is logged and raised as a `DsrError`; so are declared names that do not exist."""
+        """Set the agent up. A failure is logged and raised as a `DsrError`; `ConfigError` if no restart would help."""
         self.tell()
         try:
             self.agent.setup()

@@ -19,6 +19,7 @@ from dsr.agent import Agent
 from dsr.config.extras import MissingExtraError, missing_extra
 from dsr.config.own_packages import OWN_PACKAGES, stranger
 from dsr.config.toml import TomlFile, convert
+from dsr.declared import configured_class
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.files.built_in import ETC
 from dsr.graph.access import check_writers
@@ -36,7 +37,10 @@ _log = logging.getLogger("dsr.system")
 
 @dataclass(frozen=True)
 class AgentSpec:
-    """One agent of a system: what to run under which name and configuration."""
+    """One agent of a system: what to run under which name and configuration.
+
+    Raises `ConfigError` for a class that would do nothing, or whose declarations cannot be.
+    """
 
     name: str
     kind: type[Agent]
@@ -51,7 +55,7 @@ class AgentSpec:
     """Name of the process in which it runs, together with all others of that process; empty for the default."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", self.kind.configured(self.config))
+        object.__setattr__(self, "kind", configured_class(self.kind, self.config))
         if not self.process:
             object.__setattr__(self, "process", SHARED if self.kind.shares_process else self.name)
 
@@ -192,6 +196,7 @@ def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, 
                 raise
             _log.warning("%s is left out: %s", table.name, error)
             return None
+        configured_class(kind, table.config)
     if table.config:
         source.convert(kind.Config, (*path, "config"))
     with _located(source, (*path, "process")):

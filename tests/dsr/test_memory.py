@@ -252,6 +252,41 @@ def test_a_pose_that_was_taken_away_is_no_frame(net: Net) -> None:
         memory.transform("world", "cube_3")
 
 
+def test_an_edge_that_has_no_pose_yet_is_named_until_it_gets_one(net: Net) -> None:
+    memory, reader = net.join("a"), net.join("b")
+    memory.add_node("world", "world")
+    for name in ("table", "cup_1", "cup_2"):
+        memory.add_node(name, "cube")
+    memory.add_edge("world", "table", "RT")
+    memory.add_edge("table", "cup_1", "RT", pose=Pose((0.1, 0.0, 0.0)))
+    memory.add_edge("table", "cup_2", "Virtual_RT")
+    net.pump(0.5)
+    for one in (memory, reader):
+        for target, source in (("world", "cup_1"), ("cup_1", "world")):
+            with pytest.raises(NoPathError, match="over RT edges: RT edge 'world' -> 'table' has no pose yet"):
+                one.transform(target, source)
+        with pytest.raises(NoPathError, match="Virtual_RT edge 'table' -> 'cup_2', RT edge 'world' -> 'table' have no"):
+            one.transform("world", "cup_2", types=("Virtual_RT", "RT"))
+        with pytest.raises(NoPathError) as without:
+            one.transform("table", "cup_2")
+        assert "no pose yet" not in str(without.value)
+        assert one.get_transform("world", "cup_1") is None
+    memory.update_edge("world", "table", "RT", pose=Pose((1.0, 0.0, 0.0)))
+    net.pump(0.5)
+    assert all(one.transform("world", "cup_1").t == pytest.approx((1.1, 0.0, 0.0)) for one in (memory, reader))
+
+
+def test_edges_without_a_pose_that_form_a_circle_are_told_too(net: Net) -> None:
+    memory = net.join("a")
+    for name in ("a", "b"):
+        memory.add_node(name, "cube")
+    graph = memory.replica.graph
+    for key in (("a", "b", "RT"), ("b", "a", "RT")):
+        memory.replica.commit(graph.copy(key, "RT", [], 0.0))
+    with pytest.raises(NoPathError, match=r"RT edge .* RT edge .* have no pose yet"):
+        memory.transform("a", "b")
+
+
 def test_indexes_do_not_grow_with_history(net: Net) -> None:
     memory = net.join("a")
     memory.add_node("world", "world")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import dsr
-from dsr import ConfigError, Memory
+from dsr import AttributeType, ConfigError, Memory, Pose
 from dsr.cli import inspect
 
 
@@ -81,6 +81,17 @@ def test_show_tells_attributes_with_units_and_edges(
     }
     (belief,) = [edge for edge in shown["edges"] if edge["type"] == "Virtual_RT"]
     assert belief["attributes"]["pose"]["translation"] == [0.4, 0.0, 0.02]
+
+
+def test_show_tells_what_was_written_with_units(memory: Memory, cli: Callable[..., str]) -> None:
+    memory.schema.register_attribute("temperature", AttributeType("float", "K", "measured"))
+    memory.update_node("table", temperature=293.15, target_pose=Pose((0.25, 0.0, 0.125)))
+    memory.update_edge("cube_3", "table", "on", since=12.25)
+    text = cli("show", "table")
+    assert "293.15" in text and "quaternion" in text
+    assert "cube_3 --on--> table  since 12.25 s" in text
+    assert "edges; a pose is x y z in m, then the quaternion x y z w of its rotation" in text
+    assert "pose (0.4, 0, 0.02) m, (0, 0, 0, 1) xyzw" in cli("show", "cube_3")
 
 
 def test_show_of_an_unknown_node_suggests_one(memory: Memory, cli: Callable[..., str]) -> None:

@@ -32,6 +32,9 @@ class CountingAgent(Agent):
     degraded = "it limps"
     counts = {"steps": 7, "nothing": 0}  # noqa: RUF012
 
+    def tick(self, now: float) -> None:
+        pass
+
 
 def set_scene(system: Bridged) -> None:
     memory = system.memory
