@@ -41,12 +41,12 @@ from dsr.cli.common import (
     run_folder,
     shown,
 )
+from dsr.cli.interrupts import INTERRUPTED
 from dsr.errors import ConfigError
 from dsr.runtime.display import has_display
 
 DEMO = "towers"
 """The scenario of `dsr demo`."""
-_INTERRUPTED = 130
 
 
 class PolicyChoice(enum.StrEnum):
@@ -216,7 +216,7 @@ def _play(
                 result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
         except KeyboardInterrupt:
             said.print(f"stopped; what was recorded until then is in {folder}")
-            raise typer.Exit(_INTERRUPTED) from None
+            raise typer.Exit(INTERRUPTED) from None
         write_result(result, folder / "result.json")
     show_result(result, plan.scenario, said)
     _show_files(folder, said)

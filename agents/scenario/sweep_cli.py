@@ -22,10 +22,10 @@ from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
 from agents.scenario.run.sweep_report import SweepBar, show_sweep
 from agents.scenario.run.sweep_worker import SweepJob
 from dsr.cli.common import JsonFileOption, JsonOption, check_writable, for_people, put_json, shown
+from dsr.cli.interrupts import INTERRUPTED
 from dsr.errors import ConfigError
 
 MOST_SEEDS = 100_000
-_INTERRUPTED = 130
 _PART = re.compile(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?")
 
 
@@ -95,7 +95,7 @@ def sweep(
         said.print(f"curves     {shown(str(curves))}", soft_wrap=True)
     put_json(SweepProgress(complete, summaries, outcomes), as_json=as_json, file=json_file)
     if not complete:
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
     raise typer.Exit(0 if all(outcome.passed for outcome in outcomes) else 1)
 
 

@@ -47,7 +47,7 @@ def start_in_background(folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
-    command = [sys.executable, "-P", "-m", "dsr.cli.main", *sys.argv[1:]]
+    command = [sys.executable, "-P", "-m", "dsr.cli", *sys.argv[1:]]
     with log.open("wb") as output:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,

@@ -18,7 +18,7 @@ SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
 
 
 def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-m", "dsr.cli", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
@@ -56,7 +56,7 @@ def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
     assert {line.partition(":")[0] for line in dsr("logs", "--lines", "1").stdout.splitlines()} <= {
         "first", "second", "run"
     }  # fmt: skip
-    command = [sys.executable, "-m", "dsr.cli.main", "logs", "run", "-n", "1", "--follow"]
+    command = [sys.executable, "-m", "dsr.cli", "logs", "run", "-n", "1", "--follow"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout and process.stdout.readline() == "run: all agents are ready\n"
         assert dsr("stop").returncode == 0
@@ -79,7 +79,7 @@ def test_a_system_that_could_say_nothing_is_told_with_how_it_ended(tmp_path: Pat
         "    os.dup2(full, 1)\n    os.dup2(full, 2)\n"
     )
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "-d"]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml"), "-d"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     result = subprocess.run(
         [*command, "--folder", str(folder)], capture_output=True, text=True, timeout=60, check=False, env=environment
@@ -102,7 +102,7 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
     folder = tmp_path / "run"
     log = folder / "run.log"
     system = str(SYSTEMS / "counters.toml")
-    command = [sys.executable, "-m", "dsr.cli.main", "run", system, "-d", "--folder", str(folder)]
+    command = [sys.executable, "-m", "dsr.cli", "run", system, "-d", "--folder", str(folder)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         while not log.exists():
             assert process.poll() is None
