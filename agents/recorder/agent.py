@@ -68,6 +68,15 @@ class Recorder(Agent):
         images = Inbox(self.bus, blobs, self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, self._selection.keys(keys), self.clock, _MOST_WAITING))
 
+    @property
+    def missing(self) -> int:
+        """Number of messages that were lost until now: no room, or they came faster than they could be written."""
+        return self._unwritten + self._dropped
+
+    @property
+    def _dropped(self) -> int:
+        return sum(inbox.dropped for inbox in self._inboxes)
+
     def _begin_file(self, now: float) -> RecordingWriter:
         """Open the next file of this recording. Raises `OSError`."""
         self._writer = writer = self._files.begin(now)
@@ -206,8 +215,7 @@ class Recorder(Agent):
             )
 
     def _report_losses(self) -> None:
-        dropped = sum(inbox.dropped for inbox in self._inboxes)
         if self._waits:
             self.degraded = f"{self._waits}; {self._unwritten} messages are missing"
-        elif dropped:
-            self.degraded = f"{dropped} messages were not recorded: they came faster than they could be written"
+        elif self._dropped:
+            self.degraded = f"{self._dropped} messages were not recorded: they came faster than they could be written"

@@ -59,6 +59,9 @@ _ZERO, _LARGE = 1e-6, 1e6
 DELIVERY_PATIENCE = 10.0
 """s that all others get to tell that they have what a command wrote."""
 
+_LEFT = "nobody else is in the graph any more; waiting for somebody, Ctrl-C ends"
+_BACK = "somebody is in the graph again"
+
 console = make_console()
 errors = make_console(stderr=True)
 
@@ -77,11 +80,11 @@ def reading(
     graph: str | None, router: str | None, security: Path | None, world: str = BASE
 ) -> Iterator[Memory]:
     """A replica of a world of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
-    name = _running(graph, router)
+    name = joinable(graph, router)
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
     with connect(name, agent="dsr", connect=routers, guard=guard, security=security, must_exist=False) as memory:
-        _check_company(memory, router)
+        check_company(memory, router)
         with naming():
             opened = memory.world(world)
         yield opened
@@ -95,9 +98,9 @@ def writing(graph: str | None, router: str | None, security: Path | None, agent:
         ConfigError: if no such graph runs.
         TransportError: if somebody did not tell in time that he has it.
     """
-    name = _running(graph, router)
+    name = joinable(graph, router)
     with connect(name, agent=agent, connect=[router] if router else (), security=security, must_exist=False) as memory:
-        _check_company(memory, router)
+        check_company(memory, router)
         yield memory
         sync = memory.replica.synchroniser
         if not memory.replica.wait_until(lambda: sync.delivered, DELIVERY_PATIENCE):
@@ -121,9 +124,9 @@ def opened(memory: Memory, name: str) -> Iterator[Memory]:
         raise TransportError(f"not all of {', '.join(world.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 
-def _running(graph: str | None, router: str | None) -> str:
+def joinable(graph: str | None, router: str | None) -> str:
     """The name of a graph that can be joined. Raises `ConfigError` if there is none."""
-    name = running_graph(graph) if graph is None or router is None else graph
+    name = running_graph(graph, router)
     if router is None:
         check_runs(name)
     return name
@@ -135,11 +138,25 @@ def check_runs(graph: str) -> None:
         raise ConfigError(f"no graph {graph!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
 
 
-def _check_company(memory: Memory, router: str | None) -> None:
+def check_company(memory: Memory, router: str | None) -> None:
     """Raise `ConfigError` if nobody else holds the graph: what we hold is nothing, and nobody gets what we write."""
     if not memory.peers:
         reason = f", or the router {router} cannot be reached" if router else ""
         raise ConfigError(f"nobody holds graph {memory.graph_name!r}{reason}")
+
+
+class Company:
+    """Says on standard error when nobody else is in the graph of `memory` any more, and when somebody is again."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._alone = False
+
+    def look(self) -> None:
+        """Say what has changed since the last call."""
+        if self._alone != (not self._memory.peers):
+            self._alone = not self._alone
+            errors.print(_LEFT if self._alone else _BACK, style="yellow")
 
 
 def print_json(value: Any) -> None:

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from dsr.cli.common import console, errors
 from dsr.cli.main import main
-from dsr.cli.streams import REPLACED, redraws, prepare_output
+from dsr.cli.streams import REPLACED, prepare_output, redraws
 from dsr.memory import Memory
 from tests.command_tree import leaves
 from tests.commands.conftest import CUBE

@@ -111,6 +111,28 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
     assert read_claim("counters") is None and graphs() == []
 
 
+@pytest.mark.parametrize("command", ["ls", "stop", "logs"])
+def test_what_is_left_of_killed_processes_is_removed(command: str, private_runtime_dir: Path) -> None:
+    for options in ([], ["-g", "counters"]):
+        folder = private_runtime_dir / "dsr" / "counters"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        (folder / "first-0123.endpoint").write_text("tcp/127.0.0.1:1 memory")
+        folder.with_name("counters.launcher").write_text(f"{os.getpid()} {private_runtime_dir / 'run'}")
+        result = dsr(command, *options)
+        assert result.returncode == 2 and "runs on this machine" in result.stderr
+        assert list(folder.parent.iterdir()) == []
+
+
+def test_a_system_takes_the_name_of_one_that_was_killed(tmp_path: Path, private_runtime_dir: Path) -> None:
+    folder = private_runtime_dir / "dsr"
+    folder.mkdir(mode=0o700)
+    (folder / "counters.launcher").write_text(f"{os.getpid()} {tmp_path}")
+    result = dsr("run", str(SYSTEMS / "counters.toml"), "--detach", "--folder", str(tmp_path / "run"))
+    assert result.stdout.startswith("graph counters, ")
+    assert dsr("stop").returncode == 0
+    assert list(folder.iterdir()) == []
+
+
 def test_what_no_launcher_started_is_not_stopped(memory: object) -> None:
     result = dsr("stop", "--graph", "scene")
     assert result.returncode == 2 and "no `dsr run` started graph 'scene' on this machine" in result.stderr
