@@ -33,6 +33,8 @@ from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System
 
+LAUNCHER = "launcher"
+"""Name under which a launcher takes part in its graph."""
 POLL_PERIOD = 0.05
 """s between two looks at the processes."""
 STOP_PATIENCE = 5.0
@@ -48,7 +50,7 @@ class AgentRow(msgspec.Struct, frozen=True):
 
     agent: str
     state: str
-    """A `State`, or "silent" (not heard for a while), "restarting", "ended"."""
+    """A `State`, or "silent" (not heard for a while), "restarting", "ended", or "no status" (never heard)."""
     pid: int | None
     heard: Heard | None
     """The newest status of the running process."""
@@ -128,7 +130,7 @@ class Launcher:
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         routers = [self._router] if self._router else ()
-        self.memory = connect(name, agent="launcher", connect=routers, security=self._security, must_exist=False)
+        self.memory = connect(name, agent=LAUNCHER, connect=routers, security=self._security, must_exist=False)
         self._resources.callback(self.memory.close)
         if self._state is not None:
             self.restored = WorldKeeper(self.memory, self._state).restored

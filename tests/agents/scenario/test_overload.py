@@ -166,7 +166,8 @@ def test_the_verdict_says_so_instead_of_a_table_of_distances(passed: bool) -> No
     history = course(RECOVERED, frames=GAP, loads=BUSY)
     result = Result(
         scenario="moved", seed=0, mode="live", sensor="pixels", passed=passed,
-        expectations=[Verdict("belief_recovered", passed, "x")], metrics={}, notes=[], overload=overload(history, passed=passed),
+        expectations=[Verdict("belief_recovered", passed, "x")], metrics={}, notes=[],
+        overload=overload(history, passed=passed),
     )  # fmt: skip
     stream = io.StringIO()
     show_result(result, history.scenario, Console(file=stream, width=200))
