@@ -12,6 +12,7 @@ from agents.inbox import Inbox, Message
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.config import RecorderConfig
 from agents.recorder.files import FileLimits, RecordingFiles
+from agents.recorder.images import check_opencv
 from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.meshes import MeshRecorder
 from agents.recorder.selection import DATA, GRAPH, IMAGE, IMAGES, MESHES, RecordSelection
@@ -47,9 +48,11 @@ class Recorder(Agent):
     """Why nothing is recorded, for people; empty while it is."""
 
     def setup(self) -> None:
-        """Open the file and begin to listen."""
+        """Open the file and begin to listen. Raises `ConfigError` if nothing, or no images, can be recorded."""
         keys, config = self.keys, self.config
         self._selection = RecordSelection(config.only, config.without)
+        if self._selection.may_include(IMAGES):
+            check_opencv()
         self._images = ImageThinner(config.frames_hz, config.still_hz, None if config.lossless else config.jpeg_quality)
         self._recent: deque[RecordedMessage] = deque()
         self._repeated: list[RecordedMessage] = []
