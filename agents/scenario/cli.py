@@ -25,7 +25,7 @@ from agents.scenario.judge.result import write_result
 from agents.scenario.options import SensorChoice
 from agents.scenario.run.report import ProgressBar, show_result
 from agents.scenario.run.runner import run_live, run_lockstep
-from agents.scenario.run.staging import make_run
+from agents.scenario.run.staging import make_run, staged_system
 from agents.scenario.sweep_cli import sweep
 from dsr.cli.common import (
     JsonFileOption,
@@ -209,13 +209,15 @@ def _play(
         errors.print("there is no display: the view is only recorded; to watch the run elsewhere: dsr view --serve")
     plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
     check_writable(json_file)
+    staged_system(plan)  # what it lacks is told before anything begins
     with run_folder(None, plan.scenario.name) as folder:
         plan = msgspec.structs.replace(plan, folder=folder)
         try:
             with ProgressBar(plan.scenario, said) as bar:
                 result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
         except KeyboardInterrupt:
-            said.print(f"stopped; what was recorded until then is in {folder}")
+            left = f"; logs and recordings until then are in {folder}" if any(folder.iterdir()) else ""
+            said.print(f"stopped{left}", soft_wrap=True)
             raise typer.Exit(INTERRUPTED) from None
         write_result(result, folder / "result.json")
     show_result(result, plan.scenario, said)

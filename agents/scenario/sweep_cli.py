@@ -16,7 +16,7 @@ import typer
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
 from agents.scenario.options import SensorChoice
-from agents.scenario.run.staging import Policy
+from agents.scenario.run.staging import Policy, make_run, staged_system
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
 from agents.scenario.run.sweep_report import SweepBar, show_sweep
@@ -78,6 +78,7 @@ def sweep(
     check_writable(json_file)
     check_writable(curves, "--curves")
     for scenario in dict.fromkeys(scenarios):
+        staged_system(make_run(scenario))
         show_all(scenario, said)
     outcomes: list[RunOutcome] = []
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -256,6 +257,12 @@ def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
             folder.mkdir(mode=FOLDER_MODE, parents=True)
             return folder
     raise ConfigError(f"{folders[-1]} and all before it exist already")
+
+
+def last_run(name: str | None = None, runs: Path = Path("runs")) -> Path | None:
+    """The newest folder of `new_run_folder` that has logs, of any run or those called `name`; None if there is none."""
+    folders = {log.parent for log in runs.glob(f"{'*' if name is None else glob.escape(name)}-[0-9]*/*.log")}
+    return max(folders, key=lambda folder: folder.stat().st_mtime, default=None)
 
 
 @contextlib.contextmanager

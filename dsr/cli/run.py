@@ -95,6 +95,8 @@ def run(
                 launcher.run(threading.Event(), table.show)
             except KeyboardInterrupt:
                 table.live.update("")
+                table.live.stop()
+                console.print(f"stopped; logs and recordings are in [bold]{shown(str(place))}[/]", soft_wrap=True)
                 raise typer.Exit(0) from None
     raise AgentError(f"all agents have ended by themselves; their logs are in {place}")
 

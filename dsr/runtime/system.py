@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from dsr.agent import Agent
-from dsr.config.extras import MissingExtraError, missing_extra
+from dsr.config.extras import MissingExtraError, check_installed, missing_extra
 from dsr.config.own_packages import OWN_PACKAGES, stranger
 from dsr.config.toml import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
@@ -231,10 +231,7 @@ def load_class(name: str, folder: Path | None = None, *, beside: bool = True) ->
         raise ConfigError(f"class {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
     if not (isinstance(kind, type) and issubclass(kind, Agent)):
         raise ConfigError(f"class {name!r} is no dsr.agent.Agent")
-    for library in kind.libraries:
-        if importlib.util.find_spec(library) is None:
-            absent = missing_extra(ModuleNotFoundError(name=library)) or f"the library {library!r} is not installed"
-            raise MissingExtraError(f"class {name!r} cannot be loaded: {absent}")
+    check_installed(kind.libraries, f"class {name!r} cannot be loaded")
     return kind
 
 

@@ -111,6 +111,24 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
     assert read_claim("counters") is None and graphs() == []
 
 
+def test_logs_of_a_system_that_has_ended_are_those_of_its_last_run(
+    tmp_path: Path, private_runtime_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert dsr("logs").stderr == "no graph runs on this machine; start a system: dsr run tabletop\n"
+    for _ in range(2):
+        started = dsr("run", str(SYSTEMS / "counters.toml"), "--detach")
+        folder = started.stdout.split("recordings in ")[1].partition(";")[0]
+        assert dsr("stop").returncode == 0
+    for options, which in (((), "no graph runs"), (("-g", "counters"), "graph counters does not run")):
+        result = dsr("logs", "run", *options, "--follow")
+        assert result.returncode == 0
+        assert result.stderr == f"{which} on this machine; these are the logs of the last run, in {folder}\n"
+        assert f"run: graph counters, logs and recordings in {folder}" in result.stdout
+        assert f"run: stopped; logs and recordings are in {folder}" in result.stdout
+    assert dsr("logs", "-g", "kitchen").returncode == 2
+
+
 @pytest.mark.parametrize("command", ["ls", "stop", "logs"])
 def test_what_is_left_of_killed_processes_is_removed(command: str, private_runtime_dir: Path) -> None:
     for options in ([], ["-g", "counters"]):
