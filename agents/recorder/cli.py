@@ -39,6 +39,7 @@ from dsr.cli.common import (
     run_folder,
     shown,
 )
+from dsr.cli.completion import complete_recording
 from dsr.config.plugins import EXPORTERS, load
 from dsr.config.toml import convert
 from dsr.connecting import SECURITY
@@ -49,7 +50,9 @@ from dsr.runtime.signals import set_on_signals
 _NAME = "record"
 """Of the agent; the system may have a recorder already."""
 
-RecordingArgument = Annotated[Path, typer.Argument(help="A recording.mcap, or the folder of a run.")]
+RecordingArgument = Annotated[
+    Path, typer.Argument(help="A recording.mcap, or the folder of a run.", autocompletion=complete_recording)
+]
 
 app = typer.Typer(name="record", invoke_without_command=True, subcommand_metavar="[info|export ...]")
 

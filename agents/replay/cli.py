@@ -31,6 +31,7 @@ from dsr.cli.common import (
     reading,
     shown,
 )
+from dsr.cli.completion import complete_recording
 from dsr.cli.interrupts import INTERRUPTED
 from dsr.connecting import connect
 from dsr.errors import ConfigError
@@ -54,7 +55,10 @@ app = typer.Typer(
 @app.callback()
 def replay(
     recording: Annotated[
-        Path | None, typer.Argument(help="A recording.mcap, the folder of a run, or a bag of ROS.")
+        Path | None,
+        typer.Argument(
+            help="A recording.mcap, the folder of a run, or a bag of ROS.", autocompletion=complete_recording
+        ),
     ] = None,
     name: ReplayGraphOption = "replay",
     speed: Annotated[str, typer.Option(help="Recorded seconds a second, or max.")] = "1",

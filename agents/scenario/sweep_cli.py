@@ -15,7 +15,7 @@ import typer
 
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
-from agents.scenario.options import SensorChoice
+from agents.scenario.options import SensorChoice, complete_scenario
 from agents.scenario.run.staging import Policy, make_run, staged_system
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
@@ -49,7 +49,9 @@ class SweepProgress(msgspec.Struct, frozen=True):
 
 
 def sweep(
-    scenarios: Annotated[list[str], typer.Argument(help="Built-in scenarios or TOML files.")],
+    scenarios: Annotated[
+        list[str], typer.Argument(help="Built-in scenarios or TOML files.", autocompletion=complete_scenario)
+    ],
     seeds: Annotated[str, typer.Option(help="Which seeds: 0-49, 7, or 0-9,20-29.")] = "0-49",
     sensor: Annotated[
         SensorChoice, typer.Option(help="True poses with the noise measured on images (fast), or rendered images.")

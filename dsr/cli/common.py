@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from dsr.cli.completion import complete_graph
 from dsr.cli.streams import make_console
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
@@ -30,7 +31,10 @@ from dsr.runtime.logs import printable
 
 
 def _graph_option(default: str) -> Any:
-    return typer.Option("--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=f"Name of the graph; {default}.")
+    help = f"Name of the graph; {default}."
+    return typer.Option(
+        "--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=help, autocompletion=complete_graph
+    )
 
 
 GraphOption = Annotated[str | None, _graph_option("default: the only one that runs on this machine")]
@@ -249,13 +253,18 @@ def position_deviation(pose: Pose) -> float:
 
 
 def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
-    """A new folder `runs/<name>-<date>-<time>`, numbered if there is one already."""
+    """A new folder `runs/<name>-<date>-<time>`, numbered if there is one. Raises `ConfigError` if it cannot be made."""
     stem = f"{name}-{datetime.fromtimestamp(WALL_CLOCK.now()):%Y%m%d-%H%M%S}"
     folders = [runs / stem, *(runs / f"{stem}-{number}" for number in range(2, 100))]
     for folder in folders:
-        with contextlib.suppress(FileExistsError):
+        try:
             folder.mkdir(mode=FOLDER_MODE, parents=True)
             return folder
+        except FileExistsError:
+            continue
+        except OSError as error:
+            said = f"logs and recordings go to {runs}/ where the command runs, and {runs.resolve()} cannot be written"
+            raise ConfigError(f"{said}: {error.strerror}; run it in a folder of yours") from error
     raise ConfigError(f"{folders[-1]} and all before it exist already")
 
 

@@ -72,8 +72,8 @@ def main() -> None:
         _end(str(error), error, 2 if isinstance(error, ConfigError) else 1)
     except (OSError, MemoryError, RuntimeError, ImportError) as error:  # a folder that cannot be written, a full disk
         said = shortage(error)
-        if said is None and isinstance(error, OSError) and error.filename is not None:
-            said = f"{error.filename}: {error.strerror}"
+        if said is None and isinstance(error, OSError):
+            said = f"{f'{error.filename}: ' if error.filename else ''}{error.strerror or error}"
         absent = missing_extra(error)
         _end(absent or said, error, 2 if absent else 1)
 

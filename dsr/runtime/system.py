@@ -255,6 +255,11 @@ def agent_names(file: Path) -> list[str]:
     return [table.name for table in TomlFile(file).convert(_SystemFile).agent]
 
 
+def known_systems() -> dict[str, Path]:
+    """The files of the systems that have a name: the built-in ones, and those in `./etc/systems`."""
+    return {file.stem: file for folder in (ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
+
+
 def find_system(name_or_path: str | Path, folder: Path | None = None) -> Path:
     """The file of a system: a path that ends in `.toml`, relative to `folder`, or the name of one in `etc/systems`.
 
@@ -263,7 +268,7 @@ def find_system(name_or_path: str | Path, folder: Path | None = None) -> Path:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         return path if folder is None else folder / path
-    known = {file.stem: file for folder in (ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
+    known = known_systems()
     if str(name_or_path) not in known:
         hint = suggest(str(name_or_path), known)
         path_too = "" if hint.endswith("?") else ", or a path ending in '.toml'"
