@@ -24,7 +24,7 @@ from agents.recorder.selection import PARTS
 from agents.replay.source import ReplayedGraph
 from agents.segments import segments
 from dsr.cli.common import (
-    Company,
+    CompanyNotice,
     GraphOption,
     JsonOption,
     RouterOption,
@@ -151,7 +151,7 @@ def _attended(begun: Callable[[Recorder], None], router: str | None) -> type[Rec
         def setup(self) -> None:
             """Begin, if there is anything to record."""
             check_company(self.memory, router)
-            self._company = Company(self.memory)
+            self._company = CompanyNotice(self.memory)
             super().setup()
             begun(self)
 

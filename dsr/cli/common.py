@@ -150,7 +150,7 @@ def check_company(memory: Memory, router: str | None) -> None:
         raise ConfigError(f"nobody holds graph {memory.graph_name!r}{reason}")
 
 
-class Company:
+class CompanyNotice:
     """Says on standard error when nobody else is in the graph of `memory` any more, and when somebody is again."""
 
     def __init__(self, memory: Memory) -> None:

@@ -10,7 +10,7 @@ import msgspec
 import typer
 
 from dsr.cli.common import (
-    Company,
+    CompanyNotice,
     GraphOption,
     JsonOption,
     RouterOption,
@@ -56,7 +56,7 @@ def watch(
             changes = memory.watch(
                 node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
             )
-        company = Company(memory)
+        company = CompanyNotice(memory)
         try:
             while True:
                 company.look()
