@@ -177,6 +177,16 @@ def claim_file(graph: str) -> Path:
     return runtime_dir() / f"{graph}{_LAUNCHER}"
 
 
+def lock_claim(graph: str) -> IO[str] | None:
+    """The file of a launcher of `graph`, locked as long as it is open; None if another launcher has it.
+
+    Those who look whether it is locked lock it for a moment themselves: they and we do so one at a time.
+    """
+    path = claim_file(graph)
+    with _one_at_a_time(path.parent):
+        return lock_file(path)
+
+
 class Claim(NamedTuple):
     """What the launcher of a graph wrote into its claim."""
 
@@ -189,7 +199,8 @@ class Claim(NamedTuple):
 def read_claim(graph: str) -> Claim | None:
     """The claim of the launcher that runs `graph` on this machine; None if there is none."""
     try:
-        with claim_file(check_name("graph name", graph)).open(encoding="utf-8") as file:
+        path = claim_file(check_name("graph name", graph))
+        with _one_at_a_time(path.parent), path.open(encoding="utf-8") as file:
             pid, _, folder = file.read().partition(" ")
             return Claim(int(pid), Path(folder)) if _is_locked(file.fileno()) else None
     except (OSError, ValueError):  # ValueError: it is being written
@@ -199,7 +210,8 @@ def read_claim(graph: str) -> Claim | None:
 def remove_leftover_claim(graph: str) -> bool:
     """Remove the file of a launcher that is gone; whether there still is one, because somebody keeps it locked."""
     path = claim_file(graph)
-    _read_live(path)
+    with _one_at_a_time(path.parent):
+        _read_live(path)
     return path.exists()
 
 

@@ -23,8 +23,8 @@ import msgspec
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
 from dsr.errors import AgentError, TransportError
-from dsr.files.private_files import FOLDER_MODE, lock_file
-from dsr.network.rendezvous import claim_file
+from dsr.files.private_files import FOLDER_MODE
+from dsr.network.rendezvous import lock_claim
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
 from dsr.runtime.launched import Launched, Program, Seat, SharedProgram, exit_text
@@ -278,8 +278,7 @@ def _claimed_name(graph: str, folder: Path) -> Iterator[str]:
     """`graph`, or `graph-2` and so on if other launchers hold that name; ours as long as the context is open."""
     names = [graph, *(f"{graph}-{number}" for number in range(2, _MOST_NAMES))]
     for name in names:
-        path = claim_file(name)
-        if lock := lock_file(path):
+        if lock := lock_claim(name):
             break
     else:
         raise TransportError(f"{len(names)} systems called {graph!r} run already")
@@ -291,5 +290,5 @@ def _claimed_name(graph: str, folder: Path) -> Iterator[str]:
         lock.flush()
         yield name
     finally:
-        path.unlink(missing_ok=True)
+        Path(lock.name).unlink(missing_ok=True)
         lock.close()
