@@ -402,7 +402,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         if sync.is_held_up and not begin:
             why = joining.why(self.clock.monotonic())
             raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, {why}")
-        _log.warning("nobody else gives anything of graph %r within %.1f s: it begins here", self.graph_name, timeout)
+        _log.info("nobody else gives anything of graph %r within %.1f s: it begins here", self.graph_name, timeout)
         sync.nobody_there()
 
     @property

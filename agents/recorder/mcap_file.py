@@ -163,7 +163,7 @@ class RecordingFile:
             with path.open("rb") as file:
                 start = file.read(len(_MAGIC))
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be read ({error})") from error
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
         if start != _MAGIC[: len(start)]:
             raise RecordingError(f"{path}: no MCAP file, it begins with {start!r}, expected {_MAGIC!r}")
 

@@ -64,7 +64,7 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     launcher_is_gone = follow_launcher(os.environ, stop)
 
     def run() -> None:
-        graph = running_graph(options.graph)
+        graph = running_graph(options.graph, options.connect, may_begin=True)
         with set_on_signals(stop):
             run_agent(
                 kind,

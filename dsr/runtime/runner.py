@@ -117,7 +117,7 @@ class Runner:
             self._enter(State.STOPPED)
 
     def _after_tick(self, ended: float) -> None:
-        if self._errors_in_a_row > self.agent.most_failures:
+        if self._errors_in_a_row >= max(1, self.agent.most_failures):
             self._enter(State.FAILED)
             failed = f"agent {self.agent.name!r}: {self._errors_in_a_row} ticks failed in a row"
             raise AgentError(f"{failed}; the last: {self._last_error}")

@@ -197,8 +197,8 @@ def test_it_is_not_ready_before_its_first_good_tick() -> None:
 def test_it_gives_up_after_too_many_failures_in_a_row() -> None:
     heard = Heard(fail_at=tuple(range(2, 20)))
     heard.runner.setup()
-    heard.tick(4)
-    with pytest.raises(AgentError, match="4 ticks failed in a row; the last: ValueError: tick 5"):
+    heard.tick(3)
+    with pytest.raises(AgentError, match="3 ticks failed in a row; the last: ValueError: tick 4"):
         heard.tick()
     heard.runner.teardown()
     heard.network.deliver()

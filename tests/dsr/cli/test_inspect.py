@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -129,8 +130,16 @@ def test_reading_a_graph_that_does_not_run_says_so_and_starts_none(cli: Callable
         cli("ls", "--graph", "kitchen")
 
 
+def test_the_graph_behind_a_router_must_be_named(cli: Callable[..., str], caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(ConfigError, match=r"name one that is reached at tcp/127.0.0.1:1 with --graph"):
+        cli("ls", "--connect", "tcp/127.0.0.1:1")
+    with pytest.raises(ConfigError, match=r"nobody holds graph 'kitchen', or the router tcp/127.0.0.1:1 cannot be"):
+        cli("ls", "--connect", "tcp/127.0.0.1:1", "--graph", "kitchen")
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
 def test_of_two_graphs_one_must_be_chosen(memory: Memory, cli: Callable[..., str]) -> None:
     with dsr.connect("other", agent="owner"):
-        with pytest.raises(ConfigError, match="2 graphs run here: other, scene"):
+        with pytest.raises(ConfigError, match=r"2 graphs run here: other, scene; name one with --graph$"):
             cli("ls")
         assert "cube_3" in cli("ls", "--graph", "scene")
