@@ -168,7 +168,7 @@ def test_a_wrong_declaration_ends_the_start_at_once(tmp_path: Path, body: str, s
 
 def test_dsr_run_says_so_and_ends(tmp_path: Path) -> None:
     file = system_of(tmp_path, '    reads = Access(nodes=("tabel",))\n' + TICK)
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(file)]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(file)]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
     assert run.returncode != 0
     assert "declared node type 'tabel' is not in the schema; did you mean 'table'?" in run.stdout + run.stderr
