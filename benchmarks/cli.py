@@ -17,8 +17,8 @@ from benchmarks.report import rows_table, specs_table
 from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError
 from dsr.cli.common import JsonFileOption, JsonOption, check_writable, console, errors, for_people, put_json
+from dsr.cli.interrupts import INTERRUPTED
 
-_INTERRUPTED = 130
 _QUIET = 0.5
 """Load above which figures are worse than what the machine could do."""
 _PROBE = ".dsr-bench"
@@ -77,7 +77,7 @@ def bench(
                     code = 1
     except KeyboardInterrupt:
         errors.print("stopped; these rows were measured until then")
-        code = _INTERRUPTED
+        code = INTERRUPTED
     _finish(findings, for_people(as_json), plots)
     put_json(findings.rows, as_json=as_json, file=json_file)
     missed = any(row.meets is False for row in findings.rows)

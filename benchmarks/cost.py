@@ -104,7 +104,7 @@ def measure(python: str, system: str, seconds: float) -> Cost:
 @contextlib.contextmanager
 def _running(python: str, system: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
     """`dsr run` of the environment of `python`; it has ended when the context is left."""
-    command = [python, "-P", "-m", "dsr.cli.main", "run", system, "--graph", GRAPH, "--folder", str(folder)]
+    command = [python, "-P", "-m", "dsr.cli", "run", system, "--graph", GRAPH, "--folder", str(folder)]
     run = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         yield run

@@ -56,8 +56,10 @@ class Agent:
     libraries: ClassVar[tuple[str, ...]] = ()
     """Modules that `setup` imports, because whoever only looks at the class need not wait for them. A system does
     without an `optional` agent where one of them is not installed."""
+    goal_libraries: ClassVar[tuple[str, ...]] = ()
+    """Modules without which the agent runs and pursues no goal: a scenario with a mission is refused without them."""
     most_failures: ClassVar[int] = 25
-    """Number of failed ticks in a row after which the agent gives up."""
+    """Number of failed ticks in a row with which the agent gives up."""
     Config: ClassVar[type[Any]] = NoConfig
     """Type of the configuration: a frozen msgspec Struct whose fields all have defaults."""
 
@@ -74,6 +76,8 @@ class Agent:
     """Why it does not work as well as it should, shown in its status; empty if it does."""
     counts: Mapping[str, int] = MappingProxyType({})
     """What it counts of its work since its start, by name, shown in its status; zeros are not shown."""
+    last_status: object = None
+    """The newest `dsr.runtime.status.Status` that was told about it; None before the first."""
     wake: Callable[[], None] = staticmethod(lambda: None)
     """Asks for a tick now rather than when the next is due; may be called in any thread, and returns at once."""
 

@@ -2,6 +2,7 @@
 
     DsrError
     ├── SchemaError             a name, type or value that the schema does not allow
+    │   └── RegistrationError   a name that cannot be registered so (a ConfigError, too)
     ├── GraphError              the graph does not hold what was asked for
     │   ├── NoRoomError         no stamp is left above that of an attribute's value
     │   ├── NodeNotFoundError
@@ -23,6 +24,7 @@
     ├── ConfigError             a wrong file or option: says which file, line and what was expected
     │   └── GoalError           a text that is no goal: shows the place
     └── AgentError              an agent broke its declaration or life cycle
+        └── UndeclaredError     an agent writes what it does not declare (a ConfigError, too)
 """
 
 from __future__ import annotations
@@ -145,6 +147,14 @@ class GoalError(ConfigError):
 
 class AgentError(DsrError):
     """An agent broke its declaration or its life cycle."""
+
+
+class UndeclaredError(AgentError, ConfigError):
+    """An agent writes what its class does not declare; to start it again does not help."""
+
+
+class RegistrationError(SchemaError, ConfigError):
+    """A name that cannot be registered, or not with this meaning; to try again does not help."""
 
 
 _SHOWN = 100

@@ -21,6 +21,7 @@ from planner.foresight import Foresight
 from planner.intentions import Intention, read_intentions, tell
 from planner.making import PlanMaker
 from planner.monitor import doubtful, surprising
+from planner.solver import PACKAGE
 
 _LEAST_PATIENCE = 0.1  # s for an answer of the simulator, where the configuration gives less
 
@@ -47,6 +48,7 @@ class Planner(Agent):
     name = "planner"
     rate_hz = 10.0  # Hz, ticks
     shares_process = True
+    goal_libraries = (PACKAGE,)
     reads = Access(
         nodes=("intention", "action", "gripper", "camera", "arm", *THINGS, *SURFACES),
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),

@@ -26,6 +26,7 @@ from dsr.cli.common import (
     shown,
     writing,
 )
+from dsr.cli.interrupts import INTERRUPTED
 from dsr.cli.streams import redraws
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
@@ -40,7 +41,6 @@ _POLL_PERIOD = 0.1  # s between two looks
 _ALONE = 5.0  # s without any other process of the graph until it counts as gone
 _TIDY_WITHIN = 20.0  # s that the planner may take to bring the arm to rest
 _PICTURES_PER_SECOND = 8  # Hz, of the picture in the terminal
-_INTERRUPTED = 130  # 1, exit code of a command that Ctrl-C ended, as in shells
 _MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
 
 app = typer.Typer(
@@ -138,7 +138,7 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
         except KeyboardInterrupt:
             live.stop()
             console.print(f"{name} is still wanted; dsr mission --cancel {name} ends it", soft_wrap=True)
-            raise typer.Exit(_INTERRUPTED) from None
+            raise typer.Exit(INTERRUPTED) from None
     return state
 
 

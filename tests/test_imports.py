@@ -53,6 +53,7 @@ LAYERS = (
     "dsr.memory",
     "dsr.agent dsr.vocabulary dsr.geometry.boxes dsr.geometry.placing",
     "dsr.worlds.comparison dsr.worlds.presence",
+    "dsr.declared",
     "dsr.worlds.source dsr.worlds.clients dsr.worlds.reparenting dsr.worlds.mirror",
     "dsr.worlds.filters dsr.worlds.hosting",
     "dsr.persistence dsr.runtime",

@@ -183,7 +183,7 @@ def test_another_package_of_the_same_name_is_told_apart(install: Callable[..., R
         assert result.returncode == 2 and said in " ".join(result.stderr.split()), result.stderr
     shutil.copytree(packages / "agents", tmp_path / "empty" / "agents")
     shutil.rmtree(packages / "agents")
-    result = run("python", "-m", "dsr.cli.main", "run", "tabletop")
+    result = run("python", "-m", "dsr.cli", "run", "tabletop")
     assert "the package 'agents' is the one in" in " ".join(result.stderr.split()), result.stderr
 
 

@@ -36,7 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def dsr(*arguments: str) -> None:
-    subprocess.run([sys.executable, "-m", "dsr.cli.main", *arguments], check=True, capture_output=True, timeout=90)
+    subprocess.run([sys.executable, "-m", "dsr.cli", *arguments], check=True, capture_output=True, timeout=90)
 
 
 @pytest.fixture

@@ -34,6 +34,9 @@ START_UP = 10.0
 """s that the device may take until its first sample."""
 SILENCE = 0.5
 """s without a new sample after which the driver counts as gone"""
+LATE = 0.1
+"""s, all that one tick can add to a silence: five ticks find no sample before the driver counts as gone. Where this
+agent itself did not run, on an overloaded machine, samples may have come that it could not see."""
 
 
 class ArmController(Agent):
@@ -85,7 +88,8 @@ class ArmController(Agent):
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
         self._feeds = self._make_feeds()
         self._state: ArmState | None = None
-        self._heard = self.clock.now()
+        self._heard = self._ticked = self.clock.now()
+        """s, when the last sample came, later by the time in which nobody looked; when the last tick was."""
         self._complained = False
         self._motion = MotionControl(
             self.memory,
@@ -106,6 +110,8 @@ class ArmController(Agent):
     def tick(self, now: float) -> None:
         """Forward what the devices measured since the last tick, and follow the targets."""
         joints = self._new_sample()
+        self._heard += max(0.0, now - self._ticked - LATE)
+        self._ticked = now
         if joints is not None:
             self._heard = now
             self._body.write(joints)

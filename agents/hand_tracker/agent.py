@@ -35,7 +35,8 @@ class _Look(NamedTuple):
 class HandTracker(Agent):
     """Finds hands in the frames of all cameras that have any, follows two of them and writes them as nodes.
 
-    Without MediaPipe or its model it is `degraded`: skin colour and depth must do.
+    Without a configured model of MediaPipe, skin colour and depth do. If there is a model that cannot be used, the
+    tracker is `degraded` and does without.
     """
 
     name = "hand_tracker"
@@ -68,7 +69,7 @@ class HandTracker(Agent):
         self._make_landmarker: Callable[[], Landmarker] | None = None
         self._why_not = ""
         try:
-            self._make_landmarker = load_landmarker(config.model)
+            self._make_landmarker = load_landmarker(config.model) if config.model else None
         except ConfigError as error:
             self._why_not = str(error)
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
@@ -144,7 +145,8 @@ class HandTracker(Agent):
                 return MediaPipeFinder(self.config, self._make_landmarker())
             except ConfigError as error:
                 self._why_not = str(error)
-        self._degrade(self._why_not)
+        if self._why_not:
+            self._degrade(self._why_not)
         return SkinFinder(self.config)
 
     def _degrade(self, why: str) -> None:

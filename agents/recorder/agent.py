@@ -12,6 +12,7 @@ from agents.inbox import Inbox, Message
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.config import RecorderConfig
 from agents.recorder.files import FileLimits, RecordingFiles
+from agents.recorder.images import check_opencv
 from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.meshes import MeshRecorder
 from agents.recorder.selection import DATA, GRAPH, IMAGE, IMAGES, MESHES, RecordSelection
@@ -47,9 +48,11 @@ class Recorder(Agent):
     """Why nothing is recorded, for people; empty while it is."""
 
     def setup(self) -> None:
-        """Open the file and begin to listen."""
+        """Open the file and begin to listen. Raises `ConfigError` if nothing, or no images, can be recorded."""
         keys, config = self.keys, self.config
         self._selection = RecordSelection(config.only, config.without)
+        if self._selection.may_include(IMAGES):
+            check_opencv()
         self._images = ImageThinner(config.frames_hz, config.still_hz, None if config.lossless else config.jpeg_quality)
         self._recent: deque[RecordedMessage] = deque()
         self._repeated: list[RecordedMessage] = []
@@ -67,6 +70,15 @@ class Recorder(Agent):
         blobs = [keys.blob("**")] if any(map(self._selection.may_include, (IMAGES, DATA))) else []
         images = Inbox(self.bus, blobs, self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, self._selection.keys(keys), self.clock, _MOST_WAITING))
+
+    @property
+    def missing(self) -> int:
+        """Number of messages that were lost until now: no room, or they came faster than they could be written."""
+        return self._unwritten + self._dropped
+
+    @property
+    def _dropped(self) -> int:
+        return sum(inbox.dropped for inbox in self._inboxes)
 
     def _begin_file(self, now: float) -> RecordingWriter:
         """Open the next file of this recording. Raises `OSError`."""
@@ -206,8 +218,7 @@ class Recorder(Agent):
             )
 
     def _report_losses(self) -> None:
-        dropped = sum(inbox.dropped for inbox in self._inboxes)
         if self._waits:
             self.degraded = f"{self._waits}; {self._unwritten} messages are missing"
-        elif dropped:
-            self.degraded = f"{dropped} messages were not recorded: they came faster than they could be written"
+        elif self._dropped:
+            self.degraded = f"{self._dropped} messages were not recorded: they came faster than they could be written"

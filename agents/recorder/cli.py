@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,29 +24,35 @@ from agents.recorder.selection import PARTS
 from agents.replay.source import ReplayedGraph
 from agents.segments import segments
 from dsr.cli.common import (
+    CompanyNotice,
     GraphOption,
     JsonOption,
     RouterOption,
+    SecurityOption,
     add_names,
     add_numbers,
-    check_runs,
+    check_company,
     console,
     errors,
-    new_run_folder,
+    joinable,
     print_json,
+    run_folder,
     shown,
 )
+from dsr.cli.completion import complete_recording
 from dsr.config.plugins import EXPORTERS, load
 from dsr.config.toml import convert
-from dsr.errors import ConfigError
-from dsr.network.rendezvous import running_graph
+from dsr.connecting import SECURITY
+from dsr.errors import AgentError, ConfigError
 from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
 """Of the agent; the system may have a recorder already."""
 
-RecordingArgument = Annotated[Path, typer.Argument(help="A recording.mcap, or the folder of a run.")]
+RecordingArgument = Annotated[
+    Path, typer.Argument(help="A recording.mcap, or the folder of a run.", autocompletion=complete_recording)
+]
 
 app = typer.Typer(name="record", invoke_without_command=True, subcommand_metavar="[info|export ...]")
 
@@ -84,10 +92,12 @@ def record(
     ] = None,
     graph: GraphOption = None,
     router: RouterOption = None,
+    security: SecurityOption = None,
 ) -> None:
     """Record the running system until Ctrl-C: all changes of the graph, images, logs, statuses, devices.
 
-    What the graph holds at the beginning is recorded too. Play it back with `dsr replay`.
+    What the graph holds at the beginning is recorded too. Play it back with `dsr replay`. If the system ends, the
+    command says so and waits for the next one. The exit code is 1 if messages were lost, as on a full disk.
     `dsr record info` tells what a recording holds, `dsr record export` writes tables.
     With --keep-files or --keep-mb, only files that were recorded so are ever removed.
 
@@ -101,26 +111,56 @@ def record(
         "rotate_mb": rotate_mb, "rotate_period": rotate_every, "keep_files": keep_files, "keep_mb": keep_mb,
     }  # fmt: skip
     convert(config, RecorderConfig, "options")
-    name = running_graph(graph) if router is None or graph is None else graph
-    if router is None:
-        check_runs(name)
-    folder = folder or new_run_folder(_NAME)
-    before = set(segments(folder, FILE_NAME))
+    name = joinable(graph, router)
+    if security is not None:
+        os.environ[SECURITY] = str(security.resolve())
     stop = StopSignal()
     timer = threading.Timer(seconds, stop.set) if seconds is not None else None
-    config["folder"] = str(folder)
-    console.print(f"recording graph {name} to {folder}" + ("" if timer else "; Ctrl-C ends it"), soft_wrap=True)
-    try:
-        if timer:
-            timer.start()
-        with set_on_signals(stop):
-            run_agent(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
-    finally:
-        if timer:
-            timer.cancel()
-    for file in segments(folder, FILE_NAME):
-        if file not in before:
-            _report(file)
+    recorders: list[Recorder] = []
+    with run_folder(folder, _NAME) as place:
+        before = set(segments(place, FILE_NAME))
+        config["folder"] = str(place)
+
+        def begun(recorder: Recorder) -> None:
+            recorders.append(recorder)
+            end = "" if timer else "; Ctrl-C ends it"
+            console.print(shown(f"recording graph {name} to {place}{end}"), soft_wrap=True)
+            if timer:
+                timer.start()
+
+        try:
+            with set_on_signals(stop):
+                kind = _attended(begun, router)
+                run_agent(kind, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+        finally:
+            if timer:
+                timer.cancel()
+        for file in segments(place, FILE_NAME):
+            if file not in before:
+                _report(file)
+    if missing := sum(recorder.missing for recorder in recorders):
+        raise AgentError(f"{missing} messages were lost: they are not in the recording")
+
+
+def _attended(begun: Callable[[Recorder], None], router: str | None) -> type[Recorder]:
+    """A recorder under the eyes of a person: it refuses a graph that nobody holds, and tells when all others leave."""
+
+    class Attended(Recorder):
+        """Tells `begun` when it begins."""
+
+        def setup(self) -> None:
+            """Begin, if there is anything to record."""
+            check_company(self.memory, router)
+            self._company = CompanyNotice(self.memory)
+            super().setup()
+            begun(self)
+
+        def tick(self, now: float) -> None:
+            """Record, and see who is there."""
+            super().tick(now)
+            self._company.look()
+
+    return Attended
 
 
 def _report(file: Path) -> None:

@@ -1,14 +1,18 @@
-"""Camera frames packed for recordings: colour as JPEG, depth as 16-bit PNG, a tenth of the size; or without loss."""
+"""Camera frames packed for recordings: colour as JPEG, depth as 16-bit PNG, a tenth of the size; or without loss.
+
+OpenCV is imported when an image is there: who reads a recording without images, or without looking at them, does
+without that library.
+"""
 
 from __future__ import annotations
 
 import struct
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.config.extras import MissingExtraError, missing_extra
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
 
@@ -20,11 +24,20 @@ _PNG_SIZE = struct.Struct(">8s4x4sII")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG that are followed by the size of the image: ITU-T T.81, table B.1."""
+_PACKED = frozenset({"color.jpeg", "color.png", "depth.png"})
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
-_PNG_OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 4, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
-"""Level 4 and one filter for all rows: a fifth smaller depth images than the fastest level, in the same time."""
+_PNG_LEVEL = 4
+"""Of compression, 0 to 9; with one filter for all rows a fifth smaller than the fastest level, in the same time."""
 
 Image = NDArray[Any]
+
+
+def check_opencv() -> None:
+    """Raise `MissingExtraError`, which says how to install it, if there is no OpenCV to pack images with."""
+    try:
+        import cv2  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(f"camera images need OpenCV: {missing_extra(error)}") from error
 
 
 def pack(frame: Frame, quality: int | None) -> Frame:
@@ -37,13 +50,9 @@ def pack(frame: Frame, quality: int | None) -> Frame:
     meta = dict(frame.meta)
     for name, image in frame.arrays.items():
         if name == "color" and is_color(image):
-            bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-            if quality is None:
-                arrays["color.png"] = _encode(".png", bgr, _PNG_OPTIONS)
-            else:
-                arrays["color.jpeg"] = _encode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
+            arrays |= _pack_color(image, quality)
         elif name == "depth" and quality is not None and _is_image(image, np.float32, 2):
-            arrays["depth.png"] = _encode(".png", _to_units(image), _PNG_OPTIONS)
+            arrays["depth.png"] = _png(_to_units(image))
             meta["depth_unit"] = DEPTH_UNIT
         else:
             arrays[name] = image
@@ -51,12 +60,19 @@ def pack(frame: Frame, quality: int | None) -> Frame:
 
 
 def unpack(frame: Frame) -> Frame:
-    """The frame as its camera published it, up to the losses of the compression. Raises `WireError`."""
+    """The frame as its camera published it, up to the losses of the compression.
+
+    Raises:
+        WireError: if an image cannot be unpacked.
+        MissingExtraError: if there are images, and no OpenCV.
+    """
     arrays = dict(frame.arrays)
     meta = dict(frame.meta)
+    if arrays.keys() & _PACKED:
+        check_opencv()
     for name in ("color.jpeg", "color.png"):
         if name in arrays:
-            arrays["color"] = cv2.cvtColor(_decode(name, arrays.pop(name)), cv2.COLOR_BGR2RGB)
+            arrays["color"] = _as_color(_decode(name, arrays.pop(name)))
     if "depth.png" in arrays:
         unit = np.float32(meta.pop("depth_unit", DEPTH_UNIT))
         arrays["depth"] = _decode("depth.png", arrays.pop("depth.png")).astype(np.float32) * unit
@@ -78,8 +94,28 @@ def _to_units(depth: Image) -> Image:
     return np.where((units > 0) & (units < 1 << 16), units, 0).astype(np.uint16)
 
 
-def _encode(suffix: str, image: Image, options: list[int]) -> Image:
-    _, data = cv2.imencode(suffix, image, options)
+def _as_color(bgr: Image) -> Image:
+    import cv2
+
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
+
+
+def _pack_color(image: Image, quality: int | None) -> dict[str, Image]:
+    """The bytes of a packed colour image, by the name of its format."""
+    import cv2
+
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    if quality is None:
+        return {"color.png": _png(bgr)}
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return {"color.jpeg": data.ravel()}
+
+
+def _png(image: Image) -> Image:
+    import cv2
+
+    options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
+    _, data = cv2.imencode(".png", image, options)
     return data.ravel()
 
 
@@ -88,6 +124,8 @@ def _decode(name: str, data: Image) -> Image:
     pixels = _pixels(packed.tobytes())
     if pixels > MOST_PIXELS:
         raise WireError(f"array {name!r} is an image of {pixels} pixels; at most {MOST_PIXELS} are unpacked")
+    import cv2
+
     image = cv2.imdecode(packed, cv2.IMREAD_UNCHANGED) if pixels else None
     if image is None:
         raise WireError(f"array {name!r} of {data.size} values is no image")

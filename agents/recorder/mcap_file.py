@@ -27,7 +27,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 _METADATA = "dsr"
 _CHUNK_SIZE = 1 << 20
 _LARGEST_RECORD = 1 << 30  # a greater length is damage, not data
-_LARGEST_CHUNK = 1 << 29
+LARGEST_CHUNK = 1 << 29
 """Bytes of a chunk when it is unpacked: a snapshot of the largest graph fits."""
 _MOST_RECORDS = 1 << 20
 """Records of a chunk: those of its smallest messages take ten times as much in memory."""
@@ -163,7 +163,7 @@ class RecordingFile:
             with path.open("rb") as file:
                 start = file.read(len(_MAGIC))
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be read ({error})") from error
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
         if start != _MAGIC[: len(start)]:
             raise RecordingError(f"{path}: no MCAP file, it begins with {start!r}, expected {_MAGIC!r}")
 
@@ -238,8 +238,8 @@ def _unpacked(chunk: Chunk) -> Chunk:
     data = chunk.data
     if chunk.compression == "zstd":
         told = zstandard.frame_content_size(data)
-        if max(told, chunk.uncompressed_size) > _LARGEST_CHUNK:
-            raise McapError(f"a chunk of {max(told, chunk.uncompressed_size)} bytes; at most {_LARGEST_CHUNK}")
+        if max(told, chunk.uncompressed_size) > LARGEST_CHUNK:
+            raise McapError(f"a chunk of {max(told, chunk.uncompressed_size)} bytes; at most {LARGEST_CHUNK}")
         data = zstandard.decompress(data, chunk.uncompressed_size)
     elif chunk.compression == "lz4":
         data = _from_lz4(data, chunk.uncompressed_size)
@@ -256,8 +256,8 @@ def _unpacked(chunk: Chunk) -> Chunk:
 
 def _from_lz4(data: bytes, size: int) -> bytes:
     """Unpack `size` bytes. Raises `McapError` if they are more than a chunk may have, or not as many."""
-    if size > _LARGEST_CHUNK:
-        raise McapError(f"a chunk of {size} bytes; at most {_LARGEST_CHUNK}")
+    if size > LARGEST_CHUNK:
+        raise McapError(f"a chunk of {size} bytes; at most {LARGEST_CHUNK}")
     try:
         unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     except (RuntimeError, ValueError, EOFError) as error:

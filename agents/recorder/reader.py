@@ -27,7 +27,7 @@ class SegmentReport(msgspec.Struct, frozen=True):
     problems: tuple[str, ...]
 
     def __str__(self) -> str:
-        found = f"{self.path.name}: {self.messages} messages in {self.seconds:.1f} s"
+        found = f"{self.path.name}: {self.messages} message{'' if self.messages == 1 else 's'} in {self.seconds:.1f} s"
         return found if self.complete else f"{found}, recovered; {'; '.join(self.problems)}"
 
 
@@ -51,8 +51,8 @@ class Recording:
     def _read(self, file: RecordingFile) -> Iterator[RecordedMessage]:
         count, first, last = 0, 0.0, 0.0
         for record in file:
-            first = first if count else record.stamp
-            last = record.stamp
+            first, last = (first, last) if count else (record.stamp, record.stamp)
+            first, last = min(first, record.stamp), max(last, record.stamp)
             count += 1
             yield record
         self.metadata = self.metadata or file.metadata

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,6 +93,8 @@ def _means(frame: Frame) -> Means | None:
     image = frame.arrays.get("color")
     if image is None or not is_color(image) or min(image.shape[:2]) < _BLOCK:
         return None
+    import cv2
+
     height, width = image.shape[:2]
     means = cv2.resize(image, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
     return np.asarray(means, np.uint8)
@@ -103,4 +104,6 @@ def _differ(before: Means | None, after: Means | None) -> bool:
     """Whether two pictures differ by more than noise; those of which nothing is known do."""
     if before is None or after is None or before.shape != after.shape:
         return True
+    import cv2
+
     return int(cv2.absdiff(before, after).max()) > _MOVED

@@ -31,6 +31,8 @@ from dsr.cli.common import (
     reading,
     shown,
 )
+from dsr.cli.completion import complete_recording
+from dsr.cli.interrupts import INTERRUPTED
 from dsr.connecting import connect
 from dsr.errors import ConfigError
 from dsr.network.keys import check_name
@@ -42,7 +44,6 @@ from dsr.vocabulary.replayed import Replayed, replayed_key
 
 Settings = dict[str, dict[str, object]]
 """Fields of configurations, by agent."""
-_INTERRUPTED = 130
 _SHOWN = 5  # reasons why something was left out
 
 app = typer.Typer(
@@ -54,7 +55,10 @@ app = typer.Typer(
 @app.callback()
 def replay(
     recording: Annotated[
-        Path | None, typer.Argument(help="A recording.mcap, the folder of a run, or a bag of ROS.")
+        Path | None,
+        typer.Argument(
+            help="A recording.mcap, the folder of a run, or a bag of ROS.", autocompletion=complete_recording
+        ),
     ] = None,
     name: ReplayGraphOption = "replay",
     speed: Annotated[str, typer.Option(help="Recorded seconds a second, or max.")] = "1",
@@ -234,7 +238,7 @@ def play(
             with _window(name, router, security) if view else contextlib.nullcontext():
                 Session(source, player, controls, tell=tell, stay=stay, console=console).run()
         except KeyboardInterrupt:
-            raise typer.Exit(_INTERRUPTED) from None
+            raise typer.Exit(INTERRUPTED) from None
         finally:
             controls.close()
         _tell_missing(player)
@@ -245,7 +249,7 @@ def play(
 def _window(graph: str, router: str | None, security: Path | None) -> Iterator[None]:
     """A window that shows a graph, as `dsr view` does; it is closed at the end."""
     options = [*(["--connect", router] if router else []), *(["--security", str(security)] if security else [])]
-    command = [sys.executable, "-P", "-m", "dsr.cli.main", "view", "--graph", graph, *options]
+    command = [sys.executable, "-P", "-m", "dsr.cli", "view", "--graph", graph, *options]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True) as view:
         try:
             yield

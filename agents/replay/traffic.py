@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import partial
 
@@ -10,18 +11,23 @@ from msgspec.structs import replace
 from agents.recorder.images import unpack
 from agents.recorder.index import TimedRecord
 from dsr.clock import Clock
+from dsr.config.extras import MissingExtraError
 from dsr.errors import WireError
 from dsr.images.blobs import decode_frame, frame_chunks
 from dsr.network.keys import Keys, is_key
 from dsr.network.transport import Chunks, Qos, Transport
 from dsr.runtime.status import decode_status, encode_status
 
+_log = logging.getLogger("dsr.replay")
 _PLAIN = ("log/", "truth", "device/")
 """Topics that are published as they were."""
 
 
 def unpacked(payload: bytes) -> Chunks:
-    """A recorded blob as it was published, in pieces: images are unpacked; what is no frame stays as it is."""
+    """A recorded blob as it was published, in pieces: images are unpacked; what is no frame stays as it is.
+
+    Raises `MissingExtraError` without the library that unpacks images.
+    """
     try:
         return frame_chunks(unpack(decode_frame(payload)))
     except WireError:
@@ -37,6 +43,7 @@ class Traffic:
         self._clock = clock
         self.malformed = 0
         """Records that could not be published."""
+        self._complained = False
 
     def publish(self, record: TimedRecord) -> None:
         """Publish a record, unless it is a change of the graph."""
@@ -61,7 +68,15 @@ class Traffic:
         return f"{self._keys.root}/{topic}"
 
     def _publish_blob(self, record: TimedRecord) -> None:
-        self._bus.publish_bulk(self._key(record.topic), unpacked(record.payload))
+        """An image that cannot be unpacked here, for want of a library, is left out, which is logged once."""
+        try:
+            chunks = unpacked(record.payload)
+        except MissingExtraError as error:
+            if not self._complained:
+                _log.warning("images are left out: %s", error)
+            self._complained = True
+            return
+        self._bus.publish_bulk(self._key(record.topic), chunks)
 
     def _publish_status(self, record: TimedRecord) -> None:
         """With the present time: its readers ask how old it is. The process is none of today."""

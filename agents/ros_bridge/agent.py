@@ -28,12 +28,15 @@ from agents.ros_bridge.mapping.stamps import CLOCK, to_seconds
 from agents.ros_bridge.messages.types import types_of
 from agents.ros_bridge.services.questions import Questions
 from dsr.agent import Access, Agent
+from dsr.connecting import identity_of
 from dsr.errors import WireError
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
 
 _JOINTS = ("joint_names", "joint_positions", "joint_velocities")
+_REST = 10
+"""Times as long as a tick took, until a message wakes the agent again: so that a flood takes a tenth of a core"""
 _LOOK = 1.0
 """s between two looks at what may be wrong with the connection"""
 
@@ -43,7 +46,7 @@ def _writes(config: RosBridgeConfig) -> Access:
     receive = config.receive
     nodes, edges = {"world", "body", *config.types.values()}, {"RT"}
     attributes: set[str] = set()
-    if config.send.services:  # one of which asks for missions
+    if config.serves:  # one of the services asks for missions
         nodes |= {"mind", "intention"}
         edges |= {"has"}
         attributes |= {"goal", "maintain", "priority", "status"}
@@ -94,10 +97,14 @@ class RosBridge(Agent):
         self._closing = contextlib.ExitStack()
         self._tally = Tally(self.clock, self.log)
         self.counts = self._tally.counts
-        self._ticked = self._looked = -math.inf
+        self._looked = self._rested = -math.inf
+        self._woken = False
         self._problem = self._hint = ""
+        self._lost: dict[str, int] = {}
         link = type(self).connect(config.link, config.node)
         self._closing.callback(link.close)
+        if identity_of(self.name) is not None:
+            self.log.warning("this graph is secured, and ROS is not: %s", "; ".join(link.unauthenticated()))
         self._times = TimeSource(self.clock, config.clock, self._tally)
         names = FrameNames(config.world_frame)
         self._core = core = BridgeCore(
@@ -114,13 +121,15 @@ class RosBridge(Agent):
         self._joints_in, self._detections_in = JointsIn(core, config), DetectionsIn(core, config)
         self._beliefs_out, self._images_out = BeliefsOut(core, config.send), ImagesOut(core, config.send)
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
-        self._diagnostics_out, self._clock_out = DiagnosticsOut(core, config.send, self.bus, self.keys), ClockOut(core)
-        if config.send.services:
-            core.on_close(Questions(core, config.send.services, self.bus, self.keys).close)
+        self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
+        self._clock_out = ClockOut(core)
+        self._questions = Questions(core, config.send.services, self.bus, self.keys) if config.serves else None
+        if self._questions is not None:
+            core.on_close(self._questions.close)
 
     def tick(self, now: float) -> None:
         """Take what came from ROS, then send what is new in the memory."""
-        self._ticked = self.clock.monotonic()
+        began, self._woken = self.clock.monotonic(), False
         self._clock_out.update()
         self._hear_clock()
         if self._tf_in is not None:
@@ -135,7 +144,11 @@ class RosBridge(Agent):
         self._beliefs_out.update(now)
         self._images_out.update(now)
         self._diagnostics_out.update(now)
+        if self._questions is not None:
+            self._questions.update()
         self._tell_problems()
+        ended = self.clock.monotonic()
+        self._rested = ended + _REST * (ended - began)
 
     def teardown(self) -> None:
         """Leave ROS."""
@@ -148,8 +161,9 @@ class RosBridge(Agent):
         return self._tally.told
 
     def _notify(self) -> None:
-        """Something came or changed: tick at once, unless the last tick was so lately that the next one will do."""
-        if self.clock.monotonic() - self._ticked >= 1.0 / self.config.most_hz:
+        """Something came or changed: tick at once, unless ticks take so long that it has to wait for the next one."""
+        if not self._woken and self.clock.monotonic() >= self._rested:
+            self._woken = True
             self.wake()
 
     def _hear_clock(self) -> None:
@@ -172,7 +186,16 @@ class RosBridge(Agent):
         if now - self._looked >= _LOOK:
             self._looked = now
             self._problem, self._hint = "; ".join(self._core.link.problems()), self._unattached()
+            self._tell_lost()
         self.degraded = self._problem or self._tally.trouble or self._hint
+
+    def _tell_lost(self) -> None:
+        """What did not arrive since the last look: each once in the log, and in the status for a while."""
+        for name, number in self._core.link.lost().items():
+            if new := number - self._lost.get(name, 0):
+                self._lost[name] = number
+                text = f"{number} messages of {name} did not arrive: they came too fast, or a link broke"
+                self._tally.tell(f"lost on {name}", name, text, new)
 
     def _unattached(self) -> str:
         frame = self._tf_in.unattached if self._tf_in is not None else ""

@@ -19,3 +19,7 @@ class RosLinkError(RosError):
 
 class RosTimeoutError(RosLinkError):
     """Nobody answered in time."""
+
+
+class RosAbsentError(RosTimeoutError):
+    """Nobody was there to be asked, for as long as was to be waited."""

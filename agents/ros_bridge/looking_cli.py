@@ -92,6 +92,8 @@ def check(
         versions = ", ".join(f"{package} {text}" for package, text in found.versions.items())
         console.print(f"versions  {versions}\nreached   {shown(found.reached)}", soft_wrap=True)
         console.print(f"nodes     {shown(', '.join(found.nodes)) or 'none'}", soft_wrap=True)
+        for warning in [*found.unauthenticated, *found.lost]:
+            console.print(f"[yellow]![/] {shown(warning)}", soft_wrap=True)
         for problem in found.problems:
             console.print(f"[red]✗[/] {shown(problem)}", soft_wrap=True)
         if not found.problems:

@@ -46,6 +46,10 @@ class RosFindings(msgspec.Struct):
     nodes: list[str]
     problems: list[str]
     """Sentences; empty if all is well."""
+    lost: list[str] = []
+    """What did not arrive while the check listened, in sentences; the rest did"""
+    unauthenticated: list[str] = []
+    """Who may speak without proving who they are, in sentences"""
 
 
 class _Count:
@@ -86,7 +90,12 @@ def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[s
             who = ", ".join(one.publishers)
             problems.append(f"{one.name}: {who} publishes, but nothing came within {seconds:g} s")
     nodes = {endpoint.node for endpoint in link.endpoints() if not endpoint.mine and endpoint.node}
-    return RosFindings(_versions(), _reached(config), sorted(nodes), [*link.problems(), *problems])
+    lost = [
+        f"{name}: {number} messages did not arrive: they came too fast, or a link broke"
+        for name, number in link.lost().items()
+    ]
+    everything = [*link.problems(), *problems]
+    return RosFindings(_versions(), _reached(config), sorted(nodes), everything, lost, link.unauthenticated())
 
 
 def _listed(endpoints: Iterable[Endpoint], types: RosTypes) -> Iterable[TopicSeen]:

@@ -22,10 +22,10 @@ from agents.scenario.check.file_check import Findings, look_through, show_all, s
 from agents.scenario.check.truth_report import truth
 from agents.scenario.format.scenario import load_scenario, scenario_files
 from agents.scenario.judge.result import write_result
-from agents.scenario.options import SensorChoice
+from agents.scenario.options import SensorChoice, complete_scenario
 from agents.scenario.run.report import ProgressBar, show_result
 from agents.scenario.run.runner import run_live, run_lockstep
-from agents.scenario.run.staging import make_run
+from agents.scenario.run.staging import make_run, staged_system
 from agents.scenario.sweep_cli import sweep
 from dsr.cli.common import (
     JsonFileOption,
@@ -41,12 +41,12 @@ from dsr.cli.common import (
     run_folder,
     shown,
 )
+from dsr.cli.interrupts import INTERRUPTED
 from dsr.errors import ConfigError
 from dsr.runtime.display import has_display
 
 DEMO = "towers"
 """The scenario of `dsr demo`."""
-_INTERRUPTED = 130
 
 
 class PolicyChoice(enum.StrEnum):
@@ -101,7 +101,10 @@ def list_scenarios(as_json: JsonOption = False) -> None:
 
 @app.command()
 def check(
-    files: Annotated[list[str], typer.Argument(help="Scenario files, or names of built-in ones.")],
+    files: Annotated[
+        list[str],
+        typer.Argument(help="Scenario files, or names of built-in ones.", autocompletion=complete_scenario),
+    ],
     play: Annotated[bool, typer.Option("--play/--no-play", help="Also play the true course with seed 0.")] = True,
     no_import: Annotated[
         bool, typer.Option("--no-import", help="Import no modules beside the file of the system: for files of others.")
@@ -141,13 +144,18 @@ def _show_findings(file: str, found: Findings, counts: Mapping[str, int]) -> Non
         console.print(f"[red]✗[/] {escape(str(wrong))}", soft_wrap=True)
     show_doubts(found.doubts, console)
     if not found.errors:
-        said = ", ".join(f"{count} {part}" for part, count in counts.items())
+        said = ", ".join(f"{n} {part[:-1] if n == 1 else part}" for part, n in counts.items())
         console.print(f"[green]✓[/] {shown(file)}: {said}", soft_wrap=True)
 
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A built-in scenario (see `dsr scenario list`) or a TOML file.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A built-in scenario (see `dsr scenario list`) or a TOML file.", autocompletion=complete_scenario
+        ),
+    ],
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="All agents in this process, faster than real time, repeatable.")
     ] = False,
@@ -209,14 +217,16 @@ def _play(
         errors.print("there is no display: the view is only recorded; to watch the run elsewhere: dsr view --serve")
     plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
     check_writable(json_file)
+    staged_system(plan)  # what it lacks is told before anything begins
     with run_folder(None, plan.scenario.name) as folder:
         plan = msgspec.structs.replace(plan, folder=folder)
         try:
             with ProgressBar(plan.scenario, said) as bar:
                 result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
         except KeyboardInterrupt:
-            said.print(f"stopped; what was recorded until then is in {folder}")
-            raise typer.Exit(_INTERRUPTED) from None
+            left = f"; logs and recordings until then are in {folder}" if any(folder.iterdir()) else ""
+            said.print(f"stopped{left}", soft_wrap=True)
+            raise typer.Exit(INTERRUPTED) from None
         write_result(result, folder / "result.json")
     show_result(result, plan.scenario, said)
     _show_files(folder, said)

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import enum
 
+from agents.scenario.format.scenario import scenario_files
+
 
 class SensorChoice(enum.StrEnum):
     """Values of `--sensor`."""
 
     PIXELS = "pixels"
     POSES = "poses"
+
+
+def complete_scenario(incomplete: str) -> list[str]:
+    """The names of scenarios that the shell completes; nothing for a path, which it completes itself."""
+    return [name for name in scenario_files() if name.startswith(incomplete)]

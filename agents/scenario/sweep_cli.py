@@ -15,17 +15,17 @@ import typer
 
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
-from agents.scenario.options import SensorChoice
-from agents.scenario.run.staging import Policy
+from agents.scenario.options import SensorChoice, complete_scenario
+from agents.scenario.run.staging import Policy, make_run, staged_system
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
 from agents.scenario.run.sweep_report import SweepBar, show_sweep
 from agents.scenario.run.sweep_worker import SweepJob
 from dsr.cli.common import JsonFileOption, JsonOption, check_writable, for_people, put_json, shown
+from dsr.cli.interrupts import INTERRUPTED
 from dsr.errors import ConfigError
 
 MOST_SEEDS = 100_000
-_INTERRUPTED = 130
 _PART = re.compile(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?")
 
 
@@ -49,7 +49,9 @@ class SweepProgress(msgspec.Struct, frozen=True):
 
 
 def sweep(
-    scenarios: Annotated[list[str], typer.Argument(help="Built-in scenarios or TOML files.")],
+    scenarios: Annotated[
+        list[str], typer.Argument(help="Built-in scenarios or TOML files.", autocompletion=complete_scenario)
+    ],
     seeds: Annotated[str, typer.Option(help="Which seeds: 0-49, 7, or 0-9,20-29.")] = "0-49",
     sensor: Annotated[
         SensorChoice, typer.Option(help="True poses with the noise measured on images (fast), or rendered images.")
@@ -78,6 +80,7 @@ def sweep(
     check_writable(json_file)
     check_writable(curves, "--curves")
     for scenario in dict.fromkeys(scenarios):
+        staged_system(make_run(scenario))
         show_all(scenario, said)
     outcomes: list[RunOutcome] = []
     try:
@@ -95,7 +98,7 @@ def sweep(
         said.print(f"curves     {shown(str(curves))}", soft_wrap=True)
     put_json(SweepProgress(complete, summaries, outcomes), as_json=as_json, file=json_file)
     if not complete:
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
     raise typer.Exit(0 if all(outcome.passed for outcome in outcomes) else 1)
 
 

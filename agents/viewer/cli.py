@@ -15,10 +15,9 @@ import typer
 from agents.viewer.agent import Viewer
 from agents.viewer.config import ViewerConfig
 from agents.viewer.window import LOOPBACK, WindowError, check_free, page_url, viewer_url
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, check_runs, console, errors, shown
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, joinable, shown
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
-from dsr.network.rendezvous import running_graph
 from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.display import has_display
 from dsr.runtime.signals import set_on_signals
@@ -51,9 +50,7 @@ def view(
 
     Example: dsr view --serve, and on your desk: ssh -L 9090:127.0.0.1:9090 -L 9876:127.0.0.1:9876 ROBOT
     """
-    name = running_graph(graph) if router is None or graph is None else graph
-    if router is None:
-        check_runs(name)
+    name = joinable(graph, router)
     if not serve and not has_display(os.environ, sys.platform):
         raise ConfigError("there is no display; serve the view to a browser elsewhere: dsr view --serve")
     if serve and port == web_port:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import argparse
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rich.console import Console
 
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.link.zenoh.tokens import Entity, attachment, read_attachment, read_token
+from agents.ros_bridge.messages.tf_batches import TfDecoder
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, StampedTransform, decode_transforms, encode_transforms
 from agents.ros_bridge.messages.types import types_of
 from benchmarks.fuzz.decoders import Target, fuzz_decoder
@@ -25,7 +26,10 @@ _BASE, _NAME, _ARRAY = 1, 2, 3
 """Kinds of fields, as `rosbags` numbers them"""
 _ELEMENTS = 2
 """Of each sequence in a right message"""
-_SHARES = {"ROS message": 0.7, "ROS transforms": 0.2, "ROS token": 0.05, "ROS attachment": 0.05}
+_SHARES = {
+    "ROS message": 0.7, "ROS transforms": 0.1, "ROS transforms by layout": 0.1, "ROS token": 0.05,
+    "ROS attachment": 0.05,
+}  # fmt: skip
 """of all messages"""
 
 
@@ -34,12 +38,16 @@ def ros_targets() -> list[Target]:
     messages = [f"{name}\0".encode() + _TYPES.encode(name, filled(name)) for name in _TYPES]
     pose = (0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     transforms = [StampedTransform(1, 2, "world", f"link_{number}", pose) for number in range(4)]
+    many = [StampedTransform(1, 2, "world", f"link_{number}", pose) for number in range(12)]
+    repeated = [encode_transforms(many[:number]) for number in (8, 12)]
     entity = Entity("publisher", 0, "f0c1", 0, 3, "/arm/driver", "/tf", TF_MESSAGE, _TYPES.hash(TF_MESSAGE), Qos())
     tokens = [entity.token().encode(), Entity("node", 0, "f0c1", 0, 0, "/arm/driver").token().encode()]
     return [
         Target("ROS message", _decode, messages, _SHARES["ROS message"], _load, _dump),
         Target("ROS transforms", decode_transforms, [encode_transforms(transforms[:number]) for number in range(5)],
                _SHARES["ROS transforms"], _load, _dump),
+        Target("ROS transforms by layout", _by_layout(repeated), repeated, _SHARES["ROS transforms by layout"], _load,
+               _dump),
         Target("ROS token", lambda token: read_token(token.decode("utf-8", "replace")), tokens, _SHARES["ROS token"]),
         Target("ROS attachment", read_attachment, [attachment(1, 10**18, bytes(16))], _SHARES["ROS attachment"]),
     ]  # fmt: skip
@@ -76,6 +84,24 @@ def _decode(payload: bytes) -> Any:
     if _TYPES.encode(type, _TYPES.decode(type, sent)) != sent:
         raise AssertionError(f"an accepted {type} changes when it is sent on")
     return message
+
+
+def _by_layout(messages: list[bytes]) -> Callable[[bytes], Any]:
+    """Decodes what comes after these messages of the same publisher; it says the same as if it had come alone."""
+    decoder = TfDecoder()
+    for cdr in messages:
+        decoder.decode(cdr, b"writer")
+
+    def decode(payload: bytes) -> Any:
+        found = decoder.decode(payload, b"writer")
+        alone = decode_transforms(payload)
+        if repr([tuple(seven) for seven in found.numbers]) != repr([one.pose for one in alone]):
+            raise AssertionError("the layout of an earlier message gave other numbers")
+        if list(found.names) != [(one.parent, one.child) for one in alone]:
+            raise AssertionError("the layout of an earlier message gave other names")
+        return alone
+
+    return decode
 
 
 def _load(payload: bytes) -> Any:

@@ -1,15 +1,17 @@
 """The `dsr` command: start systems, and look into a running working memory."""
 
-import sys
-
-from dsr.config.extras import missing_extra
-from dsr.runtime.resources import exit_if_short
-
-exit_if_short()  # before any module of a command loads a library that would crash
+from dsr.cli.interrupts import end_at_once
 
 
 def start() -> None:
     """Run the command line; if its own libraries are not installed, say how to install them."""
+    end_at_once()
+    import sys
+
+    from dsr.config.extras import missing_extra
+    from dsr.runtime.resources import exit_if_short
+
+    exit_if_short()  # before any module of a command loads a library that would crash
     try:
         from dsr.cli.main import main as run
     except ModuleNotFoundError as error:
@@ -18,4 +20,7 @@ def start() -> None:
             raise
         sys.stderr.write(f"dsr: {said}\n")
         raise SystemExit(2) from None
-    run()
+    try:
+        run()
+    finally:
+        end_at_once()  # the interpreter tidies up

@@ -16,10 +16,10 @@ from typing import Annotated
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, JsonOption, check_runs, console, errors, shown
+from dsr.cli.common import GraphOption, JsonOption, check_runs, console, errors, last_run, shown
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
-from dsr.network.rendezvous import Claim, read_claim, running_graph
+from dsr.network.rendezvous import Claim, graphs, read_claim, running_graph
 from dsr.runtime.launched import exit_text
 from dsr.runtime.logs import printable
 from dsr.runtime.system import RUN
@@ -47,7 +47,7 @@ def start_in_background(folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
-    command = [sys.executable, "-P", "-m", "dsr.cli.main", *sys.argv[1:]]
+    command = [sys.executable, "-P", "-m", "dsr.cli", *sys.argv[1:]]
     with log.open("wb") as output:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
@@ -102,9 +102,11 @@ def logs(
     graph: GraphOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show the logs of the agents of a system that `dsr run` started on this machine."""
-    name = running_graph(graph)
-    folder = _claim(name).folder
+    """Show the logs of the agents of a system that `dsr run` started on this machine.
+
+    If it has ended, those of the last run in the folder runs/ are shown.
+    """
+    name, folder = _logs_of(graph)
     files = {file.stem: file for file in sorted(folder.glob("*.log"))}
     for agent in agents or ():
         if agent not in files:
@@ -116,9 +118,23 @@ def logs(
         while follow:
             for agent, file in chosen.items():
                 places[agent] = _show_from(agent, file, places[agent], show)
-            if read_claim(name) is None:
+            if name is None or read_claim(name) is None:
                 break
             _wait()
+
+
+def _logs_of(graph: str | None) -> tuple[str | None, Path]:
+    """The graph that runs and the folder of its logs; of a system that has ended, None and the folder of its last run.
+
+    Raises `ConfigError` if there is neither.
+    """
+    running = graphs()
+    if (folder := last_run(graph)) is not None and (graph not in running if graph else not running):
+        which = f"graph {graph} does not run" if graph else "no graph runs"
+        errors.print(shown(f"{which} on this machine; these are the logs of the last run, in {folder}"), soft_wrap=True)
+        return None, folder
+    name = running_graph(graph)
+    return name, _claim(name).folder
 
 
 def _claim(graph: str) -> Claim:

@@ -13,6 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from dsr.cli.interrupts import end_in_good_order
 from dsr.config.extras import DISTRIBUTION, missing_extra
 from dsr.config.own_packages import stranger
 from dsr.errors import ConfigError
@@ -42,7 +43,9 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the arguments name, imported. Raises `ConfigError` if it cannot be imported."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, None if name is None else load_command(name), rest
+        command = None if name is None else load_command(name)
+        end_in_good_order()
+        return name, command, rest
 
 
 def load_command(name: str) -> Any:

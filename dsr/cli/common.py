@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import glob
+import math
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,12 +17,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from dsr.cli.completion import complete_graph
 from dsr.cli.streams import make_console
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
 from dsr.files.private_files import FOLDER_MODE, write_json
 from dsr.graph.access import Access, WriteGuard
+from dsr.graph.schema import Schema
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import BASE
@@ -29,7 +33,10 @@ from dsr.runtime.logs import printable
 
 
 def _graph_option(default: str) -> Any:
-    return typer.Option("--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=f"Name of the graph; {default}.")
+    help = f"Name of the graph; {default}."
+    return typer.Option(
+        "--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=help, autocompletion=complete_graph
+    )
 
 
 GraphOption = Annotated[str | None, _graph_option("default: the only one that runs on this machine")]
@@ -53,11 +60,19 @@ JsonFileOption = Annotated[
 ]
 AsOption = Annotated[str, typer.Option("--as", metavar="AGENT", help="With --security: whose certificate.")]
 
-_ZERO, _LARGE = 1e-6, 1e6
-"""Numbers below are shown as 0; above (stamps) with three decimals."""
+_DIGITS = 9
+"""Digits of a number that are shown, of a vector those of its largest component: what somebody wrote, and no rounding
+noise, which is in the 16th."""
+_LARGE = 1e6
+"""Numbers from here on (stamps in s) are shown to a thousandth."""
+_POSE_DECIMALS = 6
+"""Of the numbers of a pose: to 1e-6 m, and of its quaternion to 2e-6 rad."""
 
 DELIVERY_PATIENCE = 10.0
 """s that all others get to tell that they have what a command wrote."""
+
+_LEFT = "nobody else is in the graph any more; waiting for somebody, Ctrl-C ends"
+_BACK = "somebody is in the graph again"
 
 console = make_console()
 errors = make_console(stderr=True)
@@ -77,11 +92,11 @@ def reading(
     graph: str | None, router: str | None, security: Path | None, world: str = BASE
 ) -> Iterator[Memory]:
     """A replica of a world of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
-    name = _running(graph, router)
+    name = joinable(graph, router)
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
     with connect(name, agent="dsr", connect=routers, guard=guard, security=security, must_exist=False) as memory:
-        _check_company(memory, router)
+        check_company(memory, router)
         with naming():
             opened = memory.world(world)
         yield opened
@@ -95,9 +110,9 @@ def writing(graph: str | None, router: str | None, security: Path | None, agent:
         ConfigError: if no such graph runs.
         TransportError: if somebody did not tell in time that he has it.
     """
-    name = _running(graph, router)
+    name = joinable(graph, router)
     with connect(name, agent=agent, connect=[router] if router else (), security=security, must_exist=False) as memory:
-        _check_company(memory, router)
+        check_company(memory, router)
         yield memory
         sync = memory.replica.synchroniser
         if not memory.replica.wait_until(lambda: sync.delivered, DELIVERY_PATIENCE):
@@ -121,9 +136,9 @@ def opened(memory: Memory, name: str) -> Iterator[Memory]:
         raise TransportError(f"not all of {', '.join(world.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 
-def _running(graph: str | None, router: str | None) -> str:
+def joinable(graph: str | None, router: str | None) -> str:
     """The name of a graph that can be joined. Raises `ConfigError` if there is none."""
-    name = running_graph(graph) if graph is None or router is None else graph
+    name = running_graph(graph, router)
     if router is None:
         check_runs(name)
     return name
@@ -135,11 +150,25 @@ def check_runs(graph: str) -> None:
         raise ConfigError(f"no graph {graph!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
 
 
-def _check_company(memory: Memory, router: str | None) -> None:
+def check_company(memory: Memory, router: str | None) -> None:
     """Raise `ConfigError` if nobody else holds the graph: what we hold is nothing, and nobody gets what we write."""
     if not memory.peers:
         reason = f", or the router {router} cannot be reached" if router else ""
         raise ConfigError(f"nobody holds graph {memory.graph_name!r}{reason}")
+
+
+class CompanyNotice:
+    """Says on standard error when nobody else is in the graph of `memory` any more, and when somebody is again."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._alone = False
+
+    def look(self) -> None:
+        """Say what has changed since the last call."""
+        if self._alone != (not self._memory.peers):
+            self._alone = not self._alone
+            errors.print(_LEFT if self._alone else _BACK, style="yellow")
 
 
 def print_json(value: Any) -> None:
@@ -187,23 +216,38 @@ def plain(value: Any) -> Any:
 
 
 def readable(value: Any) -> str:
-    """An attribute's value for people: four digits, no more."""
+    """An attribute's value for people: as it was written, without rounding noise; a pose with its units."""
     if isinstance(value, Pose):
         spread = "" if value.covariance is None else f" ± {position_deviation(value) * 1e3:.1f} mm"
-        return f"{readable(tuple(value.translation))}{spread}, {readable(tuple(value.rotation))}"
+        place, turn = (_together(part, _POSE_DECIMALS) for part in (value.translation, value.rotation))
+        return f"{place} m{spread}, {turn} xyzw"
     if isinstance(value, float | np.floating):
-        return _short(float(value))
+        return _shortest(float(value))
     if isinstance(value, bytes):
         return f"{len(value)} bytes"
     if isinstance(value, tuple):
-        return f"({', '.join(_short(float(number)) for number in value)})"
+        largest = max(map(abs, value), default=0.0)
+        return _together(value, _DIGITS - 1 - math.floor(math.log10(largest)) if largest else 0)
     return str(value)
 
 
-def _short(number: float) -> str:
-    if abs(number) < _ZERO:
-        return "0"
-    return f"{number:.4g}" if abs(number) < _LARGE else f"{number:.3f}"
+def _together(numbers: Iterable[float], decimals: int) -> str:
+    """Several numbers, all rounded to these decimals."""
+    return f"({', '.join(_shortest(round(float(number), decimals)) for number in numbers)})"
+
+
+def _shortest(number: float) -> str:
+    """A number with no more digits than tell it."""
+    if abs(number) < _LARGE:
+        return f"{number + 0.0:.{_DIGITS}g}"
+    return f"{number:.3f}".rstrip("0").rstrip(".")
+
+
+def with_unit(schema: Schema, name: str, value: Any) -> str:
+    """The value of attribute `name` for people, with its unit if it is known and not told with the value."""
+    known = schema.attributes.get(name)
+    unit = "" if known is None or isinstance(value, Pose) else known.unit
+    return f"{readable(value)} {unit}".rstrip()
 
 
 def shown(text: str) -> str:
@@ -231,14 +275,25 @@ def position_deviation(pose: Pose) -> float:
 
 
 def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
-    """A new folder `runs/<name>-<date>-<time>`, numbered if there is one already."""
+    """A new folder `runs/<name>-<date>-<time>`, numbered if there is one. Raises `ConfigError` if it cannot be made."""
     stem = f"{name}-{datetime.fromtimestamp(WALL_CLOCK.now()):%Y%m%d-%H%M%S}"
     folders = [runs / stem, *(runs / f"{stem}-{number}" for number in range(2, 100))]
     for folder in folders:
-        with contextlib.suppress(FileExistsError):
+        try:
             folder.mkdir(mode=FOLDER_MODE, parents=True)
             return folder
+        except FileExistsError:
+            continue
+        except OSError as error:
+            said = f"logs and recordings go to {runs}/ where the command runs, and {runs.resolve()} cannot be written"
+            raise ConfigError(f"{said}: {error.strerror}; run it in a folder of yours") from error
     raise ConfigError(f"{folders[-1]} and all before it exist already")
+
+
+def last_run(name: str | None = None, runs: Path = Path("runs")) -> Path | None:
+    """The newest folder of `new_run_folder` that has logs, of any run or those called `name`; None if there is none."""
+    folders = {log.parent for log in runs.glob(f"{'*' if name is None else glob.escape(name)}-[0-9]*/*.log")}
+    return max(folders, key=lambda folder: folder.stat().st_mtime, default=None)
 
 
 @contextlib.contextmanager

@@ -23,9 +23,11 @@ from dsr.cli.common import (
     readable,
     reading,
     shown,
+    with_unit,
 )
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import BASE
 from dsr.timeline import TIMELINE
@@ -37,6 +39,7 @@ _STRUCTURE = ("RT", "has", "next")
 """Edge types along which `dsr tree` goes down."""
 _NOTES = {("perceived", False): "not seen", ("plausible", False): "implausible", ("surprising", True): "surprising"}
 """What `dsr ls` says about a node with this value of this attribute."""
+_POSE_UNIT = "m, quaternion"
 _PLACE_WIDTH = 23  # columns that three coordinates below 100 m take
 
 
@@ -124,8 +127,10 @@ def show(
         meaning = memory.schema.node_types.get(node.type, node.type)
         console.print(f"[bold]{shown(node.name)}[/]: {shown(meaning)}")
         console.print(_attribute_table(memory, node))
+        if edges:
+            console.print("edges; a pose is x y z in m, then the quaternion x y z w of its rotation", style="dim")
         for edge in edges:
-            values = "  ".join(f"{key} {readable(edge[key])}" for key in edge)
+            values = "  ".join(f"{key} {with_unit(memory.schema, key, edge[key])}" for key in edge)
             src, type, dst = (shown(part) for part in (edge.src, edge.type, edge.dst))
             console.print(f"{src} [cyan]--{type}-->[/] {dst}  {shown(values)}")
 
@@ -140,6 +145,7 @@ def _attribute_table(memory: Memory, node: Node) -> Table:
     for name in node:
         known = memory.schema.attributes.get(name)
         unit, meaning = (known.unit, known.meaning) if known else ("", "")
+        unit = _POSE_UNIT if isinstance(node[name], Pose) else unit
         table.add_row(shown(name), shown(readable(node[name])), unit, meaning)
     return table
 

@@ -38,10 +38,13 @@ _MOST_WARNINGS = 20
 
 @app.command()
 def load(
-    world: Annotated[str, typer.Argument(metavar="[WORLD]", help="The world to load into; default: base.")],
-    file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help=f"JSON of dsr or of CORTEX, or meshes: {', '.join(READERS)}.")
-    ] = None,
+    places: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[WORLD] FILE",
+            help=f"JSON of dsr or of CORTEX, or meshes: {', '.join(READERS)}; before it a world, if it is not base.",
+        ),
+    ],
     under: Annotated[
         str, typer.Option("--under", metavar="NODE", help="Meshes: the parent of what is loaded.")
     ] = "world",
@@ -63,7 +66,9 @@ def load(
     Nodes that are there are updated. The exit code is 0 once all processes of the graph have them, and somebody else
     the meshes. A wrong file changes nothing: each problem is told, for JSON with line and column.
     """
-    name, path = (BASE, Path(world)) if file is None else (world, file)
+    if len(places) > 2:
+        raise ConfigError(f"expected [WORLD] FILE, got {len(places)} arguments: {' '.join(places)}")
+    name, path = places[0] if len(places) > 1 else BASE, Path(places[-1])
     if path.suffix.lower() not in READERS:
         content = read_graph(path)
         warn(content)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
-import signal
 import sys
 from importlib.metadata import version
 from typing import Annotated
@@ -12,7 +10,8 @@ from typing import Annotated
 import typer
 
 from dsr.cli.commands import Commands
-from dsr.cli.streams import replace_what_cannot_be_written
+from dsr.cli.interrupts import INTERRUPTED
+from dsr.cli.streams import prepare_output
 from dsr.config.extras import DISTRIBUTION, missing_extra
 from dsr.errors import ConfigError, DsrError
 from dsr.runtime.resources import shortage
@@ -60,21 +59,21 @@ _debug = False
 
 
 def main() -> None:
-    """Run the command line: exit code 0 if what was asked holds, 2 for wrong input, 1 for other failures."""
-    replace_what_cannot_be_written()
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` has it
-            signal.signal(number, signal.default_int_handler)
+    """Run the command line: exit code 0 if what was asked holds, 2 for wrong input, 1 for other failures.
+
+    130 if Ctrl-C ended it before there was an outcome, and 141 if nobody reads its output any more.
+    """
+    prepare_output()
     try:
         app()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
     except DsrError as error:
         _end(str(error), error, 2 if isinstance(error, ConfigError) else 1)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output left
     except (OSError, MemoryError, RuntimeError, ImportError) as error:  # a folder that cannot be written, a full disk
         said = shortage(error)
-        if said is None and isinstance(error, OSError) and error.filename is not None:
-            said = f"{error.filename}: {error.strerror}"
+        if said is None and isinstance(error, OSError):
+            said = f"{f'{error.filename}: ' if error.filename else ''}{error.strerror or error}"
         absent = missing_extra(error)
         _end(absent or said, error, 2 if absent else 1)
 
@@ -87,7 +86,3 @@ def _end(said: str | None, error: Exception, code: int) -> None:
 
     errors.print(f"[bold red]{shown(said)}[/]", soft_wrap=True)
     sys.exit(code)
-
-
-if __name__ == "__main__":
-    main()

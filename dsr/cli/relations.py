@@ -75,4 +75,4 @@ def relations(
         table.add_row(shown(fact.source), fact.relation, shown(fact.destination), f"{1e3 * margin:.0f}")
     console.print(table)
     if view is None and not kinds:
-        errors.print("[dim]in_front_of, behind, left_of and right_of depend on who looks: --from camera[/]")
+        errors.print("[dim]in_front_of, behind, left_of and right_of depend on who looks: --from CAMERA[/]")

@@ -14,6 +14,7 @@ from rich.live import Live
 
 from dsr.cli.background import ALL_READY, folder_in_background, start_in_background
 from dsr.cli.common import RouterOption, SecurityOption, SystemsGraphOption, console, new_run_folder, run_folder, shown
+from dsr.cli.completion import complete_system
 from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
 from dsr.cli.streams import redraws
@@ -39,7 +40,9 @@ class LogLevel(enum.StrEnum):
 
 @app.command()
 def run(
-    system: Annotated[str, typer.Argument(help="A TOML file, or the name of one in etc/systems.")],
+    system: Annotated[
+        str, typer.Argument(help="A TOML file, or the name of one in etc/systems.", autocompletion=complete_system)
+    ],
     graph: SystemsGraphOption = None,
     load: Annotated[
         Path | None, typer.Option(metavar="FILE", help="JSON file of what the graph holds at first.")
@@ -95,6 +98,8 @@ def run(
                 launcher.run(threading.Event(), table.show)
             except KeyboardInterrupt:
                 table.live.update("")
+                table.live.stop()
+                console.print(f"stopped; logs and recordings are in [bold]{shown(str(place))}[/]", soft_wrap=True)
                 raise typer.Exit(0) from None
     raise AgentError(f"all agents have ended by themselves; their logs are in {place}")
 

@@ -18,6 +18,7 @@ _COLOURS = {
     "degraded": "yellow",
     "starting": "cyan",
     "restarting": "yellow",
+    "no status": "yellow",
     "silent": "red",
     "failed": "red",
     "ended": "red",

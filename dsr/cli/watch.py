@@ -10,12 +10,12 @@ import msgspec
 import typer
 
 from dsr.cli.common import (
+    CompanyNotice,
     GraphOption,
     JsonOption,
     RouterOption,
     SecurityOption,
     WorldOption,
-    errors,
     naming,
     plain,
     readable,
@@ -32,8 +32,6 @@ from dsr.runtime.logs import printable
 Names = list[str] | None
 
 app = typer.Typer()
-_LEFT = "nobody else is in the graph any more; waiting for somebody, Ctrl-C ends"
-_BACK = "somebody is in the graph again"
 
 
 @app.command()
@@ -58,12 +56,10 @@ def watch(
             changes = memory.watch(
                 node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
             )
-        alone = False
+        company = CompanyNotice(memory)
         try:
             while True:
-                if alone != (not memory.peers):
-                    alone = not alone
-                    errors.print(_LEFT if alone else _BACK, style="yellow")
+                company.look()
                 for change in changes.poll():
                     typer.echo(_json_line(memory, change) if as_json else _text_line(memory, change))
                 if changes.closed:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+from collections.abc import Iterable
+
 from dsr.errors import ConfigError
 
 DISTRIBUTION = "dsr-memory"
@@ -31,3 +34,15 @@ def missing_extra(error: BaseException) -> str | None:
     if module not in EXTRAS:
         return None
     return f"the library {module!r} is not installed; run: pip install '{DISTRIBUTION}[{EXTRAS[module]}]'"
+
+
+def check_installed(libraries: Iterable[str], who: str) -> None:
+    """Raise `MissingExtraError`, which begins with `who` needs them, if one of these modules is not installed."""
+    for library in libraries:
+        try:
+            found = importlib.util.find_spec(library) is not None
+        except ValueError:  # it was put out of reach
+            found = False
+        if not found:
+            absent = missing_extra(ModuleNotFoundError(name=library)) or f"the library {library!r} is not installed"
+            raise MissingExtraError(f"{who}: {absent}")

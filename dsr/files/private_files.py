@@ -71,8 +71,9 @@ def lock_file(file: Path) -> IO[str] | None:
         opened = open(file, "a", encoding="utf-8", opener=_without_links)  # noqa: SIM115 - it is returned
         try:
             fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if file.exists() and file.stat().st_ino == os.fstat(opened.fileno()).st_ino:
-                return opened
+            with contextlib.suppress(FileNotFoundError):
+                if file.stat().st_ino == os.fstat(opened.fileno()).st_ino:
+                    return opened
         except BlockingIOError:
             opened.close()
             return None

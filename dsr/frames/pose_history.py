@@ -80,7 +80,11 @@ class PoseHistory:
     def _trim(self) -> None:
         samples = self._samples
         horizon = samples[-1].stamp - self._seconds
-        if len(samples) > self._most or samples[0].stamp < horizon:
+        if len(samples) <= self._most and samples[0].stamp >= horizon:
+            return
+        if len(samples) <= self._most + 1 and samples[1].stamp >= horizon:
+            del samples[0]
+        else:
             del samples[: bisect_left(samples, horizon, max(0, len(samples) - self._most), key=_stamp_of)]
 
     def at(self, time: float, hold: float) -> Pose | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from dsr.errors import AgentError, ConfigError, suggest
+from dsr.errors import AgentError, ConfigError, UndeclaredError, suggest
 from dsr.graph.schema import POSE_FIELDS, RECORDS, SCHEMA_RECORD, WORLD_RECORD, Schema
 from dsr.network.keys import BASE
 
@@ -29,7 +29,7 @@ class Access:
             worlds, nodes of type `world_record`, belongs to none of them.
 
     Raises:
-        AgentError: if `exclusive` holds a name that is not declared.
+        AgentError: if `exclusive` holds a name that is not declared, or something is no collection of names.
     """
 
     nodes: Collection[str] = ()
@@ -39,6 +39,12 @@ class Access:
     worlds: Collection[str] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        for what in ("nodes", "edges", "attributes", "exclusive", "worlds"):
+            names = getattr(self, what)
+            if what == "worlds" and names is None:
+                continue
+            if not _are_names(names):
+                raise AgentError(f"{what}={names!r:.100}: expected a collection of names, such as ('cube', 'table')")
         undeclared = [name for name in self.exclusive if not self.includes(name)]
         if undeclared:
             raise AgentError(f"exclusive names {undeclared} are not among the nodes, edges and attributes")
@@ -57,12 +63,25 @@ class Access:
         return any(_overlap(one, another) for one in mine for another in theirs)
 
     def check_names(self, schema: Schema) -> None:
-        """Raise `AgentError` for a declared name that `schema` does not know."""
-        known = ((self.nodes, schema.node_types), (self.edges, schema.edge_types), (self.attributes, schema.attributes))
-        for declared, valid in known:
+        """Raise `ConfigError` for a declared name that `schema` does not know."""
+        known = (
+            ("node type", self.nodes, schema.node_types),
+            ("edge type", self.edges, schema.edge_types),
+            ("attribute", self.attributes, schema.attributes),
+        )
+        for what, declared, valid in known:
             for name in declared:
                 if name != EVERYTHING and name not in valid:
-                    raise AgentError(f"declared name {name!r} is not in the schema; {suggest(name, valid)}")
+                    hint = suggest(name, valid)
+                    own = "" if hint.endswith("?") else "; a name of your own is registered in `setup`"
+                    raise ConfigError(f"declared {what} {name!r} is not in the schema; {hint}{own}")
+
+
+def _are_names(given: object) -> bool:
+    """Whether it is a collection of texts; a text alone would be one of letters, of which only "*" is a name."""
+    if isinstance(given, str):
+        return given == EVERYTHING
+    return isinstance(given, Collection) and all(isinstance(name, str) for name in given)
 
 
 def _overlap(one: str, other: str) -> bool:
@@ -97,9 +116,9 @@ class WriteGuard:
         return WriteGuard(self._agent, self._writes, world)
 
     def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
-        """Raise `AgentError` unless writing these attributes of a "node" or an "edge" of type `kind` is declared."""
+        """Raise `UndeclaredError` unless writing these attributes of a "node" or "edge" of type `kind` is declared."""
         if kind != WORLD_RECORD and not self._writes.includes_world(self._world):
-            raise AgentError(
+            raise UndeclaredError(
                 f"agent {self._agent!r} writes into world {self._world!r}, which it does not declare; "
                 f"declared: {', '.join(self._writes.worlds or ()) or 'none'}"
             )
@@ -107,7 +126,7 @@ class WriteGuard:
             return
         types = self._types[element]
         if kind not in types and EVERYTHING not in types:
-            raise AgentError(
+            raise UndeclaredError(
                 f"agent {self._agent!r} writes {element}s of type {kind!r}, which it does not declare; "
                 f"declared: {', '.join(sorted(types)) or 'none'}"
             )
@@ -115,7 +134,7 @@ class WriteGuard:
             return
         for name in attributes:
             if name not in self._attributes and not (element == "edge" and name in _POSE):
-                raise AgentError(
+                raise UndeclaredError(
                     f"agent {self._agent!r} writes attribute {name!r} of a {kind}, which it does not declare; "
                     f"declared: {', '.join(sorted(self._attributes)) or 'none'}"
                 )

@@ -97,7 +97,7 @@ class _Element(Mapping[str, Any]):
 
     def newest_write(self, attribute: str) -> Write | None:
         """The write that the present value is from, or that took it away; None if it never was set."""
-        return winner(self._entries, attribute)
+        return write_in(self._entries, attribute)
 
     @property
     def written(self) -> frozenset[str]:
@@ -171,4 +171,4 @@ class Edge(_Element):
 
 def key_of(element: Node | Edge) -> Key:
     """Identify a node by its name, and an edge by its (source, destination, type)."""
-    return element.name if isinstance(element, Node) else element.key
+    return element.key if isinstance(element, Edge) else element.name  # quick for edges, of which more change

@@ -2,7 +2,8 @@
 
 Each registered name is a node of type `schema_record` in the base graph, with one attribute, JSON, so that a record
 changes as a whole. A process writes its records before its next write of anything. Whoever gets a record learns the
-name, unless the own schema knows it already: what was registered here is never replaced by what arrives.
+name, unless the own schema knows it already: what was registered here is never replaced by what arrives. If a record
+is removed or made unreadable, those who know the name write it again, before their next write.
 """
 
 from __future__ import annotations
@@ -10,18 +11,19 @@ from __future__ import annotations
 import hashlib
 import logging
 import weakref
-from collections.abc import Container, Iterator, Mapping
-from typing import Any, Literal, Protocol
+from collections.abc import Container, Iterator
+from typing import Literal, Protocol
 
 import msgspec
 
 from dsr.errors import SchemaError
+from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
-from dsr.graph.schema import SCHEMA_RECORD, AttributeType, Schema
+from dsr.graph.schema import RECORDS, SCHEMA_RECORD, AttributeType, Schema
 from dsr.graph.watch import ChangeFilter, Watch
 
 _log = logging.getLogger("dsr.memory")
-_PREFIX = ".schema."
+_PREFIX = RECORDS[SCHEMA_RECORD]
 _LONGEST = 128
 """Characters that a node's name may have."""
 
@@ -53,8 +55,8 @@ _decoder = msgspec.json.Decoder(ExtensionRecord)
 class WritesRecord(Protocol):
     """Writes a node of type `schema_record`, with the graph locked."""
 
-    def __call__(self, name: str, attributes: Mapping[str, Any]) -> None:
-        """Create the node `name`, or write these attributes of it."""
+    def __call__(self, name: str, record: str) -> None:
+        """Create the node `name`, or write its attribute `record`."""
 
 
 class Extensions:
@@ -71,7 +73,8 @@ class Extensions:
         self._graphs: weakref.WeakSet[Graph] = weakref.WeakSet()
         self._published = 0
         self._warned: set[str] = set()
-        self._learned: set[tuple[str, str]] = set()
+        self._lost = False
+        """Whether a record was removed, or made unreadable, since the last were published."""
         self._watch = Watch(ChangeFilter(node_types=frozenset({SCHEMA_RECORD})), notify=self._learn)
         graph.watches.follow(self._watch, ())
 
@@ -81,30 +84,34 @@ class Extensions:
 
     @property
     def to_publish(self) -> bool:
-        """Whether names were registered here of which the others were not told yet."""
-        return self._schema.version != self._published
+        """Whether names are known here of which the graph may hold no record."""
+        return self._lost or self._schema.version != self._published
 
     def publish(self, write: WritesRecord) -> None:
         """Write the records that the graph lacks, with the graph locked."""
-        self._published = self._schema.version
+        self._published, self._lost = self._schema.version, False
         for record in _registered(self._schema):
-            node = self._base.nodes.get(record.node_name)
-            if (record.what, record.name) not in self._learned and (node is None or node.type != SCHEMA_RECORD):
-                write(record.node_name, {"record": _encoder.encode(record).decode()})
+            name = record.node_name
+            node = self._base.nodes.get(name)
+            if node is not None and node.type != SCHEMA_RECORD:
+                self._warn(name, f"{record.what} {record.name!r} stays here: node {name!r} is a {node.type!r}")
+            elif node is None or _read(node) is None:
+                write(name, _encoder.encode(record).decode())
 
     def _learn(self) -> None:
         """Take over what records say; called with the graph locked, while a message is joined."""
         for change in self._watch.poll():
             node = self._base.nodes.get(change.name)
-            text = None if node is None else node.get("record")
-            if text is None:
+            if node is None or "record" not in node:
+                self._lost = True
                 continue
             try:
-                record = _decoder.decode(text)
-                conflict = self._take(record)
+                conflict = self._take(_decoder.decode(node["record"]))
             except (msgspec.MsgspecError, SchemaError, TypeError) as error:
+                self._lost = True
                 self._warn(change.name, f"{change.name}: no valid record of a registered name: {error}")
                 continue
+            self._lost = self._lost or _read(node) is None
             if conflict:
                 self._warn(change.name, conflict)
 
@@ -125,7 +132,6 @@ class Extensions:
                 self._note_poses(record.name)
         else:
             schema.register_attribute(record.name, record.attribute or AttributeType("str", meaning=record.meaning))
-        self._learned.add((record.what, record.name))
         if self._published == version:  # nothing of our own waits
             self._published = schema.version
         return ""
@@ -155,6 +161,15 @@ class Extensions:
         if name not in self._warned:
             self._warned.add(name)
             _log.warning("%.500s", text)
+
+
+def _read(node: Node) -> ExtensionRecord | None:
+    """The record that a node holds; None if it holds none of the name for which the node stands."""
+    try:
+        record = _decoder.decode(node.get("record", ""))
+    except (msgspec.MsgspecError, TypeError):
+        return None
+    return record if record.node_name == node.name else None
 
 
 def _carries(geometric: bool) -> str:

@@ -20,6 +20,9 @@ from dsr.graph.schema import RECORDS, Schema
 from dsr.graph.sharing import Groups
 from dsr.graph.stamping import Stamping
 from dsr.graph.watches import Watches
+from dsr.math3d.transforms import Pose
+
+_POSE = "pose"
 
 
 class Graph(Stamping):
@@ -75,7 +78,8 @@ class Graph(Stamping):
             SchemaError: for unknown names or wrong values.
             NodeTypeError: if the node is of another type.
         """
-        self.schema.check_node(name, type)
+        if type not in RECORDS:
+            self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
         there = self.nodes.get(name)
         if there is not None and there.type != type:
@@ -101,6 +105,27 @@ class Graph(Stamping):
         """Write attributes of a visible element. Raises `SchemaError`."""
         owners = [entry.dot for entry in element._entries]
         return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
+
+    def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
+        """Write the poses of visible edges of one type, by source and destination, at one time.
+
+        Raises:
+            EdgeNotFoundError: if one of them is missing; then none is written.
+            SchemaError: for a wrong value; likewise.
+        """
+        edges = [self.edge(src, dst, type) for src, dst in poses]
+        values = [self.schema.to_value(_POSE, pose) for pose in poses.values()]
+        stream, rid, tick, first = self.schema.attributes[_POSE].stream, self.rid, self.hlc.tick(now), self.counter
+        writes = []
+        for edge, value in zip(edges, values, strict=True):
+            owners = [entry.dot for entry in edge._entries]
+            stamp = self._stamp(edge.key, owners, _POSE, tick)
+            writes += [Write(owner, _POSE, stamp, rid, None if stream else self.new_dot(), value) for owner in owners]
+        delta = Delta(writes=writes)
+        if self.counter > first:
+            delta.context.append((rid, first + 1, self.counter))
+        self._apply(delta)
+        return delta
 
     def remove_attribute(self, element: Node | Edge, attribute: str, now: float) -> Delta:
         """Take an attribute away; an empty delta if it is not set."""

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import msgspec
 import numpy as np
 
-from dsr.errors import SchemaError, suggest
+from dsr.errors import RegistrationError, SchemaError, suggest
 from dsr.math3d.transforms import Pose
 
 Kind = Literal["bool", "int", "float", "str", "bytes", "vector", "pose"]
@@ -20,6 +20,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 Value = bool | int | float | str | bytes | tuple[float, ...] | Pose
 
 _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
+_NAME_TEXT = "expected 1 to 128 letters, digits, '_', '.' or '-'"
 _INT_LIMIT = 1 << 63
 MAX_LENGTH = 1 << 20
 """Characters, bytes or numbers in one value; what is larger does not belong in a graph (see `dsr.images.blobs`)."""
@@ -32,8 +33,12 @@ WORLD_RECORD = "world_record"
 """Type of the nodes that list the worlds of a system (dsr/worlds/registry.py)."""
 SCHEMA_RECORD = "schema_record"
 """Type of the nodes that describe registered names (dsr/graph/extensions.py)."""
-RECORDS = frozenset({WORLD_RECORD, SCHEMA_RECORD})
-"""Types of the nodes that are about the graph itself: they are never shown among its things."""
+RECORDS = {WORLD_RECORD: ".world.", SCHEMA_RECORD: ".schema."}
+"""Types of the nodes that are about the graph itself, and how the names of such nodes begin.
+
+They are never shown among the things of the graph, and nobody else has such names.
+"""
+_RECORD_PREFIXES = tuple(RECORDS.values())
 
 
 class AttributeType(msgspec.Struct, frozen=True):
@@ -72,18 +77,23 @@ class Schema:
         """Grows with each name that is registered."""
 
     def register_node_type(self, name: str, meaning: str) -> None:
-        """Allow nodes of type `name`. Raises `SchemaError` if the name or the meaning cannot be such."""
-        self.node_types[_checked_name("node type", name)] = _checked_text(f"meaning of node type {name!r}", meaning)
+        """Allow nodes of type `name`.
+
+        Raises `RegistrationError` if name or meaning cannot be such, or if a built-in type means something else.
+        """
+        self.node_types[_checked_name("node type", name)] = _agreed("node type", name, meaning, _NODE_TYPES)
         self.version += 1
 
     def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
         """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains.
 
-        Raises `SchemaError` if the name or the meaning cannot be such, or if the type is known and differs in that.
+        Raises `RegistrationError` if the name or the meaning cannot be such, if the type is known and differs in that,
+        or if a built-in type means something else.
         """
+        _checked_name("edge type", name)
         if name in self.edge_types and (name in self.geometric) != geometric:
-            raise SchemaError(f"edge type {name!r} is already one that is {'not ' if geometric else ''}geometric")
-        self.edge_types[_checked_name("edge type", name)] = _checked_text(f"meaning of edge type {name!r}", meaning)
+            raise RegistrationError(f"edge type {name!r} is already one that is {'not ' if geometric else ''}geometric")
+        self.edge_types[name] = _agreed("edge type", name, meaning, _EDGE_TYPES)
         self.version += 1
         if geometric:
             self.geometric.add(name)
@@ -91,18 +101,29 @@ class Schema:
     def register_attribute(self, name: str, attribute: AttributeType) -> None:
         """Allow attribute `name`.
 
-        Raises `SchemaError` if a field of it makes no sense, or if the name is known with another kind, unit or length.
+        Raises `RegistrationError` if a field of it makes no sense, if the name is known with another kind, unit or
+        length, or if a built-in attribute means something else.
         """
+        _checked_name("attribute", name)
         _check_attribute(name, attribute)
         known = self.attributes.get(name)
         if known is not None and not known.agrees_with(attribute):
-            raise SchemaError(f"attribute {name!r} is already a {known.described}, not a {attribute.described}")
-        self.attributes[_checked_name("attribute", name)] = attribute
+            raise RegistrationError(f"attribute {name!r} is already a {known.described}, not a {attribute.described}")
+        if known is not None and known == _ATTRIBUTES.get(name):
+            meaning = _agreed("attribute", name, attribute.meaning, {name: known.meaning})
+            if attribute.stream != known.stream:
+                said = "a stream: it cannot be none" if known.stream else "no stream: it cannot be one"
+                raise RegistrationError(f"attribute {name!r} ({meaning}) is built in as {said}")
+            attribute = known
+        self.attributes[name] = attribute
         self.version += 1
 
     def check_node(self, name: str, type: str) -> None:
-        """Raise `SchemaError` unless a node `name` of `type` may exist."""
-        _checked_name("node", name)
+        """Raise `SchemaError` unless a user may make a node `name` of `type`."""
+        if not is_name(name):
+            raise SchemaError(f"node name {name!r}: {_NAME_TEXT}")
+        if type in RECORDS or name.startswith(_RECORD_PREFIXES):
+            raise SchemaError(records_are_own(f"node {name!r} of type {type!r}"))
         if type not in self.node_types:
             raise SchemaError(f"node {name!r}: unknown node type {type!r}; {suggest(type, self.node_types)}")
 
@@ -160,28 +181,53 @@ def checked_names(given: str | Iterable[str] | None, valid: Iterable[str], what:
 
 
 def _checked_name(what: str, name: str) -> str:
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise SchemaError(f"{what} name {name!r}: expected 1 to 128 letters, digits, '_', '.' or '-'")
+    if not is_name(name):
+        raise RegistrationError(f"{what} name {name!r}: {_NAME_TEXT}")
     return name
+
+
+def is_name(name: object) -> bool:
+    """Whether a node, a type or an attribute can be called so."""
+    return isinstance(name, str) and _NAME.fullmatch(name) is not None
+
+
+def records_are_own(what: str) -> str:
+    """The message for somebody who writes a node about the graph itself, told in `what`."""
+    return (
+        f"{what}: names that begin with {' or '.join(_RECORD_PREFIXES)} and types {' and '.join(RECORDS)} are the "
+        "graph's own; they change with memory.schema.register_..., create_world and delete_world"
+    )
+
+
+def _agreed(what: str, name: str, meaning: str, builtin: Mapping[str, str]) -> str:
+    """The meaning of a name that is registered: of a built-in one, its own. Raises `RegistrationError` for another."""
+    _checked_text(f"meaning of {what} {name!r}", meaning)
+    known = builtin.get(name)
+    if known is None or meaning in ("", known):
+        return known or meaning
+    raise RegistrationError(
+        f"{what} {name!r} is built in and means {known!r}: it cannot mean {meaning!r:.200}, too; register another name"
+    )
 
 
 def _checked_text(what: str, text: str) -> str:
     if not isinstance(text, str) or len(text) > MAX_TEXT:
-        raise SchemaError(f"{what}: expected a text of at most {MAX_TEXT} characters, got {text!r:.40}")
+        raise RegistrationError(f"{what}: expected a text of at most {MAX_TEXT} characters, got {text!r:.40}")
     return text
 
 
 def _check_attribute(name: str, attribute: AttributeType) -> None:
-    """Raise `SchemaError` for fields of other types than declared, which a struct takes, and for what cannot be."""
+    """Raise `RegistrationError` for fields of types that are not declared, which a struct takes, and senseless ones."""
     if attribute.kind not in KINDS:
-        raise SchemaError(f"attribute {name!r}: unknown kind {attribute.kind!r}; {suggest(str(attribute.kind), KINDS)}")
+        hint = suggest(str(attribute.kind), KINDS)
+        raise RegistrationError(f"attribute {name!r}: unknown kind {attribute.kind!r}; {hint}")
     for field in ("unit", "meaning"):
         _checked_text(f"{field} of attribute {name!r}", getattr(attribute, field))
     length = attribute.length
     if length is not None and (attribute.kind != "vector" or type(length) is not int or not 0 < length <= MAX_LENGTH):
-        raise SchemaError(f"attribute {name!r}: length {length!r}: expected 1 to {MAX_LENGTH}, for a vector only")
+        raise RegistrationError(f"attribute {name!r}: length {length!r}: expected 1 to {MAX_LENGTH}, for a vector only")
     if type(attribute.stream) is not bool:
-        raise SchemaError(f"attribute {name!r}: stream {attribute.stream!r}: expected True or False")
+        raise RegistrationError(f"attribute {name!r}: stream {attribute.stream!r}: expected True or False")
 
 
 def _bool(value: Any) -> bool | None:

@@ -75,7 +75,10 @@ class Stamping(Sharing):
 
         Raises `NoRoomError` if there is none.
         """
-        newest = max([self.newest_stamp(owner, attribute) for owner in owners], default=0)
+        if len(owners) == 1:
+            newest = self.newest_stamp(owners[0], attribute)
+        else:
+            newest = max([self.newest_stamp(owner, attribute) for owner in owners], default=0)
         if newest < tick:
             return tick
         if newest >= MAX_STAMP:

@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 
 from dsr.crdt.delta import Key
-from dsr.graph.elements import Edge, Node
+from dsr.graph.elements import Edge, Node, key_of
 from dsr.graph.schema import RECORDS
 
 ChangeKind = Literal["added", "updated", "removed"]
@@ -88,7 +88,8 @@ class Watch:
         self._filter = wanted
         self._notify = notify
         self._pending: dict[Key, _Pending] = {}
-        self._condition = threading.Condition()
+        self._lock = threading.RLock()
+        self._condition = threading.Condition(self._lock)
         self._ready: list[Change] = []
         self._closed = False
 
@@ -109,11 +110,16 @@ class Watch:
             self._condition.wait_for(lambda: self._ready or self._pending or self._closed, timeout)
             if not self._ready:
                 self._ready = self._take()[::-1]
-            return self._ready.pop() if self._ready and not self._closed else None
+            if self._closed or not self._ready:
+                return None
+            change = self._ready.pop()
+            if self._ready:
+                self._condition.notify()  # somebody else may wait, who was told of none of these
+            return change
 
     def poll(self) -> list[Change]:
         """Return all changes since the last call, oldest element first; never waits."""
-        with self._condition:
+        with self._lock:
             changes = self._ready[::-1] + self._take()
             self._ready = []
             return changes
@@ -132,16 +138,20 @@ class Watch:
         """Whether the watch was closed."""
         return self._closed
 
+    def wants(self, element: Node | Edge, attribute: str | None = None) -> bool:
+        """Whether a change of this attribute, or that the element comes or goes, is to be offered.
+
+        The answer depends on the type of the element alone.
+        """
+        return self._filter.accepts(element) and (attribute is None or self._filter.accepts_attribute(attribute))
+
     def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
-        """Called by the memory for every change."""
-        if self._closed or not self._filter.accepts(element):
+        """Called by the memory for every change that the watch wants."""
+        if self._closed:
             return
-        if attribute is not None and not self._filter.accepts_attribute(attribute):
-            return
-        if kind == "added" and self._filter.attributes is not None:
-            return
-        key: Key = element.name if isinstance(element, Node) else element.key
-        with self._condition:
+        key = key_of(element)
+        with self._lock:
+            first = not self._pending
             pending = self._pending.get(key)
             if pending is None:
                 pending = self._pending[key] = _Pending(element)
@@ -149,15 +159,15 @@ class Watch:
             pending.push(kind)
             if attribute is not None:
                 pending.attributes.add(attribute)
-            self._condition.notify()
+            if first:  # who waits takes all that there is, and tells the next one
+                self._condition.notify()
         if self._notify is not None:
             self._notify()
 
     def offer_all(self, element: Node | Edge) -> None:
-        """Called by the memory for what came, or is there when the watch begins."""
-        wanted = self._filter.attributes
+        """Called by the memory for what is wanted and came, or is there when the watch begins."""
         present = [name for name in element if self._filter.accepts_attribute(name)]
-        if wanted is None:
+        if self._filter.attributes is None:
             self.offer("added", element)
         for name in present:
             self.offer("updated", element, name)

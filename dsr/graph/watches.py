@@ -11,6 +11,9 @@ from dsr.graph.elements import Edge, Node
 from dsr.graph.watch import Watch
 from dsr.math3d.transforms import Pose
 
+_MOST_KINDS = 4096
+"""Kinds of changes whose watches are remembered: more than any schema has"""
+
 
 class LooksThrough(Protocol):
     """A graph that shows another one's elements, live; it is told what becomes of those."""
@@ -40,13 +43,17 @@ class Watches:
         self.frames = frames or FrameTree()
         self._geometric = set() if geometric is None else geometric
         self._watches: list[Watch] = []
+        self._wanting: dict[tuple[type, str, str | None], list[Watch]] = {}
+        """Those that want a change, by the element's class and type and by the attribute, as far as it was asked for"""
         self._overlays: list[weakref.ref[LooksThrough]] = []  # which nobody keeps by this, and which keep the graph
         self._closed = False
 
     def follow(self, watch: Watch, existing: Iterable[Node | Edge]) -> None:
         """Tell `watch` of all changes from now on, and of elements that are there. The graph must be locked."""
         for element in existing:
-            watch.offer_all(element)
+            if watch.wants(element):
+                watch.offer_all(element)
+        self._wanting = {}
         self._watches = [other for other in self._watches if not other.closed] + [watch]
 
     def show_through(self, overlay: LooksThrough) -> None:
@@ -79,7 +86,7 @@ class Watches:
             self.note_pose(element)
         for overlay in self._told():
             overlay.below_came(element)
-        for watch in self._watches:
+        for watch in self._who_want(element):
             watch.offer_all(element)
 
     def removed(self, element: Node | Edge) -> None:
@@ -88,7 +95,7 @@ class Watches:
             self.frames.remove(element.type, element.src, element.dst)
         for overlay in self._told():
             overlay.below_went(element)
-        for watch in self._watches:
+        for watch in self._who_want(element):
             watch.offer("removed", element)
 
     def updated(self, element: Node | Edge, attribute: str) -> None:
@@ -97,13 +104,23 @@ class Watches:
             self.note_pose(element)
         for overlay in self._told():
             overlay.below_changed(element, attribute)
-        for watch in self._watches:
+        for watch in self._who_want(element, attribute):
             watch.offer("updated", element, attribute)
 
     def incarnations_changed(self, element: Node | Edge) -> None:
         """Other incarnations of `element` are seen now."""
         for overlay in self.overlays:
             overlay.below_has_others(element)
+
+    def _who_want(self, element: Node | Edge, attribute: str | None = None) -> list[Watch]:
+        """The watches that want such a change: of many watches, most want few."""
+        key = element.__class__, element.type, attribute
+        found = self._wanting.get(key)
+        if found is None:
+            if len(self._wanting) >= _MOST_KINDS:
+                self._wanting = {}
+            found = self._wanting[key] = [watch for watch in self._watches if watch.wants(element, attribute)]
+        return found
 
     def _told(self) -> list[LooksThrough]:
         return self.overlays if self._overlays and not self._closed else []

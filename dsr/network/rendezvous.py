@@ -22,6 +22,7 @@ from dsr.forking import leave_to_parent
 from dsr.network.keys import check_name
 
 _SUFFIX = ".endpoint"
+_LAUNCHER = ".launcher"
 _WITH_MEMORY, _WITHOUT_MEMORY = "memory", "no-memory"
 
 
@@ -126,18 +127,34 @@ def endpoints(graph: str) -> list[str]:
 
 
 def graphs() -> list[str]:
-    """Names of the graphs in which at least one process of this user takes part."""
-    return [folder.name for folder in sorted(runtime_dir().iterdir()) if folder.is_dir() and endpoints(folder.name)]
+    """Names of the graphs in which at least one process of this user takes part; leftovers are removed."""
+    found = sorted(runtime_dir().iterdir())
+    for file in found:
+        if file.suffix == _LAUNCHER:
+            remove_leftover_claim(file.stem)
+    return [folder.name for folder in found if folder.is_dir() and endpoints(folder.name)]
 
 
-def running_graph(name: str | None = None) -> str:
-    """`name`, or else the only graph that runs here. Raises `ConfigError` if there is none, or a choice."""
+def running_graph(name: str | None = None, router: str | None = None, *, may_begin: bool = False) -> str:
+    """`name`, or else the only graph that runs here.
+
+    Args:
+        name: of the graph, if one was given.
+        router: endpoint of the router that is joined: a graph that runs elsewhere only has to be named.
+        may_begin: the caller can begin a graph.
+
+    Raises `ConfigError`, which says what to do, if none was given and none runs here, or several do.
+    """
     if name is not None:
         return check_name("graph name", name)
     found = graphs()
-    if len(found) != 1:
-        which = f"{len(found)} graphs run here: {', '.join(found)}" if found else "no graph runs on this machine"
-        raise ConfigError(f"{which}; name one with --graph, or start a system: dsr run tabletop")
+    if len(found) > 1:
+        raise ConfigError(f"{len(found)} graphs run here: {', '.join(found)}; name one with --graph")
+    if not found and router is not None:
+        raise ConfigError(f"which graph? None runs on this machine; name one that is reached at {router} with --graph")
+    if not found:
+        begin = "name the one to begin with --graph, or " if may_begin else ""
+        raise ConfigError(f"no graph runs on this machine; {begin}start a system: dsr run tabletop")
     return found[0]
 
 
@@ -157,7 +174,17 @@ def _read_live(path: Path) -> tuple[int, Member] | None:
 
 def claim_file(graph: str) -> Path:
     """The file that the launcher of `graph` keeps locked; a leftover is removed by who leaves the graph."""
-    return runtime_dir() / f"{graph}.launcher"
+    return runtime_dir() / f"{graph}{_LAUNCHER}"
+
+
+def lock_claim(graph: str) -> IO[str] | None:
+    """The file of a launcher of `graph`, locked as long as it is open; None if another launcher has it.
+
+    Those who look whether it is locked lock it for a moment themselves: they and we do so one at a time.
+    """
+    path = claim_file(graph)
+    with _one_at_a_time(path.parent):
+        return lock_file(path)
 
 
 class Claim(NamedTuple):
@@ -172,7 +199,8 @@ class Claim(NamedTuple):
 def read_claim(graph: str) -> Claim | None:
     """The claim of the launcher that runs `graph` on this machine; None if there is none."""
     try:
-        with claim_file(check_name("graph name", graph)).open(encoding="utf-8") as file:
+        path = claim_file(check_name("graph name", graph))
+        with _one_at_a_time(path.parent), path.open(encoding="utf-8") as file:
             pid, _, folder = file.read().partition(" ")
             return Claim(int(pid), Path(folder)) if _is_locked(file.fileno()) else None
     except (OSError, ValueError):  # ValueError: it is being written
@@ -182,7 +210,8 @@ def read_claim(graph: str) -> Claim | None:
 def remove_leftover_claim(graph: str) -> bool:
     """Remove the file of a launcher that is gone; whether there still is one, because somebody keeps it locked."""
     path = claim_file(graph)
-    _read_live(path)
+    with _one_at_a_time(path.parent):
+        _read_live(path)
     return path.exists()
 
 

@@ -96,9 +96,11 @@ class GraphContent:
             replace: also remove nodes, edges and attributes that this content lacks, and take over types.
 
         Raises:
-            ConfigError: if a node has another type there, or a custom name another kind; nothing is written then.
+            ConfigError: if a node has another type there, or a name or type that is the graph's own, or if a custom
+                name has another kind; nothing is written then.
             CycleError: if frames would hang in a circle; nothing is written then either.
         """
+        self._check_names()
         register(self.schema, memory.schema)
         self._check_types(memory, replace)
         there = [] if replace else [edge.key for edge in memory.edges()]
@@ -113,6 +115,14 @@ class GraphContent:
             with memory.batch():
                 for key in keys:
                     memory.add_edge(*key, **self.edges[key])
+
+    def _check_names(self) -> None:
+        """Raise `ConfigError` for a node that no user may make."""
+        for name, node in self.nodes.items():
+            try:
+                self.schema.check_node(name, node.type)
+            except SchemaError as error:
+                raise ConfigError(str(error)) from error
 
     def _check_types(self, memory: Memory, replace: bool) -> None:
         there = {name: node.type for name in self.nodes if (node := memory.get_node(name))}

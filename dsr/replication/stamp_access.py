@@ -44,7 +44,7 @@ class StampAccess:
         """See `Memory.batch`."""
         raise NotImplementedError
 
-    def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
+    def _check_write(self, element: str, type: str, attributes: Iterable[str], *, own: bool = False) -> None:
         raise NotImplementedError
 
     @property
@@ -100,14 +100,19 @@ class StampAccess:
         An element of which an attribute cannot be overwritten is made anew first. Raises `AgentError` if this agent may
         not do that.
         """
-        try:
-            delta = write()
-        except NoRoomError as full:
+        renewed: set[Key] = set()
+        while True:
             try:
-                self._renew(full.key)
-            except AgentError as error:
-                raise AgentError(f"{full}, unless it is made anew, and {error}") from None
-            delta = write()
+                delta = write()
+                break
+            except NoRoomError as full:
+                if full.key in renewed:
+                    raise
+                renewed.add(full.key)
+                try:
+                    self._renew(full.key)
+                except AgentError as error:
+                    raise AgentError(f"{full}, unless it is made anew, and {error}") from None
         if delta:
             self._replica.commit(delta)
         return delta
@@ -119,5 +124,5 @@ class StampAccess:
     def _renew(self, key: Key) -> None:
         for element, writes in self._graph.renewals(key):
             kind = "node" if isinstance(element, Node) else "edge"
-            self._check_write(kind, element.type, [write.attribute for write in writes])
+            self._check_write(kind, element.type, [write.attribute for write in writes], own=True)
         self._replica.commit(self._graph.renew(key, self.clock.now()))

@@ -19,6 +19,7 @@ from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
 from dsr.config.toml import TomlFile
 from dsr.connecting import connect, identity_of, open_transport
+from dsr.declared import configured_class
 from dsr.errors import ConfigError, DsrError
 from dsr.files.data_files import read_text
 from dsr.graph.access import WriteGuard
@@ -63,7 +64,7 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     launcher_is_gone = follow_launcher(os.environ, stop)
 
     def run() -> None:
-        graph = running_graph(options.graph)
+        graph = running_graph(options.graph, options.connect, may_begin=True)
         with set_on_signals(stop):
             run_agent(
                 kind,
@@ -120,7 +121,7 @@ def run_agent(
     Agents may run in threads of one process: each has a connection, a memory and a log of its own. Only of one that is
     `alone` the log also tells what threads say which work for nobody in particular.
     """
-    kind = kind.configured(config)
+    kind = configured_class(kind, config)
     with contextlib.ExitStack() as resources:
         resources.enter_context(acting_for(name))
         memory, bus, rid = _join(kind, graph, name, [router] if router else [], resources)

@@ -23,8 +23,8 @@ import msgspec
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
 from dsr.errors import AgentError, TransportError
-from dsr.files.private_files import FOLDER_MODE, lock_file
-from dsr.network.rendezvous import claim_file
+from dsr.files.private_files import FOLDER_MODE
+from dsr.network.rendezvous import lock_claim
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
 from dsr.runtime.launched import Launched, Program, Seat, SharedProgram, exit_text
@@ -33,6 +33,8 @@ from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System
 
+LAUNCHER = "launcher"
+"""Name under which a launcher takes part in its graph."""
 POLL_PERIOD = 0.05
 """s between two looks at the processes."""
 STOP_PATIENCE = 5.0
@@ -48,7 +50,7 @@ class AgentRow(msgspec.Struct, frozen=True):
 
     agent: str
     state: str
-    """A `State`, or "silent" (not heard for a while), "restarting", "ended"."""
+    """A `State`, or "silent" (not heard for a while), "restarting", "ended", or "no status" (never heard)."""
     pid: int | None
     heard: Heard | None
     """The newest status of the running process."""
@@ -128,7 +130,7 @@ class Launcher:
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         routers = [self._router] if self._router else ()
-        self.memory = connect(name, agent="launcher", connect=routers, security=self._security, must_exist=False)
+        self.memory = connect(name, agent=LAUNCHER, connect=routers, security=self._security, must_exist=False)
         self._resources.callback(self.memory.close)
         if self._state is not None:
             self.restored = WorldKeeper(self.memory, self._state).restored
@@ -276,8 +278,7 @@ def _claimed_name(graph: str, folder: Path) -> Iterator[str]:
     """`graph`, or `graph-2` and so on if other launchers hold that name; ours as long as the context is open."""
     names = [graph, *(f"{graph}-{number}" for number in range(2, _MOST_NAMES))]
     for name in names:
-        path = claim_file(name)
-        if lock := lock_file(path):
+        if lock := lock_claim(name):
             break
     else:
         raise TransportError(f"{len(names)} systems called {graph!r} run already")
@@ -289,5 +290,5 @@ def _claimed_name(graph: str, folder: Path) -> Iterator[str]:
         lock.flush()
         yield name
     finally:
-        path.unlink(missing_ok=True)
+        Path(lock.name).unlink(missing_ok=True)
         lock.close()

@@ -25,7 +25,7 @@ class Schedule:
 
     def __init__(self, start: float, rate_hz: float) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0):
-            raise AgentError(f"rate {rate_hz} Hz: expected a positive number")
+            raise ConfigError(f"rate {rate_hz} Hz: expected a positive number")
         self._start = start
         self._rate = rate_hz
         self._next = 0
@@ -77,7 +77,7 @@ class Runner:
         self._warned = False
 
     def setup(self) -> None:
-        """Set the agent up. A failure is logged and raised as a `DsrError`; so are declared names that do not exist."""
+        """Set the agent up. A failure is logged and raised as a `DsrError`; `ConfigError` if no restart would help."""
         self.tell()
         try:
             self.agent.setup()
@@ -117,7 +117,7 @@ class Runner:
             self._enter(State.STOPPED)
 
     def _after_tick(self, ended: float) -> None:
-        if self._errors_in_a_row > self.agent.most_failures:
+        if self._errors_in_a_row >= max(1, self.agent.most_failures):
             self._enter(State.FAILED)
             failed = f"agent {self.agent.name!r}: {self._errors_in_a_row} ticks failed in a row"
             raise AgentError(f"{failed}; the last: {self._last_error}")
@@ -144,7 +144,8 @@ class Runner:
         self._told = agent.clock.monotonic()
         self._look_for_namesakes()
         self._look_at_machine()
-        agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
+        agent.last_status = status = self.status()
+        agent.bus.publish(agent.keys.status(agent.name), encode_status(status), Qos.STREAM)
 
     def _look_at_machine(self) -> None:
         """Note whether other work keeps this agent from its processor; say so once if that lasts."""

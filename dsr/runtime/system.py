@@ -16,9 +16,10 @@ from typing import Any
 import msgspec
 
 from dsr.agent import Agent
-from dsr.config.extras import MissingExtraError, missing_extra
+from dsr.config.extras import MissingExtraError, check_installed, missing_extra
 from dsr.config.own_packages import OWN_PACKAGES, stranger
 from dsr.config.toml import TomlFile, convert
+from dsr.declared import configured_class
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.files.built_in import ETC
 from dsr.graph.access import check_writers
@@ -36,7 +37,10 @@ _log = logging.getLogger("dsr.system")
 
 @dataclass(frozen=True)
 class AgentSpec:
-    """One agent of a system: what to run under which name and configuration."""
+    """One agent of a system: what to run under which name and configuration.
+
+    Raises `ConfigError` for a class that would do nothing, or whose declarations cannot be.
+    """
 
     name: str
     kind: type[Agent]
@@ -51,7 +55,7 @@ class AgentSpec:
     """Name of the process in which it runs, together with all others of that process; empty for the default."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", self.kind.configured(self.config))
+        object.__setattr__(self, "kind", configured_class(self.kind, self.config))
         if not self.process:
             object.__setattr__(self, "process", SHARED if self.kind.shares_process else self.name)
 
@@ -192,6 +196,7 @@ def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, 
                 raise
             _log.warning("%s is left out: %s", table.name, error)
             return None
+        configured_class(kind, table.config)
     if table.config:
         source.convert(kind.Config, (*path, "config"))
     with _located(source, (*path, "process")):
@@ -231,10 +236,7 @@ def load_class(name: str, folder: Path | None = None, *, beside: bool = True) ->
         raise ConfigError(f"class {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
     if not (isinstance(kind, type) and issubclass(kind, Agent)):
         raise ConfigError(f"class {name!r} is no dsr.agent.Agent")
-    for library in kind.libraries:
-        if importlib.util.find_spec(library) is None:
-            absent = missing_extra(ModuleNotFoundError(name=library)) or f"the library {library!r} is not installed"
-            raise MissingExtraError(f"class {name!r} cannot be loaded: {absent}")
+    check_installed(kind.libraries, f"class {name!r} cannot be loaded")
     return kind
 
 
@@ -258,6 +260,11 @@ def agent_names(file: Path) -> list[str]:
     return [table.name for table in TomlFile(file).convert(_SystemFile).agent]
 
 
+def known_systems() -> dict[str, Path]:
+    """The files of the systems that have a name: the built-in ones, and those in `./etc/systems`."""
+    return {file.stem: file for folder in (ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
+
+
 def find_system(name_or_path: str | Path, folder: Path | None = None) -> Path:
     """The file of a system: a path that ends in `.toml`, relative to `folder`, or the name of one in `etc/systems`.
 
@@ -266,7 +273,7 @@ def find_system(name_or_path: str | Path, folder: Path | None = None) -> Path:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         return path if folder is None else folder / path
-    known = {file.stem: file for folder in (ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
+    known = known_systems()
     if str(name_or_path) not in known:
         hint = suggest(str(name_or_path), known)
         path_too = "" if hint.endswith("?") else ", or a path ending in '.toml'"

@@ -33,7 +33,7 @@ class WorldAccess(OpenWorld, Generic[World]):
     meshes: MeshExchange
     keys: Keys
 
-    def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
+    def _check_write(self, element: str, type: str, attributes: Iterable[str], *, own: bool = False) -> None:
         raise NotImplementedError
 
     def _put(self, write: Callable[[], Delta]) -> Delta:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import msgspec
 
 from dsr.agent import Agent, make_agent
+from dsr.declared import configured_class
 from dsr.errors import ConfigError
 from dsr.worlds.clients import Monitor, WorldsConfig
 
@@ -46,6 +47,7 @@ class Hosted(Monitor):
         self._agent: Agent | None = None
         if not self.inputs:
             raise ConfigError(f"agent {self.name!r} names no world that it reads")
+        configured_class(self.hosts, self.config.agent)
         self._make(self.memory)
 
     def opened(self) -> None:

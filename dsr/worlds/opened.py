@@ -15,7 +15,7 @@ from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
-from dsr.graph.schema import Schema
+from dsr.graph.schema import WORLD_RECORD, Schema
 from dsr.graph.watches import Watches
 from dsr.network.keys import BASE, Keys, check_name
 from dsr.network.transport import Transport
@@ -66,8 +66,12 @@ class OpenWorld:
         """See `Memory.add_node`."""
         raise NotImplementedError
 
-    def remove_node(self, name: str) -> bool:
-        """See `Memory.remove_node`."""
+    def write_record(self, name: str, type: str, record: str) -> None:
+        """See `Memory.write_record`."""
+        raise NotImplementedError
+
+    def remove_record(self, name: str, type: str) -> None:
+        """See `Memory.remove_record`."""
         raise NotImplementedError
 
     def poll(self) -> None:
@@ -263,7 +267,7 @@ class Worlds(Generic[World]):
         with self.lock:
             world_handle = None if source is None or not info.follows else source.world_handle
             value = to_attribute(info, rid, () if world_handle is None else world_handle.record.dots)
-            base.add_node(node_name(info.name), "world_record", record=value)
+            base.write_record(node_name(info.name), WORLD_RECORD, value)
             return self._take_world_handle(self._record(info.name), source, rid)
 
     def _new_rid(self, source: World | None) -> str:
@@ -320,7 +324,7 @@ class Worlds(Generic[World]):
         followers = [other.info.name for other in followers_of(graph, record)]
         if followers and name not in circle_of(graph, record):
             raise WorldError(f"world {name!r} is followed by {', '.join(followers)}: delete those first")
-        self.base.remove_node(node_name(name))
+        self.base.remove_record(node_name(name), WORLD_RECORD)
         self.sweep()
 
     def sweep(self) -> None:

@@ -16,14 +16,14 @@ from dsr.crdt.context import Dot
 from dsr.errors import ConfigError
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
-from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.schema import RECORDS, WORLD_RECORD
 from dsr.network.keys import BASE, check_name
 
 ROOT = "world"
 """Name and type of the root node that a new world has."""
 VIA = "via"
 """Attribute of an element that a filter made: the worlds through which it came, comma-separated, first one first."""
-_PREFIX = ".world."
+_PREFIX = RECORDS[WORLD_RECORD]
 
 
 class WorldInfo(msgspec.Struct, frozen=True):

@@ -153,7 +153,7 @@ def fail(_connection: object) -> None:
 
 
 def test_an_interrupted_run_leaves_no_process_behind(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dsr.cli.main", "bench", "latency", "--quick"]
+    command = [sys.executable, "-m", "dsr.cli", "bench", "latency", "--quick"]
     environment = {**os.environ, "DSR_BENCH_TEST": str(tmp_path)}
     with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         deadline = time.monotonic() + 60

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from dsr.cli.common import console, errors
 from dsr.cli.main import main
-from dsr.cli.streams import REPLACED, redraws, replace_what_cannot_be_written
+from dsr.cli.streams import REPLACED, prepare_output, redraws
 from dsr.memory import Memory
 from tests.command_tree import leaves
 from tests.commands.conftest import CUBE
@@ -37,7 +37,7 @@ ENVIRONMENTS = {
 
 
 def dsr(*arguments: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
-    command = [sys.executable, "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-m", "dsr.cli", *arguments]
     return subprocess.run(command, env=os.environ | environment, capture_output=True, timeout=60, check=False)
 
 
@@ -71,7 +71,7 @@ def test_every_command_prints_in_ascii(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     stream = ascii_stream(monkeypatch)
-    replace_what_cannot_be_written()
+    prepare_output()
     paper = Console(file=stream, width=80, highlight=False)
     for one in (console, errors):
         monkeypatch.setattr(one, "print", paper.print)
@@ -115,7 +115,7 @@ def literals(tree: ast.Module) -> Iterator[str]:
 
 def on_a_terminal(*arguments: str, **environment: str) -> str:
     """What a command that ends by itself prints on a terminal of 80 columns."""
-    command = [sys.executable, "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-m", "dsr.cli", *arguments]
     ours, its = pty.openpty()
     with subprocess.Popen(command, env=os.environ | environment, stdin=its, stdout=its, stderr=its) as process:
         os.close(its)

@@ -85,5 +85,5 @@ def test_in_a_pipe_a_name_stands_on_one_line(memory: Memory, command: str, name:
 
 def printed(command: str, env: dict[str, str] | None) -> str:
     """The output of `dsr` as a process, into a pipe."""
-    program = [sys.executable, "-m", "dsr.cli.main", command]
+    program = [sys.executable, "-m", "dsr.cli", command]
     return subprocess.run(program, env=env, capture_output=True, text=True, timeout=60, check=True).stdout

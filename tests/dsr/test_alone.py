@@ -24,5 +24,12 @@ def test_a_graph_that_must_exist_is_missed_by_name() -> None:
             dsr.connect("kitchn", agent="counter", must_exist=True)
         with dsr.connect("kitchen", agent="counter", must_exist=True) as other:
             memory.add_node("cup_1", "cup")
-            assert repr(memory) == "<Memory of graph 'kitchen': 1 nodes, 0 edges, 1 other processes>"
+            assert repr(memory) == "<Memory of graph 'kitchen': 1 node, 0 edges, 1 other process>"
             assert other.graph_name == "kitchen"
+            memory.add_node("cup_2", "cup")
+            memory.add_edge("cup_1", "cup_2", "on")
+        other.close()
+        assert repr(other).endswith(", closed>") and "process" not in repr(other)
+        assert memory.replica.wait_until(lambda: not memory.peers, 10.0)
+        assert repr(memory) == "<Memory of graph 'kitchen': 2 nodes, 1 edge, 0 other processes>"
+    assert repr(memory) == "<Memory of graph 'kitchen': 2 nodes, 1 edge, closed>"

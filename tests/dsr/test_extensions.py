@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import pytest
 
-from dsr import Access, AttributeType, Memory, NodeTypeError, Pose, Schema, SchemaError
+from dsr import Access, AttributeType, ConfigError, Memory, NodeTypeError, Pose, RegistrationError, Schema, SchemaError
+from dsr.crdt.delta import Delta
 from dsr.graph.access import WriteGuard
 from dsr.graph.extensions import ExtensionRecord
-from dsr.graph.schema import SCHEMA_RECORD
-from dsr.persistence.content import GraphContent
+from dsr.graph.graph import Graph
+from dsr.graph.schema import RECORDS, SCHEMA_RECORD
+from dsr.persistence.content import GraphContent, NodeContent
 from tests.dsr.conftest import Net
 
 
@@ -20,6 +23,12 @@ def drones() -> Schema:
     schema.register_edge_type("tether", "pose of what hangs on it", geometric=True)
     schema.register_attribute("battery", AttributeType("float", "V", "at the poles"))
     return schema
+
+
+def forge(memory: Memory, write: Callable[[Graph], Delta]) -> None:
+    """Write what an honest memory refuses, as a hostile process or one of another version may."""
+    memory.replica.commit(write(memory.replica.graph))
+    memory.replica.send_soon()
 
 
 def test_names_are_known_where_nobody_registered_them(net: Net) -> None:
@@ -127,7 +136,7 @@ def test_a_senseless_record_changes_nothing(
 ) -> None:
     attacker, reader = net.join("attacker"), net.join("reader")
     with caplog.at_level(logging.WARNING, "dsr.memory"):
-        attacker.add_node(".schema.x", SCHEMA_RECORD, record=record)
+        forge(attacker, lambda graph: graph.add_node(".schema.x", SCHEMA_RECORD, {"record": record}, 0.0))
         net.pump(0.5)
     assert reader.schema.node_types == Schema().node_types
     assert reader.schema.attributes == Schema().attributes
@@ -137,7 +146,7 @@ def test_a_senseless_record_changes_nothing(
 def test_built_in_names_cannot_be_described_anew(net: Net) -> None:
     attacker, reader = net.join("attacker"), net.join("reader")
     text = '{"what": "attribute", "name": "mass", "attribute": {"kind": "str", "unit": "lb"}}'
-    attacker.add_node(".schema.attribute.mass", SCHEMA_RECORD, record=text)
+    forge(attacker, lambda graph: graph.add_node(".schema.attribute.mass", SCHEMA_RECORD, {"record": text}, 0.0))
     net.pump(0.5)
     assert reader.schema.attribute("mass") == Schema().attribute("mass")
 
@@ -152,6 +161,106 @@ def test_whoever_may_not_write_a_name_does_not_describe_it(net: Net) -> None:
     pilot.add_node("d1", "drone", battery=11.1)
     net.pump(0.5)
     assert "drone" in reader.schema.node_types
+
+
+@pytest.mark.parametrize("node", [(".schema.node.ship", "cube"), ("mine", SCHEMA_RECORD)])
+def test_content_that_holds_such_nodes_is_not_put_in(net: Net, node: tuple[str, str]) -> None:
+    memory = net.join("a")
+    content = GraphContent("g", nodes={"c": NodeContent("cube", {}), node[0]: NodeContent(node[1], {})})
+    with pytest.raises(ConfigError, match="are the graph's own"):
+        content.put_into(memory)
+    assert "c" not in memory
+
+
+RECORD = ".schema.attribute.battery"
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda memory: memory.remove_node(RECORD),
+        lambda memory: memory.update_node(RECORD, record="{}"),
+        lambda memory: memory.remove_attribute(RECORD, "record"),
+        lambda memory: memory.remove_attribute(memory.node(RECORD), "record"),
+        lambda memory: memory.add_node(RECORD, SCHEMA_RECORD, record="{}"),
+        lambda memory: memory.add_node(".schema.node.ship", SCHEMA_RECORD, record="{}"),
+        lambda memory: memory.add_node(".schema.node.ship", "cube"),
+        lambda memory: memory.add_node("mine", SCHEMA_RECORD),
+        lambda memory: memory.copy(memory.node(RECORD), {"record": "{}"}),
+        lambda memory: memory.withdraw(memory.node(RECORD)),
+        lambda memory: memory.remove_node(".world.plan"),
+        lambda memory: memory.update_node(".world.plan", record="{}"),
+        lambda memory: memory.add_node(".world.dream", "world_record", record="{}"),
+        lambda memory: memory.add_node(".world.dream", "cube"),
+    ],
+)
+def test_what_the_graph_tells_of_itself_is_not_for_others_to_write(net: Net, write: Callable[[Memory], object]) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    pilot.fork("plan")
+    pilot.add_node("d1", "drone")
+    net.pump(0.5)
+    for memory in (pilot, reader):
+        before = {node.name: dict(node) for kind in RECORDS for node in memory.nodes(kind)}
+        with pytest.raises(SchemaError, match=r"are the graph's own; they change with memory\.schema\.register_"):
+            write(memory)
+        assert {node.name: dict(node) for kind in RECORDS for node in memory.nodes(kind)} == before
+    pilot.delete_world("plan")
+    assert not pilot.nodes("world_record")
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        lambda graph: graph.remove_node(RECORD),
+        lambda graph: graph.write(graph.node(RECORD), {"record": "nonsense"}, 0.0),
+        lambda graph: graph.write(graph.node(RECORD), {"record": '{"what": "node", "name": "x"}'}, 0.0),
+        lambda graph: graph.remove_attribute(graph.node(RECORD), "record", 0.0),
+    ],
+)
+@pytest.mark.parametrize("survivor", ["pilot", "reader"])
+def test_a_name_whose_record_was_harmed_is_told_again_by_whoever_knows_it(
+    net: Net, harm: Callable[[Graph], Delta], survivor: str
+) -> None:
+    """Also by one that only learned the name, when the process that registered it is gone."""
+    memories = {"pilot": net.join("pilot", schema=drones()), "reader": net.join("reader")}
+    attacker = net.join("attacker")
+    memories["pilot"].add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    forge(attacker, harm)
+    net.pump(0.5)
+    if survivor == "reader":
+        memories["pilot"].close()
+    memories[survivor].update_node("d1", battery=11.0)
+    net.pump(0.5)
+    late = net.join("late")
+    net.pump(0.5)
+    assert late.schema.attribute("battery").unit == "V"
+    assert ExtensionRecord("attribute", "battery").node_name == RECORD and RECORD in late
+
+
+def test_a_record_whose_place_is_taken_holds_up_no_write(net: Net, caplog: pytest.LogCaptureFixture) -> None:
+    attacker, pilot = net.join("attacker"), net.join("pilot", schema=drones())
+    forge(attacker, lambda graph: graph.copy(".schema.node.drone", "cube", [], 0.0))
+    net.pump(0.5)
+    with caplog.at_level(logging.WARNING, "dsr.memory"):
+        pilot.add_node("d1", "drone", battery=11.1)
+    assert "node 'drone' stays here: node '.schema.node.drone' is a 'cube'" in caplog.text
+    assert RECORD in pilot and pilot.node("d1")["battery"] == 11.1
+
+
+def test_records_come_to_rest(net: Net) -> None:
+    """Two processes that contradict one another do not write their records in turn."""
+    other = Schema()
+    other.register_attribute("battery", AttributeType("float", "%"))
+    one, two = net.join("one", schema=drones()), net.join("two", schema=other)
+    for value in range(5):
+        one.add_node("d1", "drone", battery=float(value))
+        net.pump(0.5)
+        two.update_node("d1", battery=value + 0.5)
+        net.pump(0.5)
+        if value == 1:
+            settled = [node.newest_write("record") for node in one.nodes(SCHEMA_RECORD)]
+    assert [node.newest_write("record") for node in one.nodes(SCHEMA_RECORD)] == settled
 
 
 def test_names_of_every_length_have_a_record() -> None:
@@ -208,6 +317,47 @@ def test_an_edge_type_stays_geometric_or_not() -> None:
     with pytest.raises(SchemaError, match="edge type 'has' is already one that is not geometric"):
         schema.register_edge_type("has", "a pose", geometric=True)
     assert schema.edge_types["tether"] == "in other words" and "has" not in schema.geometric
+
+
+@pytest.mark.parametrize(
+    ("register", "said"),
+    [
+        (lambda s: s.register_node_type("cup", "a trophy"), "node type 'cup' is built in and means .*'a trophy', too"),
+        (lambda s: s.register_edge_type("has", "owns"), "edge type 'has' .*means 'structure'.*'owns', too"),
+        (
+            lambda s: s.register_attribute("mass", AttributeType("float", "kg", "of many people")),
+            "attribute 'mass' is built in and means 'mass': it cannot mean 'of many people', too",
+        ),
+        (
+            lambda s: s.register_attribute("opening", AttributeType("float", "m")),
+            "attribute 'opening' .*is built in as a stream: it cannot be none",
+        ),
+        (
+            lambda s: s.register_attribute("mass", AttributeType("float", "kg", stream=True)),
+            "attribute 'mass' .*is built in as no stream: it cannot be one",
+        ),
+        (lambda s: s.register_attribute("mass", AttributeType("str", "kg")), "already a float in kg, not a str in kg"),
+    ],
+)
+def test_a_built_in_name_keeps_its_meaning(register: Callable[[Schema], None], said: str) -> None:
+    schema = Schema()
+    with pytest.raises(RegistrationError, match=said):
+        register(schema)
+    untouched = Schema()
+    assert (schema.node_types, schema.edge_types) == (untouched.node_types, untouched.edge_types)
+    assert schema.attributes == untouched.attributes and schema.version == 0
+
+
+def test_a_built_in_name_may_be_registered_again_as_it_is_or_without_a_meaning() -> None:
+    schema, untouched = Schema(), Schema()
+    for meaning in (untouched.node_types["cup"], ""):
+        schema.register_node_type("cup", meaning)
+    for meaning in (untouched.edge_types["RT"], ""):
+        schema.register_edge_type("RT", meaning, geometric=True)
+    for attribute in (untouched.attributes["mass"], AttributeType("float", "kg")):
+        schema.register_attribute("mass", attribute)
+    assert (schema.node_types, schema.edge_types) == (untouched.node_types, untouched.edge_types)
+    assert schema.attributes == untouched.attributes
 
 
 def test_an_attribute_of_an_unknown_kind_is_refused_at_once() -> None:

@@ -216,6 +216,33 @@ def test_cost_of_a_change_does_not_depend_on_the_other_watches_or_nodes(net: Net
     assert memory._graph.edges_by_type["on"].keys() == {("c1", "c2", "on")}
 
 
+def test_the_poses_of_many_edges_are_written_at_once_or_not_at_all(net: Net) -> None:
+    memory, other = net.join("a"), net.join("b")
+    memory.add_node("world", "world")
+    for name in ("c1", "c2"):
+        memory.add_node(name, "cube")
+        memory.add_edge("world", name, "RT", pose=Pose((0.0, 0.0, 0.0), stamp=1.0))
+    net.pump()
+    watch = memory.watch(edge_type="RT", attribute="pose", existing=False)
+    poses = {("world", name): Pose((x, 0.0, 0.0), stamp=2.0) for name, x in (("c1", 1.0), ("c2", 2.0))}
+    memory.update_poses("RT", poses)
+    memory.update_poses("RT", {})
+    net.pump()
+    for place in (memory, other):
+        assert {(edge.src, edge.dst): edge.pose for edge in place.edges("RT")} == poses
+        assert place.transform("c1", "c2").t == (1.0, 0.0, 0.0)
+    assert [change.dst for change in watch.poll()] == ["c1", "c2"]
+    wrong = {("world", "c1"): Pose((9.0, 0.0, 0.0), stamp=3.0)}
+    with pytest.raises(EdgeNotFoundError, match="c9"):
+        memory.update_poses("RT", {**wrong, ("world", "c9"): Pose()})
+    with pytest.raises(SchemaError, match="pose"):
+        memory.update_poses("RT", {**wrong, ("world", "c2"): (0.0, 0.0, 0.0)})  # type: ignore[dict-item]
+    assert memory.edge("world", "c1", "RT").pose == poses["world", "c1"]
+    memory.close()
+    with pytest.raises(TransportError, match="closed"):
+        memory.update_poses("RT", poses)
+
+
 def test_a_pose_that_was_taken_away_is_no_frame(net: Net) -> None:
     memory = net.join("a")
     tabletop(memory)
@@ -223,6 +250,41 @@ def test_a_pose_that_was_taken_away_is_no_frame(net: Net) -> None:
     memory.remove_attribute(memory.edge("world", "cube_3", "RT"), "pose")
     with pytest.raises(NoPathError):
         memory.transform("world", "cube_3")
+
+
+def test_an_edge_that_has_no_pose_yet_is_named_until_it_gets_one(net: Net) -> None:
+    memory, reader = net.join("a"), net.join("b")
+    memory.add_node("world", "world")
+    for name in ("table", "cup_1", "cup_2"):
+        memory.add_node(name, "cube")
+    memory.add_edge("world", "table", "RT")
+    memory.add_edge("table", "cup_1", "RT", pose=Pose((0.1, 0.0, 0.0)))
+    memory.add_edge("table", "cup_2", "Virtual_RT")
+    net.pump(0.5)
+    for one in (memory, reader):
+        for target, source in (("world", "cup_1"), ("cup_1", "world")):
+            with pytest.raises(NoPathError, match="over RT edges: RT edge 'world' -> 'table' has no pose yet"):
+                one.transform(target, source)
+        with pytest.raises(NoPathError, match="Virtual_RT edge 'table' -> 'cup_2', RT edge 'world' -> 'table' have no"):
+            one.transform("world", "cup_2", types=("Virtual_RT", "RT"))
+        with pytest.raises(NoPathError) as without:
+            one.transform("table", "cup_2")
+        assert "no pose yet" not in str(without.value)
+        assert one.get_transform("world", "cup_1") is None
+    memory.update_edge("world", "table", "RT", pose=Pose((1.0, 0.0, 0.0)))
+    net.pump(0.5)
+    assert all(one.transform("world", "cup_1").t == pytest.approx((1.1, 0.0, 0.0)) for one in (memory, reader))
+
+
+def test_edges_without_a_pose_that_form_a_circle_are_told_too(net: Net) -> None:
+    memory = net.join("a")
+    for name in ("a", "b"):
+        memory.add_node(name, "cube")
+    graph = memory.replica.graph
+    for key in (("a", "b", "RT"), ("b", "a", "RT")):
+        memory.replica.commit(graph.copy(key, "RT", [], 0.0))
+    with pytest.raises(NoPathError, match=r"RT edge .* RT edge .* have no pose yet"):
+        memory.transform("a", "b")
 
 
 def test_indexes_do_not_grow_with_history(net: Net) -> None:

@@ -71,9 +71,9 @@ def test_public_names() -> None:
         "CycleError", "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader",
         "GoalError", "GraphContent", "GraphError", "ImaginationError", "ListenError", "LocalNetwork", "ManualClock",
         "Memory", "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",
-        "NodeNotFoundError", "NodeTypeError", "Pose", "Schema", "SchemaError", "StateKeeper", "Statistics",
-        "TransformError", "TransportError", "WallClock", "Watch", "WireError", "WorldError", "WorldInfo",
-        "WorldNotFoundError", "connect", "main", "read_graph", "write_graph",
+        "NodeNotFoundError", "NodeTypeError", "Pose", "RegistrationError", "Schema", "SchemaError", "StateKeeper",
+        "Statistics", "TransformError", "TransportError", "UndeclaredError", "WallClock", "Watch", "WireError",
+        "WorldError", "WorldInfo", "WorldNotFoundError", "connect", "main", "read_graph", "write_graph",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)
 

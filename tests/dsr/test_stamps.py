@@ -171,6 +171,20 @@ def test_cleaning_leaves_what_is_shown_and_honest_stamps(net: Net, forger: Forge
     assert a.clean_stamps().renewed == []
 
 
+def test_poses_that_cannot_be_overwritten_are_made_anew_when_many_are_written(net: Net, forger: Forger) -> None:
+    a, b = net.join("a"), net.join("b")
+    tower(a)
+    a.add_node("ball", "ball")
+    a.add_edge("table", "ball", "RT", pose=Pose((0, 0, 0)))
+    net.pump(1.0)
+    for name in ("cube", "ball"):
+        forger.stamp(a, a.edge("table", name, "RT"), "pose", MAX_STAMP, Pose((2, 0, 0)))
+    a.update_poses("RT", {("table", name): Pose((3, 0, 0)) for name in ("cube", "ball")})
+    net.pump(1.0)
+    for memory in (a, b):
+        assert [memory.edge("table", name, "RT").pose.t[0] for name in ("cube", "ball")] == [3.0, 3.0]
+
+
 def test_who_may_not_clean_an_element_is_told_and_cleans_the_others(net: Net, forger: Forger) -> None:
     a, narrow = net.join("a"), net.join("narrow", guard=WriteGuard("narrow", Access(("ball",), (), ("seen",))))
     tower(a)

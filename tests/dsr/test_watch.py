@@ -164,3 +164,28 @@ def test_each_change_tells_the_type_of_its_moment(net: Net) -> None:
     memory.remove_node("x")
     memory.add_node("x", "ball")
     assert [(change.kind, change.type) for change in watch.poll()] == [("removed", "cube"), ("added", "ball")]
+
+
+def test_each_of_two_who_wait_gets_one_of_two_changes(net: Net) -> None:
+    memory, found = net.join("a"), []
+    watch = memory.watch(node_type="cube", existing=False)
+    threads = [threading.Thread(target=lambda: found.append(watch.next(10.0))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    with memory.batch():
+        memory.add_node("x", "cube")
+        memory.add_node("y", "cube")
+    for thread in threads:
+        thread.join(10.0)
+    assert sorted(change.name for change in found if change is not None) == ["x", "y"]
+
+
+def test_a_watch_that_comes_later_is_told_of_the_same_kinds_of_changes(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube", mass=1.0)
+    first = memory.watch(attribute="mass", existing=False)
+    memory.update_node("x", mass=2.0)
+    second = memory.watch(attribute="mass", existing=False)
+    first.close()
+    memory.update_node("x", mass=3.0)
+    assert summary(second.poll()) == [("updated", "x", ("mass",))] and first.poll() == []

@@ -21,6 +21,9 @@ class Estimator(Agent):
     name = "estimator"
     rate_hz = 1.0
 
+    def tick(self, now: float) -> None:
+        pass
+
 
 def known(run: Run, name: str, **attributes: object) -> None:
     """An object that somebody has told the graph about, and that is nowhere."""

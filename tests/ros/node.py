@@ -16,6 +16,7 @@ from importlib import import_module
 from math import acos, sin
 
 import rclpy
+from rclpy.action import ActionServer
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
@@ -138,6 +139,7 @@ class Commands:
         self.got = {}
         self.publishers = {}
         self.timers = []
+        self.actions = []
         self.listener = None
 
     def subscribe(self, topic, type, **qos):
@@ -175,6 +177,16 @@ class Commands:
                 sent += 1
 
         self.timers.append(self.node.create_timer(1.0 / hz, send))
+
+    def serve_action(self, name, type):
+        """A real action server that succeeds at once."""
+
+        def execute(goal):
+            goal.succeed()
+            return kind.Result()
+
+        kind = message_class(type)
+        self.actions.append(ActionServer(self.node, kind, name, execute))
 
     def matched(self, topic):
         """How many subscribers our publisher of the topic has, and publishers there are for it."""

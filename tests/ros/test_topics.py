@@ -7,6 +7,11 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
+import pytest
+
+from agents.ros_bridge.bridge.core import SENSOR
+from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.dds.dds_link import DdsLink
 from agents.ros_bridge.link.link import Qos, Received, Topic
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
@@ -15,6 +20,7 @@ from tests.agents.ros_bridge.told import eventually
 from tests.ros.real_node import RealNode
 
 IMAGE, JOINTS, TF = "sensor_msgs/msg/Image", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
+LOOK_UP = "tf2_msgs/action/LookupTransform"
 LATCHED = Qos(transient_local=True, depth=1)
 FRAMES = 60
 """Two seconds of images"""
@@ -118,6 +124,17 @@ def test_images_at_30_hz_come_in_whole(real_node: Start, link: DdsLink) -> None:
     assert arrived == [content(cdr) for cdr in sent] * (FRAMES // 3)
 
 
+def test_the_first_image_comes_in_at_best_effort_as_the_bridge_asks_for_it(real_node: Start, link: DdsLink) -> None:
+    node, got = real_node("camera"), []
+    node.advertise(topic="/image", type=IMAGE)
+    subscription = link.subscribe(Topic("/image", IMAGE, SENSOR), got.append)
+    eventually(lambda: node.matched(topic="/image")[0] and subscription.publishers())
+    sent = TYPES.encode(IMAGE, image(0))
+    node.publish(topic="/image", cdr=[sent.hex()])
+    eventually(lambda: got)
+    assert [content(message.cdr) for message in got] == [content(sent)]
+
+
 def test_images_at_30_hz_go_out_whole(real_node: Start, link: DdsLink) -> None:
     node = real_node("viewer")
     node.subscribe(topic="/image", type=IMAGE, depth=FRAMES)
@@ -146,6 +163,20 @@ def test_each_sees_the_other_with_names_types_and_hashes(real_node: Start, link:
     assert mine == [["/dsr", "bridge", TF, mine[0][3]]] and ["bridge", "/dsr"] in node.nodes()
     hash = TYPES.hash(TF).removeprefix("RIHS01_")
     assert hash in mine[0][3].replace("\\x", "").lower() or TYPES.hash(TF) in mine[0][3]
+
+
+def test_an_action_of_real_ros_is_listed_and_why_it_cannot_be_driven_over_dds_is_said(
+    real_node: Start, link: DdsLink
+) -> None:
+    """Each vendor of DDS has requests of its own form: that of Fast DDS is in headers that Cyclone does not show."""
+    real_node("looker").serve_action(name="/look_up", type=LOOK_UP)
+    kinds = eventually(lambda: {one.topic.type for one in link.endpoints() if one.topic.name.startswith("/look_up/")})
+    eventually(lambda: f"{LOOK_UP}_SendGoal" in {one.topic.type for one in link.endpoints() if one.kind == "service"})
+    assert kinds
+    client = ActionClient(link, TYPES, "/look_up", LOOK_UP)
+    with pytest.raises(RosLinkError, match="actions work over rmw_zenoh only"):
+        client.send(TYPES.new(f"{LOOK_UP}_Goal", target_frame="a", source_frame="b"), 1.0)
+    client.close()
 
 
 def test_what_does_not_match_is_told(real_node: Start, link: DdsLink) -> None:

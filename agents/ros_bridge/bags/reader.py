@@ -12,11 +12,13 @@ from rosbags.rosbag2 import Reader as Ros2Reader
 
 from agents.recorder.mcap_file import RecordingError, RecordingFile
 from agents.ros_bridge.bags.definitions import complaint
+from agents.ros_bridge.bags.unpacking import bound_rosbags
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.messages.transforms import TF_MESSAGE
 from agents.ros_bridge.messages.types import RosTypes
 from dsr.errors import ConfigError
 
+bound_rosbags()
 PROFILE = "ros2"
 """Of MCAP files that are bags"""
 _ROS1 = ".bag"

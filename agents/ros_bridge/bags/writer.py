@@ -118,6 +118,14 @@ class BagWriter:
         """Nothing: all that is sent is written."""
         return []
 
+    def lost(self) -> dict[str, int]:
+        """Nothing."""
+        return {}
+
+    def unauthenticated(self) -> list[str]:
+        """Nobody: nobody speaks to a bag."""
+        return []
+
 
 class _BagPublisher:
     """Writes the messages of one topic."""

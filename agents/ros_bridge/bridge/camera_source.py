@@ -30,7 +30,7 @@ from dsr.vocabulary.intrinsics import Intrinsics
 _APART = 0.02
 """s by which the stamps of colour and depth of one exposure may differ: less than a frame at 30 Hz"""
 _PATIENCE = 1.0
-"""s without depth after which colour goes on alone"""
+"""s without depth of the same exposure after which colour goes on alone"""
 _KEPT = 4
 """Images of each kind that wait for their partner: it comes within a frame or two, or never"""
 _SENSOR = Qos(reliable=False, depth=5)
@@ -70,7 +70,7 @@ class CameraSource:
         self._colors: deque[_Image] = deque(maxlen=_KEPT)
         self._depths: deque[_Image] = deque(maxlen=_KEPT)
         self._alone_since: float | None = None
-        """s, arrival of the first colour since the last depth"""
+        """s, arrival of the first colour since the last pair"""
         self._camera_info: Any = None
         self.intrinsics: Intrinsics | None = None
         """Those of the newest CameraInfo; None before the first"""
@@ -131,22 +131,34 @@ class CameraSource:
             newest = images[-1]
             images.clear()
             return (None, newest) if self._color is None else (newest, None)
-        if depths:
-            self._alone_since = None
-        elif colors and self._alone_since is None:
+        if colors and self._alone_since is None:
             self._alone_since = colors[0].at
         for color in reversed(colors):
             depth = min(depths, key=lambda image: abs(image.stamp - color.stamp), default=None)
             if depth is not None and abs(depth.stamp - color.stamp) <= _APART:
                 _forget(colors, color.stamp)
                 _forget(depths, depth.stamp)
+                self._alone_since = None
                 return color, depth
         if colors and self._alone_since is not None and colors[-1].at - self._alone_since > _PATIENCE:
-            self._tally.count(f"colour without depth on {self._topics.color}")
             newest = colors[-1]
+            self._tell_alone(newest)
             colors.clear()
             return newest, None
         return None
+
+    def _tell_alone(self, color: _Image) -> None:
+        """Count colour that goes on alone; if there is depth, only of other moments, tell it."""
+        what, topics = f"colour without depth on {self._topics.color}", self._topics
+        if not self._depths:
+            self._tally.count(what)
+            return
+        apart = min(abs(depth.stamp - color.stamp) for depth in self._depths)
+        self._tally.tell(
+            what, topics.color,
+            f"{topics.color} and {topics.depth} are stamped {apart * 1e3:.0f} ms apart, more than {_APART * 1e3:.0f}: "
+            "they are of different moments, and depth is left out",
+        )  # fmt: skip
 
     def _made(self, color: _Image | None, depth: _Image | None) -> Frame | None:
         first = color or depth

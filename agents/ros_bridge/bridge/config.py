@@ -104,7 +104,7 @@ class Send(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     events: str = "/dsr/events"
     """Topic of events and situations, as JSON"""
     services: str = "/dsr"
-    """Namespace of the services that answer questions"""
+    """Namespace of the services that answer questions; there are none over DDS"""
 
 
 class RosBridgeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -129,6 +129,11 @@ class RosBridgeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Take the time of arrival for the stamps of ROS: for a robot whose clock is wrong"""
     most_hz: Positive = 50.0
     """Transforms a second and frame that are written; the newest wins"""
+
+    @property
+    def serves(self) -> bool:
+        """Whether questions are answered: over DDS they are not, for its vendors do not understand each other."""
+        return bool(self.send.services) and self.link.transport == "zenoh"
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.most_hz):

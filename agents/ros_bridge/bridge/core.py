@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import msgspec
+
 from agents.ros_bridge.bridge.inbox import RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
@@ -13,6 +15,7 @@ from agents.ros_bridge.link.link import Publisher, Qos, RosLink, Topic
 from agents.ros_bridge.mapping.names import FrameNames
 from agents.ros_bridge.messages.types import RosTypes
 from dsr.clock import Clock
+from dsr.crdt.delta import Write
 from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
@@ -44,6 +47,7 @@ class BridgeCore:
 
     def inbox(self, name: str, type: str, most: int, qos: Qos = SENSOR) -> RosInbox:
         """Listen to a topic. Raises `RosMessageError` for a name or type that there is not."""
+        qos = msgspec.structs.replace(qos, depth=max(qos.depth, most))  # what may wait for a tick may wait before, too
         inbox = RosInbox(self.link, Topic(name, type, qos), most, self.clock, self.tally, self.own, self.notify)
         self._closers.append(inbox.close)
         return inbox
@@ -67,7 +71,11 @@ class BridgeCore:
     def came_from_ros(self, element: Node | Edge, attribute: str) -> bool:
         """Whether a bridge of our name wrote the present value, now or in an earlier life: it is not sent back."""
         write = element.newest_write(attribute)
-        return write is not None and agent_of(write.writer) == self._agent
+        return write is not None and self.is_of_bridge(write)
+
+    def is_of_bridge(self, write: Write) -> bool:
+        """Whether a bridge of our name made this write, now or in an earlier life."""
+        return agent_of(write.writer) == self._agent
 
 
 class RosOutlet:

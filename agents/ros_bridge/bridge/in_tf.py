@@ -15,7 +15,8 @@ from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.transforms import is_same, read_transform
-from agents.ros_bridge.messages.transforms import TF_MESSAGE, StampedTransform, decode_transforms
+from agents.ros_bridge.messages.tf_batches import TfBatch, TfDecoder
+from agents.ros_bridge.messages.transforms import TF_MESSAGE
 from dsr.errors import CycleError, DsrError
 from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Pose
@@ -46,8 +47,10 @@ class _Frame(msgspec.Struct):
     """s, our monotonic time of its last message"""
     stamp: float
     """s, of its newest transform"""
-    newest: StampedTransform | None = None
-    """The newest transform, until it is written"""
+    batch: TfBatch | None = None
+    """The message with the newest transform, until that is written"""
+    row: int = 0
+    """Its place in the message"""
     written: float = -math.inf
     """s, our time when it was last written"""
     shown: Pose | None = None
@@ -69,6 +72,7 @@ class TfIn:
         self._config = config
         self._out = out
         self._period = 1.0 / config.most_hz
+        self._decoder = TfDecoder()
         self._static = core.inbox(TF_STATIC, TF_MESSAGE, _MOST_WAITING, _STATIC_QOS)
         self._inbox = core.inbox(TF, TF_MESSAGE, _MOST_WAITING, Qos(depth=100))
         self._frames: dict[str, _Frame] = {}
@@ -95,42 +99,41 @@ class TfIn:
     # ---- reading
 
     def _read(self, message: Arrived, static: bool) -> None:
+        writer = message.writer
         try:
-            transforms = decode_transforms(message.cdr)
+            batch = self._decoder.decode(message.cdr, writer)
         except RosMessageError as error:
             self._core.tally.tell("malformed", TF, f"a message of tf was dropped: {error}")
             return
-        heard = self._core.clock.monotonic()
+        heard, waiting = self._core.clock.monotonic(), self._waiting
         told, stamp = -1.0, 0.0
-        for transform in transforms:
-            if not static and (then := transform.sec + transform.nanosec * 1e-9) != told:
-                found = usable_stamp(
-                    self._core, then, message.at, restamp=self._config.restamp, subject=transform.child
-                )
+        for row, ((parent, child), then) in enumerate(zip(batch.names, batch.stamps, strict=True)):
+            if not static and then != told:
+                found = usable_stamp(self._core, then, message.at, restamp=self._config.restamp, subject=child)
                 if found is None:
                     continue
                 told, stamp = then, found
-            frame = self._known.get(transform.child)
-            if frame is None or frame.spelled[0] != transform.parent or frame.writer != message.writer:
-                try:
-                    frame = self._looked_up(transform, message.writer, heard, stamp)
-                except RosMessageError as error:
-                    self._core.tally.tell("malformed", transform.child, f"a transform was dropped: {error}")
-                    continue
+            frame = self._known.get(child)
+            if frame is None or frame.spelled[0] != parent or frame.writer != writer:
+                frame = self._looked_up(parent, child, writer, heard, stamp)
                 if frame is None:
                     continue
-            elif not static and not self._is_newer(frame, stamp):
+            elif not static and stamp <= frame.stamp and not self._is_newer(frame, stamp):
                 continue
-            frame.heard, frame.stamp, frame.newest = heard, stamp, transform
-            self._waiting[frame.child] = frame
+            frame.heard, frame.stamp, frame.batch, frame.row = heard, stamp, batch, row
+            waiting[frame.child] = frame
 
-    def _looked_up(self, transform: StampedTransform, writer: bytes, heard: float, stamp: float) -> _Frame | None:
+    def _looked_up(self, ros_parent: str, ros_child: str, writer: bytes, heard: float, stamp: float) -> _Frame | None:
         """The frame of a transform that comes from elsewhere than its last one; None if it does not count."""
         core = self._core
-        if transform.child.lstrip("/").startswith(BELIEF):
+        if ros_child.lstrip("/").startswith(BELIEF):
             core.tally.count("own frames passed on")
             return None
-        parent, child = core.names.node(transform.parent), core.names.node(transform.child)
+        try:
+            parent, child = core.names.node(ros_parent), core.names.node(ros_child)
+        except RosMessageError as error:
+            core.tally.tell("malformed", ros_child, f"a transform was dropped: {error}")
+            return None
         if self._is_echo(parent, child):
             return None
         frame = self._frames.get(child)
@@ -143,8 +146,8 @@ class TfIn:
             return None
         elif frame.parent != parent:
             self._leave_parent(child, frame, parent)
-        frame.writer, frame.spelled = writer, (transform.parent, transform.child)
-        self._known[transform.child] = frame
+        frame.writer, frame.spelled = writer, (ros_parent, ros_child)
+        self._known[ros_child] = frame
         return frame
 
     def _is_echo(self, parent: str, child: str) -> bool:
@@ -188,41 +191,69 @@ class TfIn:
 
     def _write_due(self, now: float, monotonic: float) -> None:
         held: dict[str, _Frame] = {}
+        moved: list[tuple[_Frame, Pose]] = []
         due = now - self._period * (1.0 - _EARLY)
+        waiting, self._waiting = self._waiting, held
         with self._core.memory.batch():
-            for child, frame in self._waiting.items():
+            for child, frame in waiting.items():
                 if frame.written > due or monotonic < frame.refused_until:
                     held[child] = frame
-                elif frame.newest is not None:
-                    self._write(frame, frame.newest, now, monotonic)
-        self._waiting = held
+                elif frame.batch is not None and (pose := self._pose(frame, frame.batch)) is not None:
+                    if frame.shown is None:
+                        self._write(frame, pose, now, monotonic)
+                    elif pose.stamp != 0.0 or frame.shown.stamp != 0.0 or not is_same(frame.shown, pose):
+                        moved.append((frame, pose))
+            if moved:
+                self._move(moved, now, monotonic)
 
-    def _write(self, frame: _Frame, transform: StampedTransform, now: float, monotonic: float) -> None:
-        memory, child = self._core.memory, frame.child
-        frame.newest = None
+    def _pose(self, frame: _Frame, batch: TfBatch) -> Pose | None:
+        """The newest pose, which is not waiting any more; None if it is none."""
         try:
-            pose = read_transform(transform, frame.stamp)
+            return read_transform(*frame.spelled, batch.numbers[frame.row], frame.stamp)
+        except RosMessageError as error:
+            self._core.tally.tell("malformed", frame.child, f"a transform was dropped: {error}")
+            return None
+        finally:
+            frame.batch = None
+
+    def _move(self, moved: list[tuple[_Frame, Pose]], now: float, monotonic: float) -> None:
+        """Write frames that were written before: at once, or each by itself if something is in the way of one."""
+        try:
+            self._core.memory.update_poses("RT", {(frame.parent, frame.child): pose for frame, pose in moved})
+        except DsrError:
+            for frame, pose in moved:
+                self._write(frame, pose, now, monotonic)
+            return
+        for frame, pose in moved:
+            frame.shown, frame.written = pose, now
+        self._core.tally.count("edges written", len(moved))
+
+    def _write(self, frame: _Frame, pose: Pose, now: float, monotonic: float) -> None:
+        memory, child = self._core.memory, frame.child
+        try:
             if frame.shown is None:
                 if not self._is_free(child, frame.parent):
-                    frame.refused_until = monotonic + _AGAIN
+                    self._put_off(frame, pose, monotonic)
                     return
                 for name in (frame.parent, child):
                     self._ensure(name)
-            elif pose.stamp == 0.0 and frame.shown.stamp == 0.0 and is_same(frame.shown, pose):
-                return
             memory.add_edge(frame.parent, child, "RT", pose=pose)
         except CycleError as error:
             self._core.tally.tell("loops", child, f"tf has a loop, and an edge was not written: {error}")
-            frame.refused_until, frame.newest = monotonic + _AGAIN, transform
-        except RosMessageError as error:
-            self._core.tally.tell("malformed", child, f"a transform was dropped: {error}")
+            self._put_off(frame, pose, monotonic)
         except DsrError as error:
             self._core.tally.tell("not written", child, f"frame {child!r} was not written: {error}")
-            frame.refused_until, frame.newest = monotonic + _AGAIN, transform
+            self._put_off(frame, pose, monotonic)
         else:
             frame.shown, frame.written = pose, now
             self._out.received.add(child)
             self._core.tally.count("edges written")
+
+    def _put_off(self, frame: _Frame, pose: Pose, monotonic: float) -> None:
+        """Try this pose again later, or a newer one if that comes: of a static transform there may be no other."""
+        frame.refused_until = monotonic + _AGAIN
+        frame.batch, frame.row = TfBatch([frame.spelled], [pose.stamp], [(*pose.t, *pose.q)]), 0
+        self._waiting[frame.child] = frame
 
     def _ensure(self, name: str) -> None:
         memory = self._core.memory

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
@@ -11,7 +12,7 @@ from agents.ros_bridge.mapping.events import EVENT, to_event
 from agents.ros_bridge.mapping.stamps import CLOCK, to_clock
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
-from dsr.runtime.status import StatusBoard
+from dsr.runtime.status import Status, StatusBoard
 from dsr.timeline.entries import EVENT as INSTANT
 from dsr.timeline.entries import SITUATION, read_entry
 
@@ -20,10 +21,21 @@ _PERIOD = 1.0
 
 
 class DiagnosticsOut:
-    """Publishes the statuses of all agents once a second."""
+    """Publishes the statuses of all agents once a second, the bridge's own included.
 
-    def __init__(self, core: BridgeCore, config: Send, bus: Transport, keys: Keys) -> None:
+    Args:
+        core: of the bridge.
+        config: what is sent.
+        bus: on which the others tell theirs.
+        keys: of the graph.
+        own: gives the bridge's newest status; nobody hears what it sends itself.
+    """
+
+    def __init__(
+        self, core: BridgeCore, config: Send, bus: Transport, keys: Keys, own: Callable[[], object] = lambda: None
+    ) -> None:
         self._core = core
+        self._own = own
         self._graph = keys.graph
         self._sent = -math.inf
         self._outlet = core.outlet(config.diagnostics, DIAGNOSTICS) if config.diagnostics else None
@@ -42,6 +54,8 @@ class DiagnosticsOut:
             for agent in board.agents()
             if (status := board.get(agent)) is not None
         ]
+        if isinstance(own := self._own(), Status):
+            heard.append((own, False))
         stamp = self._core.times.to_ros(self._core.times.now())
         self._outlet.send(lambda: to_diagnostics(self._core.types, stamp, self._graph, heard))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
@@ -11,6 +12,7 @@ from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.transforms import is_same, to_stamped
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, StampedTransform, encode_transforms
+from dsr.crdt.delta import Write
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.transforms import Pose
@@ -19,7 +21,10 @@ _STALE = 1.0
 """s by which the newest sample below another parent must be newer before a frame changes its parent in tf"""
 _MOST_AT_ONCE = 500
 """Transforms of one message"""
+_PERIOD = 0.02
+"""s after a message until a change of the memory wakes the bridge again: one that comes sooner waits for a tick"""
 _RT, _BELIEVED = "RT", "Virtual_RT"
+_POSE = "pose"
 
 
 class TfOut:
@@ -37,11 +42,13 @@ class TfOut:
         self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
         """Parent and newest pose by edge type and child"""
         self._static: dict[tuple[str, str], StampedTransform] = {}
+        self._sent = -math.inf
+        """s, our monotonic time of the newest message"""
         types = [type for type, wanted in ((_RT, config.tf), (_BELIEVED, config.belief)) if wanted]
         if types:
             self._outlet = core.outlet("/tf", TF_MESSAGE, Qos(depth=100))
             self._latched = core.outlet("/tf_static", TF_MESSAGE, LATCHED)
-            self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=core.notify)
+            self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=self._changed)
             core.on_close(self._watch.close)
         self._sends = bool(types)
         self.received: set[str] = set()
@@ -51,6 +58,10 @@ class TfOut:
         """The node from which we hang a frame in tf; None if we do not publish it."""
         published = self._published.get((_RT, child))
         return None if published is None else published[0]
+
+    def _changed(self) -> None:
+        if self._core.clock.monotonic() - self._sent >= _PERIOD:
+            self._core.notify()
 
     def update(self) -> None:
         """Send what changed since the last call."""
@@ -65,8 +76,10 @@ class TfOut:
             if change.type == _RT and change.dst in self.received:
                 continue
             edge = self._core.memory.get_edge(change.src, change.dst, change.type)
-            pose = None if edge is None else edge.get("pose")
-            if edge is None or pose is None or not self._is_to_be_sent(edge, pose):
+            write = None if edge is None else edge.newest_write(_POSE)
+            if edge is None or write is None or not isinstance(pose := write.value, Pose):
+                continue
+            if not self._is_to_be_sent(edge, pose, write):
                 continue
             try:
                 transform = self._transform(edge, pose)
@@ -79,6 +92,8 @@ class TfOut:
             else:
                 self._static.pop((edge.type, edge.dst), None)
                 dynamic.append(transform)
+        if dynamic:
+            self._sent = self._core.clock.monotonic()
         for begin in range(0, len(dynamic), _MOST_AT_ONCE):
             self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
         if latched:
@@ -90,10 +105,10 @@ class TfOut:
             del self._published[type, child]
             self._static.pop((type, child), None)
 
-    def _is_to_be_sent(self, edge: Edge, pose: Pose) -> bool:
+    def _is_to_be_sent(self, edge: Edge, pose: Pose, write: Write) -> bool:
         """Not what came from ROS, nor a sample twice, nor one below a parent that is not the frame's in tf."""
         own_root = edge.src == WORLD and edge.dst in self._roots
-        if not self._core.wants((edge.src, edge.dst)) or (self._core.came_from_ros(edge, "pose") and not own_root):
+        if not self._core.wants((edge.src, edge.dst)) or (self._core.is_of_bridge(write) and not own_root):
             return False
         key = edge.type, edge.dst
         published = self._published.get(key)

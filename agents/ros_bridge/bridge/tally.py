@@ -37,9 +37,9 @@ class Tally:
         """Count something that needs no words."""
         self.counts[what] += number
 
-    def tell(self, what: str, subject: str, text: str) -> None:
+    def tell(self, what: str, subject: str, text: str, number: int = 1) -> None:
         """Count a trouble of some kind with some subject, and log the first of its kind with that subject."""
-        self.counts[what] += 1
+        self.counts[what] += number
         self._newest, self._until = text, self._clock.monotonic() + _SHOWN
         if (what, subject) not in self._told and len(self._told) < _MOST_KINDS:
             self._told.add((what, subject))

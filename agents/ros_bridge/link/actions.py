@@ -46,6 +46,10 @@ class ActionGoal:
         self._client.forget(self.id)
         return ActionOutcome(response.status, response.result)
 
+    def is_served(self) -> bool:
+        """Whether the server is visible still."""
+        return self._client.is_served()
+
     def cancel(self, timeout: float) -> bool:
         """Ask the server to end the goal early; false if it refuses. The outcome tells when it has ended."""
         return self._client.cancel(self.id, timeout)
@@ -111,6 +115,11 @@ class ActionClient:
         request = self._types.encode(f"{_CANCEL}_Request", self._types.new(f"{_CANCEL}_Request", goal_info=info))
         response = self._link.call(f"{self._name}/_action/cancel_goal", _CANCEL, request, timeout)
         return bool(self._types.decode(f"{_CANCEL}_Response", response).return_code == 0)
+
+    def is_served(self) -> bool:
+        """Whether a server of the action is visible."""
+        name = f"{self._name}/_action/get_result"
+        return any(one.kind == "service" and one.topic.name == name for one in self._link.endpoints())
 
     def uuid(self, id: bytes) -> Any:
         """The id of a goal as a message."""

@@ -113,12 +113,19 @@ class RosLink(Protocol):
         """Ask a service and wait at most `timeout` s for its response.
 
         Raises:
+            RosAbsentError: if nobody serves it.
             RosTimeoutError: if no response came.
             RosLinkError: if the transport has no services, or the server refused.
         """
 
     def problems(self) -> list[str]:
         """Sentences that tell why messages may not arrive, such as that no router is reached; empty if all is well."""
+
+    def lost(self) -> dict[str, int]:
+        """Messages by topic, since the connection was made, that were sent and did not arrive; of those counted."""
+
+    def unauthenticated(self) -> list[str]:
+        """Who may speak to us without proving who they are, in sentences."""
 
     def close(self) -> None:
         """Take all back and leave; harmless when repeated."""

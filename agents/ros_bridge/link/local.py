@@ -6,7 +6,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 
-from agents.ros_bridge.errors import RosLinkError, RosTimeoutError
+from agents.ros_bridge.errors import RosAbsentError, RosLinkError
 from agents.ros_bridge.link.link import Endpoint, Received, Topic
 from agents.ros_bridge.messages.names import check_name
 from agents.ros_bridge.messages.types import RosTypes, types_of
@@ -166,10 +166,18 @@ class LocalLink:
                     return served.answer(request)
                 except Exception as error:
                     raise RosLinkError(f"{name} refused: {error}") from error
-        raise RosTimeoutError(f"nobody serves {name} ({type}) within {timeout:g} s")
+        raise RosAbsentError(f"nobody serves {name} ({type}) within {timeout:g} s")
 
     def problems(self) -> list[str]:
         """Nothing: within a process, all arrives."""
+        return []
+
+    def lost(self) -> dict[str, int]:
+        """Nothing."""
+        return {}
+
+    def unauthenticated(self) -> list[str]:
+        """Nobody: all is of this process."""
         return []
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 from agents.ros_bridge.errors import RosMessageError
@@ -14,12 +15,16 @@ HEADER = "std_msgs/msg/Header"
 CLOCK = "rosgraph_msgs/msg/Clock"
 _LATEST = 2**31 - 1  # s, in 2038: the field has 32 bits
 
+_LATELY = 16
+"""Stamps that are remembered as ROS has them: what is sent at once mostly has the same ones"""
+
 
 def to_seconds(time: Any) -> float:
     """The stamp of a message's Time or Duration, s."""
     return float(time.sec) + 1e-9 * float(time.nanosec)
 
 
+@lru_cache(_LATELY)
 def split(stamp: float) -> tuple[int, int]:
     """Seconds and nanoseconds of a stamp (s). Raises `RosMessageError` for one that ROS cannot express."""
     if not (math.isfinite(stamp) and -_LATEST <= stamp <= _LATEST):

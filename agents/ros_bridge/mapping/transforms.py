@@ -7,6 +7,8 @@ rotation of the pose: neither moves the other's origin.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,13 +46,18 @@ def read_pose_with_covariance(message: Any, stamp: float) -> Pose:
     return read_pose(message.pose, stamp, 0.5 * (covariance + covariance.T) if known else None)
 
 
-def read_transform(transform: StampedTransform, stamp: float) -> Pose:
-    """parent_from_child of one transform of tf, at a stamp (s) of the graph. Raises `RosMessageError` for none."""
-    x, y, z, qx, qy, qz, qw = transform.pose
+def read_transform(parent: str, child: str, numbers: Sequence[float], stamp: float) -> Pose:
+    """parent_from_child of one transform of tf, at a stamp (s) of the graph. Raises `RosMessageError` for none.
+
+    `numbers` are its translation (m) and its quaternion (x, y, z, w).
+    """
+    x, y, z, qx, qy, qz, qw = numbers
+    if abs(qx * qx + qy * qy + qz * qz + qw * qw - 1.0) < _UNIT_TOLERANCE and math.isfinite(x + y + z):
+        return Pose.unchecked((x, y, z), (qx, qy, qz, qw), stamp)
     try:
         return Pose((x, y, z), (qx, qy, qz, qw), stamp)
     except ValueError as error:
-        raise RosMessageError(f"transform {transform.parent!r} -> {transform.child!r}: {error}") from error
+        raise RosMessageError(f"transform {parent!r} -> {child!r}: {error}") from error
 
 
 def to_stamped(parent: str, child: str, stamp: float, pose: Pose) -> StampedTransform:
@@ -64,6 +71,8 @@ def is_same(one: Pose, other: Pose) -> bool:
     return metres <= _ROUNDING and radians <= _ROUNDING
 
 
+_UNIT_TOLERANCE = 1e-12
+"""Rounding of a unit quaternion: within it the numbers are taken as they are, which is what most publishers send"""
 _ROUNDING = 1e-6
 """m and rad by which a transform changes when somebody passes it on in numbers of single precision"""
 

@@ -79,6 +79,12 @@ ACTIONS: dict[str, tuple[str, str, str]] = {
         "float64 position; float64 effort; bool stalled; bool reached_goal",
         "float64 position; float64 effort; bool stalled; bool reached_goal",
     ),
+    # control_msgs 4.8 to 6.8
+    "control_msgs/action/ParallelGripperCommand": (
+        "sensor_msgs/JointState command",
+        "sensor_msgs/JointState state; bool stalled; bool reached_goal",
+        "sensor_msgs/JointState state",
+    ),
     # tf2_msgs 0.25 to 0.36
     "tf2_msgs/action/LookupTransform": (
         "string target_frame; string source_frame; builtin_interfaces/Time source_time;"

@@ -124,7 +124,7 @@ class RosTypes:
         try:
             definition = self._store.get_msgdef(type)
             read = {_LITTLE: definition.deserialize_cdr_le, _BIG: definition.deserialize_cdr_be}[bytes(cdr[:2])]
-            message, end = read(cdr[_HEADER:], 0, definition.cls, self._store)
+            message, end = read(memoryview(cdr)[_HEADER:], 0, definition.cls, self._store)
         except _REFUSALS as error:
             raise RosMessageError(f"{len(cdr)} bytes are no {type}: {_said(error)}") from error
         if end > len(cdr) - _HEADER:

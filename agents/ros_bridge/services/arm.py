@@ -1,33 +1,32 @@
-"""An arm that ROS controls, as a driver: FollowJointTrajectory, GripperCommand and JointState."""
+"""An arm that ROS controls, as a driver: FollowJointTrajectory, a gripper's action, and JointState."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agents.drivers import ArmState
-from agents.ros_bridge.errors import RosLinkError, RosMessageError, RosTimeoutError
-from agents.ros_bridge.link.actions import ABORTED, ActionClient, ActionGoal, ActionOutcome
+from agents.ros_bridge.errors import RosLinkError, RosMessageError
+from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_duration
 from agents.ros_bridge.services.device import RosDevice
+from agents.ros_bridge.services.goals import GIVEN_UP, tell_end, wait_for_end
+from agents.ros_bridge.services.gripper import RosGripper
 from agents.ros_bridge.services.lane import Lane
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 
 FOLLOW = "control_msgs/action/FollowJointTrajectory"
-GRIP = "control_msgs/action/GripperCommand"
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 _POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
 _ALL_GOALS = bytes(16)
 """A goal id of zeros: to cancel it ends all goals of the server"""
 _ANSWER_WITHIN = 2.0
 """s that a controller may take to accept or cancel a goal"""
-_LOOK = 0.5
-"""s after which a lane that waits for the end of a goal looks for a newer command"""
 _SHORTEST = 0.1
 """s of a motion to one place: controllers refuse points of now"""
 _MOST_SAMPLES = 100
@@ -44,7 +43,7 @@ class RosArm(RosDevice):
         trajectory: FollowJointTrajectory action of the controller.
         states: topic of JointState.
         speed: rad/s of the fastest joint in `move_joints` at speed 1.
-        gripper: GripperCommand action; empty for an arm without a gripper.
+        gripper: GripperCommand or ParallelGripperCommand action; empty for an arm without a gripper.
         gripper_joint: name of the joint that tells how far the gripper is open.
         gripper_closed: position of this joint, and in commands, with nothing between the pads.
         gripper_open: position of this joint, and in commands, at `stroke`.
@@ -54,7 +53,7 @@ class RosArm(RosDevice):
         restamp: take the time of arrival for the stamps of ROS.
 
     Raises:
-        ConfigError: for options that fit no arm.
+        ConfigError: for options that fit no arm, and for DDS, over which there are no actions.
     """
 
     def __init__(
@@ -69,12 +68,17 @@ class RosArm(RosDevice):
                 "an arm in ROS needs the names of its `joints`, `speed` and `stroke` above 0, "
                 "and positions `gripper_open` and `gripper_closed` that differ"
             )
+        if (link or {}).get("transport") == "dds":
+            raise ConfigError(
+                "an arm is driven by actions, which work over rmw_zenoh only: vendors of DDS do not understand each "
+                'other\'s requests; start its nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, and set transport = "zenoh"'
+            )
         super().__init__("/dsr_arm", link or {}, restamp)
         self._names = tuple(joints)
-        self._speed, self._effort = speed, effort
+        self._speed = speed
         self._gripper_joint, self._stroke = gripper_joint, stroke
         self._closed_at, self._open_at = gripper_closed, gripper_open
-        self._inbox = self.inbox(states, JOINT_STATE, _MOST_SAMPLES, Qos(reliable=False, depth=10))
+        self._inbox = self.inbox(states, JOINT_STATE, _MOST_SAMPLES, Qos(reliable=False, depth=_MOST_SAMPLES))
         self._table = JointTable()
         self._state: ArmState | None = None
         self._stalled = False
@@ -82,7 +86,7 @@ class RosArm(RosDevice):
         self._motions = 0
         """Commands to the arm so far: a goal that is accepted after a later one began is cancelled"""
         self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
-        self._grip = ActionClient(self.link, self.types, gripper, GRIP) if gripper else None
+        self._grip = RosGripper(self.link, self.types, self.tally, gripper, gripper_joint, effort) if gripper else None
         self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
 
     # ---- state
@@ -169,21 +173,27 @@ class RosArm(RosDevice):
             for time, row in points
         ]
         trajectory = new(_TRAJECTORY, joint_names=list(self._names), points=rows)
-        goal = self._follow.send(new(f"{FOLLOW}_Goal", trajectory=trajectory), _ANSWER_WITHIN)
+        try:
+            goal = self._follow.send(new(f"{FOLLOW}_Goal", trajectory=trajectory), _ANSWER_WITHIN)
+        except RosLinkError as error:
+            self.tally.tell(GIVEN_UP, str(error), f"a motion was not begun: {error}")
+            return
         if motion != self._motions:
             goal.cancel(_ANSWER_WITHIN)
             return
-        outcome = self._outcome(goal, lambda: self._arm_lane.superseded or motion != self._motions)
-        if outcome is not None and (outcome.status == ABORTED or outcome.result.error_code):
-            why = outcome.result.error_string or f"error {outcome.result.error_code}"
-            self.tally.tell("motions given up", why, f"the controller gave a motion up: {why}")
 
-    def _squeeze(self, grip: ActionClient, position: float) -> None:
-        command = self.types.new("control_msgs/msg/GripperCommand", position=position, max_effort=self._effort)
-        goal = grip.send(self.types.new(f"{GRIP}_Goal", command=command), _ANSWER_WITHIN)
-        outcome = self._outcome(goal, lambda: self._grip_lane.superseded)
-        if outcome is not None:
-            self._stalled = bool(outcome.result.stalled and not outcome.result.reached_goal)
+        def is_over() -> bool:
+            return self._arm_lane.superseded or motion != self._motions
+
+        outcome = wait_for_end(goal, self.tally, "a motion", points[-1][0], is_over)
+        if outcome is not None and not is_over():
+            tell_end(outcome, self.tally, "a motion")
+
+    def _squeeze(self, grip: RosGripper, position: float) -> None:
+        try:
+            self._stalled = grip.squeeze(position, _ANSWER_WITHIN, lambda: self._grip_lane.superseded)
+        except RosLinkError as error:
+            self.tally.tell(GIVEN_UP, str(error), f"a motion of the gripper was not begun: {error}")
 
     def _cancel_and_hold(self) -> None:
         try:
@@ -193,13 +203,3 @@ class RosArm(RosDevice):
         state = self._state
         if state is not None:
             self._arm_lane.do(lambda motion=self._motions: self._send([(_SHORTEST, state.positions)], motion))  # type: ignore[misc]
-
-    @staticmethod
-    def _outcome(goal: ActionGoal, is_over: Callable[[], bool]) -> ActionOutcome | None:
-        """How a goal ended; None if something newer is to be done before."""
-        while not is_over():
-            try:
-                return goal.outcome(_LOOK)
-            except RosTimeoutError:
-                continue
-        return None

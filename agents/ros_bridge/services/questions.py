@@ -1,10 +1,12 @@
 """Services that answer questions to the memory: transform, objects, what if, mission.
 
-They are called from threads of the link; the memory may be read and written from any thread.
+They are called from threads of the link; the memory may be read and written from any thread. What-if questions go out
+with the bridge's ticks: so they are answered in lockstep, too, while the run goes on.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +17,8 @@ from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.mapping.transforms import to_pose_with_covariance
-from dsr.errors import DsrError, GoalError
+from dsr.clock import WALL_CLOCK
+from dsr.errors import DsrError, GoalError, TransportError
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
@@ -24,13 +27,25 @@ from dsr.network.transport import Transport
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.intentions import add_intention, nobody_pursues
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present, nodes_by_name
-from dsr.vocabulary.what_if import MAX_SECONDS, Question, WhatIf
+from dsr.vocabulary.what_if import MAX_SECONDS, TIMEOUT, Answer, Pending, Question, WhatIf
 
 TRIGGER, ASK, TRANSFORM = "std_srvs/srv/Trigger", "dsr_msgs/srv/Ask", "dsr_msgs/srv/Transform"
 _STAMPED = "geometry_msgs/msg/PoseWithCovarianceStamped"
 _LONGEST = 1 << 20
 """Characters of a question, as of a text in the graph"""
+_PATIENCE = 2.0 * TIMEOUT
+"""s by the machine's clock for which a caller waits, as `WhatIf.ask_and_wait`: a run in lockstep may stand still"""
 _questions = msgspec.json.Decoder(Question)
+
+
+class _Asked:
+    """A what-if question whose caller waits."""
+
+    def __init__(self, question: Question) -> None:
+        self.question = question
+        self.pending: Pending | None = None
+        """Once it was asked"""
+        self.done = threading.Event()
 
 
 class Questions:
@@ -46,6 +61,10 @@ class Questions:
     def __init__(self, core: BridgeCore, namespace: str, bus: Transport, keys: Keys) -> None:
         self._core = core
         self._what_if = WhatIf(bus, keys, core.clock)
+        self._ticks_in = threading.get_ident()
+        self._lock = threading.Lock()
+        self._waiting: list[_Asked] = []
+        self._closed = False
         wanted: tuple[tuple[str, str, Callable[[Any], dict[str, Any]]], ...] = (
             ("objects", TRIGGER, self._objects),
             ("transform", TRANSFORM, self._transform),
@@ -57,8 +76,23 @@ class Questions:
             for name, type, answer in wanted
         ]
 
+    def update(self) -> None:
+        """Ask what came since the last tick, and pass on what was answered."""
+        with self._lock:
+            waiting = list(self._waiting)
+        for asked in waiting:
+            if asked.pending is None:
+                asked.pending = self._what_if.ask(asked.question)
+            elif asked.pending.done:
+                self._finish(asked)
+
     def close(self) -> None:
-        """Answer no more."""
+        """Answer no more; who waits hears that the bridge ends."""
+        with self._lock:
+            self._closed = True
+            waiting = list(self._waiting)
+        for asked in waiting:
+            self._finish(asked)
         for served in self._served:
             served.close()
 
@@ -118,8 +152,32 @@ class Questions:
             raise RosMessageError(f"no what-if question: {error}; expected JSON such as {example}") from error
         if not 0.0 <= question.seconds <= MAX_SECONDS:
             raise RosMessageError(f"seconds {question.seconds}: expected 0 to {MAX_SECONDS:g}")
-        answer = self._what_if.ask_and_wait(question)
+        answer = self._asked(question)
         return {"success": True, "answer": msgspec.json.encode(answer).decode()}
+
+    def _asked(self, question: Question) -> Answer:
+        """The answer, once ticks have asked for it. Raises `TransportError` if there is none, and why."""
+        if threading.get_ident() == self._ticks_in:
+            raise TransportError("what if? who asks in the thread of a lockstep run waits for itself: use another one")
+        asked = _Asked(question)
+        with self._lock:
+            if self._closed:
+                raise TransportError("what if? the bridge ends")
+            self._waiting.append(asked)
+        self._core.notify()
+        if not WALL_CLOCK.wait(asked.done, _PATIENCE):
+            self._finish(asked)
+        pending = asked.pending
+        if pending is None or pending.answer is None:
+            why = "" if pending is None else pending.failed
+            raise TransportError(f"what if? {why or 'no answer in time: does the run go on?'}")
+        return pending.answer
+
+    def _finish(self, asked: _Asked) -> None:
+        with self._lock:
+            if asked in self._waiting:
+                self._waiting.remove(asked)
+        asked.done.set()
 
     def _mission(self, request: Any) -> dict[str, Any]:
         memory, text = self._core.memory, _text(request.question)

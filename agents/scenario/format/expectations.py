@@ -101,13 +101,17 @@ class Perceived(OfObjects, frozen=True, kw_only=True, tag="perceived"):
     value: bool = True
 
 
+EXACT = 1e-9
+"""Difference up to which numbers of an attribute are equal, whatever its unit: the rounding of a few operations."""
+
+
 class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
     """The attribute `name` of `node` equals `value` (numbers: within `tolerance`)."""
 
     node: str
     name: str
     value: bool | int | float | str
-    tolerance: Annotated[float, Meta(ge=0)] = 1e-9
+    tolerance: Annotated[float, Meta(ge=0)] = EXACT
     """Greatest difference of numbers, in the unit of the attribute."""
 
 

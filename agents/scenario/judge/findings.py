@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from agents.scenario.format.expectations import (
+    EXACT,
     ActionsCheck,
+    Attribute,
     BeliefError,
     Check,
     Edges,
@@ -32,7 +34,7 @@ NOTHING: Finding = (False, "there was no object to judge")
 
 def describe(check: Check) -> str:
     """The expectation in a line, e.g. `resting (tolerance 1 mm)`."""
-    details = [f"{key} {_written(key, value)}" for key, value in _stated(check)]
+    details = [f"{key} {_written(check, key, value)}" for key, value in _stated(check)]
     name = str(check.__struct_config__.tag)
     return f"{name} ({', '.join(details)})" if details else name
 
@@ -92,18 +94,18 @@ def mm(metres: float) -> str:
 
 def _stated(check: Check) -> Iterable[tuple[str, Any]]:
     """The fields that say something: not those left out, nor what counts of a window when all of it does."""
-    unsaid = {"at_rest": False, "share": 1.0}
+    unsaid = {"at_rest": False, "share": 1.0, **({"tolerance": EXACT} if isinstance(check, Attribute) else {})}
     fields = ((field, getattr(check, field)) for field in check.__struct_fields__)
     return ((key, value) for key, value in fields if value not in (None, (), BASE) and unsaid.get(key) != value)
 
 
-def _written(key: str, value: Any) -> str:
+def _written(check: Check, key: str, value: Any) -> str:
     if key in ("at", "after", "within"):
         return f"{value:g} s"
     if key == "share":
         return f"{value:.0%}"
-    if key == "tolerance":
-        return mm(value)
+    if key == "tolerance":  # of an attribute it is in the unit of that
+        return f"{value:g}" if isinstance(check, Attribute) else mm(value)
     if key == "angle":
         return f"{math.degrees(value):g} deg"
     if isinstance(value, tuple):

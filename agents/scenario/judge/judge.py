@@ -176,6 +176,7 @@ class Judge:
         """The verdicts and numbers of the finished run."""
         scenario = self.history.scenario
         verdicts = [judge_check(check, self.history) for check in scenario.expectations]
+        passed = all(verdict.passed for verdict in verdicts)
         metrics, notes = measure(self.history)
         return Result(
             scenario=scenario.name,
@@ -183,12 +184,12 @@ class Judge:
             mode=mode,
             sensor=sensor,
             policy=policy,
-            passed=all(verdict.passed for verdict in verdicts),
+            passed=passed,
             expectations=verdicts,
             metrics=metrics,
             curves=curves(self.history),
             notes=notes,
-            overload=overload(self.history),
+            overload=overload(self.history, passed=passed),
         )
 
     def close(self) -> None:

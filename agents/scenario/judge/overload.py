@@ -18,7 +18,7 @@ from dsr.runtime.status import PERIOD
 FRAMES_STOP = 0.5
 """s between two frames from which on no frames come: five times the period of the simulated camera"""
 WORTH_TELLING = 3.0
-"""s of overload of an agent that are told; less happens while agents start"""
+"""s of overload of an agent that are told of a run that passed; less happens while agents start"""
 
 
 class Overload(msgspec.Struct, frozen=True, kw_only=True):
@@ -42,14 +42,18 @@ class Overload(msgspec.Struct, frozen=True, kw_only=True):
         return f"the machine was overloaded: agents waited for a processor and left out ticks: {agents}{frames}"
 
 
-def overload(history: History) -> Overload | None:
-    """How far the machine was too busy for the finished run; None if it was not."""
+def overload(history: History, *, passed: bool) -> Overload | None:
+    """How far the machine was too busy for the finished run; None if it was not.
+
+    Of a run that has not passed every second counts: an action fails if nothing is heard of the arm for a moment.
+    """
     shares: dict[str, list[float]] = defaultdict(list)
     for load in history.loads:
         if 0.0 <= load.time <= history.end:
             shares[load.agent].append(load.waiting)
     frameless = sum(end - begin for begin, end in standstills(history, history.end))
-    if not frameless and max(map(len, shares.values()), default=0) * PERIOD < WORTH_TELLING:
+    longest = max(map(len, shares.values()), default=0) * PERIOD
+    if not frameless and longest < (WORTH_TELLING if passed else PERIOD):
         return None
     return Overload(
         lagging_s={agent: len(found) * PERIOD for agent, found in shares.items()},

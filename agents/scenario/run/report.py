@@ -44,14 +44,15 @@ class ProgressBar:
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.completed:5.1f} of {task.total:.0f} {task.fields[unit]}"),
+            TextColumn("{task.completed:5.1f} of {task.fields[most]}{task.total:.0f} {task.fields[unit]}"),
             TimeRemainingColumn(),
             console=console,
             transient=True,
         )
         self._duration = scenario.duration
         self._name = scenario.name
-        self._task = self._progress.add_task("starting", total=scenario.duration, unit="s")
+        self._at_most = "" if scenario.linger is None else "at most "
+        self._task = self._progress.add_task("starting", total=scenario.duration, unit="s", most="")
         self._console = console
         self._next_line = -math.inf
 
@@ -69,15 +70,17 @@ class ProgressBar:
         waiting = [row.agent for row in rows if not row.is_ready]
         text = f"starting {', '.join(waiting)}" if waiting else "all agents are ready"
         done = len(rows) - len(waiting)
-        self._progress.update(self._task, description=text, completed=done, total=len(rows), unit="agents")
+        self._progress.update(self._task, description=text, completed=done, total=len(rows), unit="agents", most="")
 
     def running(self, elapsed: float) -> None:
         """Show the time of the scenario."""
         done = min(max(elapsed, 0.0), self._duration)
         if not redraws(self._console) and elapsed >= self._next_line:
-            self._console.print(f"{self._name}: {done:.0f} of {self._duration:.0f} s")
+            self._console.print(f"{self._name}: {done:.0f} of {self._at_most}{self._duration:.0f} s")
             self._next_line = done + _LINE_PERIOD
-        self._progress.update(self._task, description=self._name, completed=done, total=self._duration, unit="s")
+        self._progress.update(
+            self._task, description=self._name, completed=done, total=self._duration, unit="s", most=self._at_most
+        )
 
     def happened(self, elapsed: float, line: Line) -> None:
         """Print one line of the story, above the bar."""

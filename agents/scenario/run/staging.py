@@ -10,6 +10,7 @@ import msgspec
 from agents.scenario.format.events import Kill
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
+from dsr.config.extras import check_installed
 from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
 
@@ -57,10 +58,14 @@ def staged_system(run: Run) -> System:
 
     An agent that the scenario kills has a process of its own: no other agent dies with it.
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
+    A mission is refused where the libraries of those who would pursue it are not installed: nothing would happen.
     """
     system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
     if run.scenario.mission is None:
         system = without(system, MISSION)
+    else:
+        for spec in system.agents:
+            check_installed(spec.kind.goal_libraries, f"scenario {run.scenario.name!r} has a mission for {spec.name!r}")
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)

@@ -24,6 +24,7 @@ from dsr.vocabulary.intentions import (
     PLANNED,
     PLANNING,
     RUNNING,
+    WAITING,
     WANTED,
     describe_action,
     nobody_pursues,
@@ -141,7 +142,9 @@ class Story:
                 reason = node.get("explanation", "")
                 yield Line(Topic.MISSION, f"planning again{f': {reason}' if reason else ''}", good=False)
             if status not in ("", WANTED, *_TOLD_BY_ACTIONS) and self._is_new(node.name, status, why):
-                yield Line(Topic.MISSION, f"{status}: {why}" if why else status, status in FULFILLED)
+                begins = status == WAITING and (before is None or before[0] != EXECUTING)  # nothing has failed yet
+                good = status in FULFILLED or begins
+                yield Line(Topic.MISSION, f"{status}: {why}" if why else status, good)
         yield from self._nobody()
 
     def _is_new(self, intention: str, status: str, why: str) -> bool:

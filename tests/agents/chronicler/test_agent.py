@@ -21,6 +21,9 @@ class Worker(Agent):
     name = "worker"
     writes = Access()
 
+    def tick(self, now: float) -> None:
+        pass
+
 
 class Stage:
     def __init__(self, *writers: str, workers: tuple[str, ...] = (), **config: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+import re
 import signal
 import subprocess
 import sys
@@ -115,3 +117,52 @@ def test_without_a_running_graph_it_says_so() -> None:
         CliRunner().invoke(app, [], catch_exceptions=False)
     with pytest.raises(ConfigError, match="no graph 'x' runs"):
         CliRunner().invoke(app, ["-g", "x"], catch_exceptions=False)
+
+
+def recording(folder: Path, before: str = "") -> subprocess.Popen[str]:
+    """`dsr record` into a folder, after some statements."""
+    program = f"{before}\nfrom dsr.cli import start\nstart()"
+    command = [sys.executable, "-c", program, "record", "--folder", str(folder), "-g", "scene"]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_it_says_when_the_system_has_gone_and_goes_on_with_the_next_one(tmp_path: Path) -> None:
+    with dsr.connect("scene", agent="owner") as memory:
+        memory.add_node("world", "world")
+        process = recording(tmp_path / "run")
+        assert process.stdout and "recording graph scene" in process.stdout.readline()
+    with process:
+        assert process.stderr
+        assert "nobody else is in the graph any more; waiting for somebody" in process.stderr.readline()
+        with dsr.connect("scene", agent="owner") as memory:
+            assert process.stderr.readline() == "somebody is in the graph again\n"
+            memory.add_node("cube_3", "cube")
+            assert memory.replica.wait_until(lambda: memory.replica.synchroniser.delivered, 10.0)
+            WALL_CLOCK.wait(threading.Event(), 1.5)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
+    graph = ReplayedGraph(tmp_path / "run")
+    assert {"world", "cube_3"} <= {node.name for node in graph.at(graph.duration).nodes()}
+
+
+def test_lost_messages_are_counted_and_make_it_fail(tmp_path: Path) -> None:
+    limited = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))"
+    with dsr.connect("scene", agent="owner") as memory, recording(tmp_path / "run", limited) as process:
+        memory.add_node("cube_3", "cube", explanation="")
+        assert process.stdout and process.stderr
+        assert "recording graph scene" in process.stdout.readline()
+        for step in range(60):
+            memory.update_node("cube_3", explanation=random.Random(step).randbytes(1000).hex())
+            WALL_CLOCK.wait(threading.Event(), 0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 1
+        assert re.search(r"^[1-9]\d* messages were lost: they are not in the recording$", process.stderr.read(), re.M)
+
+
+def test_a_graph_that_nobody_holds_is_not_recorded(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    program = ["-m", "dsr.cli", "record", "-g", "scene", "--connect", "tcp/127.0.0.1:1", "--folder", str(folder)]
+    done = subprocess.run([sys.executable, *program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith("nobody holds graph 'scene', or the router tcp/127.0.0.1:1 cannot be reached\n")
+    assert done.stdout == "" and not folder.exists()

@@ -14,7 +14,6 @@ import time
 import numpy as np
 from zenoh_ros2_sdk import ROS2Publisher, ROS2ServiceClient, ROS2ServiceServer, ROS2Subscriber, ZenohSession
 
-ACCEPTING, CANCELING = 1, 3
 SUCCEEDED, CANCELED = 4, 5
 
 
@@ -35,6 +34,8 @@ class Commands:
         self.session = ZenohSession.get_instance("127.0.0.1", port)
         self.place = {"router_ip": "127.0.0.1", "router_port": port}
         self.got, self.publishers, self.kept = {}, {}, []
+        self.threads, self.ended = [], threading.Event()
+        self.actions = {}
 
     def define(self, definitions):
         for type, definition in definitions.items():
@@ -50,7 +51,9 @@ class Commands:
                 value = self.build(inner, value)
             elif node in (3, 4):
                 (of, what), _ = inner
-                if of == 2:
+                if isinstance(value, dict):  # a large array, as a file of its bytes
+                    value = np.fromfile(value["file"], what[0])
+                elif of == 2:
                     value = [self.build(what, item) for item in value]
                 elif what[0] != "string":
                     value = np.array(value, what[0])
@@ -81,6 +84,36 @@ class Commands:
             if hz:
                 time.sleep(1.0 / hz)
 
+    def repeat(self, messages, hz):
+        """Send messages, by topic, again and again, each time with one present stamp."""
+        sent = []
+        for topic, values in messages.items():
+            publisher = self.publishers[topic]
+            sent.append((publisher, self.build(publisher.msg_type, values)))
+
+        def run():
+            due = time.monotonic()
+            while not self.ended.wait(max(due - time.monotonic(), 0.0)):
+                now = divmod(time.time_ns(), 10**9)
+                for publisher, message in sent:
+                    for part in getattr(message, "transforms", [message]):
+                        part.header.stamp.sec, part.header.stamp.nanosec = now
+                    publisher.publish(**{name: getattr(message, name) for name in names(message)})
+                due = max(due + 1.0 / hz, time.monotonic())
+
+        self.start(run)
+
+    def start(self, run):
+        thread = threading.Thread(target=run, daemon=True)
+        self.threads.append(thread)
+        thread.start()
+
+    def close(self):
+        self.ended.set()
+        for thread in self.threads:
+            thread.join()
+        self.session.close()
+
     def call(self, name, type, hash, request, response, values, timeout=5.0):
         client = ROS2ServiceClient(name, type, request, response, type_hash=hash, timeout=timeout, **self.place)
         try:
@@ -100,11 +133,11 @@ class Commands:
         )  # fmt: skip
         self.kept.append(server)
 
-    def serve_action(self, name, type, hashes, definitions, steps, step_seconds):
-        """A server of FollowJointTrajectory that sends feedback, and takes `steps` of so long for each goal."""
+    def serve_action(self, name, type, hashes, definitions):
+        """A server of any action, whose goals go as they are planned with `plan`; else they succeed after a second."""
         types = {"send_goal": f"{type}_SendGoal", "get_result": f"{type}_GetResult",
                  "cancel_goal": "action_msgs/srv/CancelGoal"}  # fmt: skip
-        goals, canceled = {}, set()
+        action = self.actions[name] = Action()
         feedback = ROS2Publisher(
             f"{name}/_action/feedback", f"{type}_FeedbackMessage", msg_definition=definitions["feedback"],
             type_hash=hashes["feedback"], **self.place,
@@ -122,17 +155,17 @@ class Commands:
                     values[field] = [0] * inner[1] if node == 3 else []
             return values
 
-        def work(id, done):
-            for _ in range(steps):
-                if id in canceled:
-                    break
+        def work(id):
+            goal = action.goals[id]
+            end = time.monotonic() + goal["plan"].get("seconds", 1.0)
+            while time.monotonic() < end and not goal["cancelled"].wait(0.05):
                 values = zero(f"{type}_FeedbackMessage")
                 values["goal_id"]["uuid"] = list(id)
-                values["feedback"]["joint_names"] = ["joint_1"]
+                if "joint_names" in values["feedback"]:
+                    values["feedback"]["joint_names"] = ["joint_1"]
                 message = self.build(f"{type}_FeedbackMessage", values)
                 feedback.publish(goal_id=message.goal_id, feedback=message.feedback)
-                time.sleep(step_seconds)
-            done.set()
+            goal["done"].set()
 
         def serve(kind):
             server = ROS2ServiceServer(
@@ -142,24 +175,33 @@ class Commands:
             self.kept.append(server)
 
             def finish(key, id):
-                goals[id].wait()
-                status = CANCELED if id in canceled else SUCCEEDED
-                text = "stopped" if id in canceled else "reached"
-                result = store.types[f"{type}_Result"](error_code=0, error_string=text)
+                goal = action.goals[id]
+                goal["done"].wait()
+                time.sleep(goal["plan"].get("late", 0.0))
+                stopped = goal["cancelled"].is_set()
+                status = CANCELED if stopped else goal["plan"].get("status", SUCCEEDED)
+                said = goal["plan"].get("stopped" if stopped else "result", {})
+                result = self.build(f"{type}_Result", {**zero(f"{type}_Result"), **said})
                 server.send_response(key, server.response_msg_class(status=status, result=result))
 
             def run():
                 while True:
                     key, request = server.take_request()
                     if kind == "cancel_goal":
-                        canceled.add(bytes(request.goal_info.goal_id.uuid))
+                        id = bytes(request.goal_info.goal_id.uuid)
+                        for one in action.goals if id == bytes(16) else [id]:
+                            action.goals[one]["cancelled"].set()
                         answer = server.response_msg_class(return_code=0, goals_canceling=[request.goal_info])
                     elif kind == "send_goal":
-                        id = bytes(request.goal_id.uuid)
-                        accepted = bool(request.goal.trajectory.joint_names)
+                        plan = action.plans.pop(0) if action.plans else {}
+                        accepted = plan.get("accept", True)
+                        action.asked.append(plain(request.goal))
                         if accepted:
-                            goals[id] = threading.Event()
-                            threading.Thread(target=work, args=(id, goals[id]), daemon=True).start()
+                            id = bytes(request.goal_id.uuid)
+                            action.goals[id] = {
+                                "plan": plan, "cancelled": threading.Event(), "done": threading.Event()
+                            }  # fmt: skip
+                            threading.Thread(target=work, args=(id,), daemon=True).start()
                         stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
                         answer = server.response_msg_class(accepted=accepted, stamp=stamp)
                     else:
@@ -172,6 +214,22 @@ class Commands:
 
         for kind in types:
             serve(kind)
+
+    def plan(self, name, goals):
+        """How the next goals of an action go: `accept`, `seconds`, `late` (s), `status`, `result`, `stopped`."""
+        self.actions[name].plans += goals
+
+    def asked(self, name):
+        """The goals that came, and how many of those accepted were cancelled."""
+        action = self.actions[name]
+        return {"goals": action.asked, "cancelled": sum(goal["cancelled"].is_set() for goal in action.goals.values())}
+
+
+class Action:
+    """What one action server knows of its goals."""
+
+    def __init__(self):
+        self.plans, self.asked, self.goals = [], [], {}
 
 
 def say(answer):
@@ -189,7 +247,7 @@ def main():
         except Exception as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
         say(answer)
-    commands.session.close()
+    commands.close()
 
 
 if __name__ == "__main__":

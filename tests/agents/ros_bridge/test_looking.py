@@ -80,6 +80,9 @@ def test_check_tells_why_nothing_arrives(robot: ZenohLink, connect: Connect, rou
         "/reset: is a service, no topic",
     ]
     assert found.nodes == ["/odd", "/old", "/robot"] and found.versions["rosbags"].startswith("0.11.")
+    assert found.unauthenticated == [
+        f"whoever reaches the Zenoh router {router.endpoint} may speak in domain 0, in the name of any node"
+    ]
     assert found.reached == f"zenoh, domain 0, ROS 2 jazzy, router {router.endpoint}, this machine only"
 
 
@@ -94,6 +97,7 @@ def test_the_commands(robot: ZenohLink, router: Router) -> None:
     assert {row.name for row in rows} >= {"/said", "/wanted", "/reset", "/odd"}
     fine = CliRunner().invoke(app, ["check", "/said", *place, "--for", "0.5"])
     assert (fine.exit_code, "nothing stands in the way" in fine.output) == (0, True), fine.output
+    assert "in the name of any node" in " ".join(fine.output.split())
     wrong = CliRunner().invoke(app, ["check", "/wanted", *place, "--for", "0.1", "--json"])
     assert wrong.exit_code == 1
     assert msgspec.json.decode(wrong.output, type=RosFindings).problems == [

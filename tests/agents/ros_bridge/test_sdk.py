@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rosbags.interfaces import Nodetype
-
 from agents.ros_bridge.link.actions import CANCELED, SUCCEEDED, ActionClient
 from agents.ros_bridge.link.link import Qos, Topic
 from agents.ros_bridge.link.zenoh.zenoh_link import ZenohLink
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
 from tests.agents.ros_bridge.samples import TYPES, image, joints, plain
+from tests.agents.ros_bridge.sdk_types import advertise, listen, serve_action
 from tests.agents.ros_bridge.told import Told, eventually
 
 IMAGE, JOINTS, TF = "sensor_msgs/msg/Image", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
@@ -19,35 +18,6 @@ SUM, TRIGGER = "example_interfaces/srv/AddTwoInts", "std_srvs/srv/Trigger"
 FOLLOW = "control_msgs/action/FollowJointTrajectory"
 Connect = Callable[..., ZenohLink]
 TURNED = (0.0, 0.0, 0.0, 1.0)
-
-
-def parts(*types: str) -> dict[str, str]:
-    """The definitions of types and of all that is in them, by name."""
-    found: dict[str, str] = {}
-    for type in types:
-        lines = []
-        for name, kind in TYPES.fields(type):
-            (of, what), size = (kind, None) if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1]
-            if of == Nodetype.NAME:
-                found |= parts(what)
-            many = "" if size is None else f"[{size or ''}]"
-            lines.append(f"{what if of == Nodetype.NAME else what[0]}{many} {name}")
-        found[type] = "\n".join(lines)
-    return found
-
-
-def listen(sdk: Told, topic: str, type: str, **options: Any) -> None:
-    definitions = parts(type)
-    definition = definitions.pop(type)
-    sdk.define(definitions=definitions)
-    sdk.subscribe(topic=topic, type=type, hash=TYPES.hash(type), definition=definition, **options)
-
-
-def advertise(sdk: Told, topic: str, type: str) -> None:
-    definitions = parts(type)
-    definition = definitions.pop(type)
-    sdk.define(definitions=definitions)
-    sdk.advertise(topic=topic, type=type, hash=TYPES.hash(type), definition=definition)
 
 
 def has_a_joint(message: dict[str, Any]) -> bool:
@@ -149,27 +119,17 @@ def test_we_call_its_service(connect: Connect, sdk: Told, topic: str) -> None:
 
 def test_we_drive_its_action(connect: Connect, sdk: Told, topic: str) -> None:
     link = connect()
-    cancel = "action_msgs/srv/CancelGoal"
-    names = {
-        "send_goal_request": f"{FOLLOW}_SendGoal_Request", "send_goal_response": f"{FOLLOW}_SendGoal_Response",
-        "get_result_request": f"{FOLLOW}_GetResult_Request", "get_result_response": f"{FOLLOW}_GetResult_Response",
-        "cancel_goal_request": f"{cancel}_Request", "cancel_goal_response": f"{cancel}_Response",
-        "feedback": f"{FOLLOW}_FeedbackMessage",
-    }  # fmt: skip
-    known = parts(*names.values())
-    definitions = {part: known.pop(name) for part, name in names.items()}
-    sdk.define(definitions=known)
-    hashes = {
-        "send_goal": TYPES.hash(f"{FOLLOW}_SendGoal"), "get_result": TYPES.hash(f"{FOLLOW}_GetResult"),
-        "cancel_goal": TYPES.hash(cancel), "feedback": TYPES.hash(f"{FOLLOW}_FeedbackMessage"),
-    }  # fmt: skip
-    sdk.serve_action(name=topic, type=FOLLOW, hashes=hashes, definitions=definitions, steps=20, step_seconds=0.05)
+    serve_action(sdk, topic, FOLLOW)
+    sdk.plan(name=topic, goals=[
+        {"seconds": 1.0, "result": {"error_string": "reached"}},
+        {"seconds": 20.0, "stopped": {"error_string": "stopped"}},
+    ])  # fmt: skip
     client, seen = ActionClient(link, TYPES, topic, FOLLOW), []
     trajectory = TYPES.new("trajectory_msgs/msg/JointTrajectory", joint_names=["joint_1"])
     goal = TYPES.new(f"{FOLLOW}_Goal", trajectory=trajectory)
     reached = client.send(goal, 10.0, seen.append).outcome(10.0)
     assert (reached.status, reached.result.error_string) == (SUCCEEDED, "reached")
-    assert len(seen) > 10 and seen[0].joint_names == ["joint_1"]
+    assert len(seen) > 5 and seen[0].joint_names == ["joint_1"]
     stopped = client.send(goal, 10.0)
     assert stopped.cancel(10.0)
     end = stopped.outcome(10.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -167,6 +168,22 @@ def test_messages_without_attachment_are_counted_and_dropped(connect: Connect, t
     assert any("4 messages" in problem and topic in problem for problem in link.problems())
 
 
+def test_messages_of_an_old_rmw_zenoh_are_told_as_such(connect: Connect, topic: str) -> None:
+    """Up to 0.2.3 (Jazzy) a name stood before each number: rmw_zenoh's pull request 601."""
+    link = connect("/listener")
+    link.subscribe(Topic(topic, STRING), lambda _: None)
+    stranger = connect("/stranger")
+    eventually(lambda: [one for one in stranger.endpoints() if one.kind == "subscriber"])
+    old = b"".join(bytes([len(name)]) + name + value for name, value in (
+        (b"sequence_number", (1).to_bytes(8, "little")), (b"source_timestamp", (5).to_bytes(8, "little")),
+        (b"source_gid", bytes([16]) + b"g" * 16),
+    ))  # fmt: skip
+    key = f"0{topic}/std_msgs::msg::dds_::String_/{TYPES.hash(STRING)}"
+    stranger._session.put(key, text("old"), attachment=old)
+    (problem,) = eventually(link.problems)
+    assert f"1 messages of {topic} came from an rmw_zenoh older than 0.2.4 (Jazzy)" in problem
+
+
 def test_a_handler_that_fails_loses_only_its_message(
     connect: Connect, topic: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -206,7 +223,34 @@ def test_a_slow_subscriber_holds_up_nobody_and_its_loss_is_counted(connect: Conn
     go.set()
     eventually(lambda: slow_got and read(slow_got[-1]) == "999")
     assert len(slow_got) < 100 and subscription.lost == 1000 - len(slow_got)
-    assert any(f"{subscription.lost} messages of {topic} did not arrive" in one for one in listener.problems())
+    lost = subscription.lost
+    assert listener.lost() == {topic: lost} and listener.problems() == []
+    subscription.close()
+    listener.subscribe(Topic(topic, STRING), lambda _: None)
+    assert listener.lost() == {topic: lost}, "also of a subscription that was taken back"
+
+
+def test_a_router_that_is_joined_with_others_is_told(router: Router, connect: Connect) -> None:
+    """A link over another interface: who is there speaks through the router, although the router is here."""
+    link = connect()
+    assert link.unauthenticated() == [
+        f"whoever reaches the Zenoh router {router.endpoint} may speak in domain 0, in the name of any node"
+    ]
+    page = {"sessions": [
+        {"links": [{"dst": "tcp/127.0.0.1:40000"}, {"dst": "tcp/[::1]:4"}]}, {"links": [{"dst": "tcp/192.0.2.7:7447"}]}
+    ]}  # fmt: skip
+    config = zenoh.Config()
+    config.insert_json5("connect/endpoints", json.dumps([router.endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as other:
+        pages = (json.dumps(page), "[]", "{", "x" * 2_000_000)
+        served = [
+            other.declare_queryable(f"@/{number}/router", lambda query, text=text: query.reply(query.key_expr, text))
+            for number, text in enumerate(pages)
+        ]
+        joined = f"the router {router.endpoint} is joined with tcp/192.0.2.7:7447: it passes on what comes from there"
+        eventually(lambda: link.unauthenticated()[1:] == [joined])
+        assert served
 
 
 def test_a_flood_of_announcements_is_bounded(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -249,12 +249,14 @@ def test_a_goal_that_holds_in_no_world_is_doubted_unless_that_is_expected(tmp_pa
     [
         ("agents.arm_controller:ArmController", "agents.arm_controller:ArmControler", "'ArmControler'"),
         ("observe_joints", "observe_jionts", "observe_jionts"),
+        ("agents.arm_controller:ArmController", "idle_arm:IdleArm", "has no method tick"),
     ],
 )
 def test_a_system_with_a_mistake_fails_the_check(tmp_path: Path, old: str, new: str, said: str) -> None:
     system = (ETC / "systems/tabletop.toml").read_text()
     assert old in system
     (tmp_path / "mine.toml").write_text(system.replace(old, new, 1))
+    (tmp_path / "idle_arm.py").write_text("from dsr import Agent\n\n\nclass IdleArm(Agent):\n    pass\n")
     file = tmp_path / "s.toml"
     file.write_text('system = "mine.toml"\n' + BASE)
     outcome = CliRunner().invoke(cli.app, ["check", "--no-play", str(file)])

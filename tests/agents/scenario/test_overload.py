@@ -141,17 +141,24 @@ def test_a_gap_that_has_not_ended_counts_as_far_as_it_is_known() -> None:
 def test_without_overload_times_are_what_they_were_to_the_last_bit() -> None:
     history = course("check = 'belief_error'\nat = 1.1\nevent = 1")
     assert moment(history, 4.95, 1.1, history.end) == 4.95 + 1.1
-    assert overload(history) is None
+    assert overload(history, passed=True) is None and overload(history, passed=False) is None
 
 
 def test_overload_is_told_with_who_lagged() -> None:
     history = course(RECOVERED, frames=GAP, loads=[*BUSY, LateTicks(7.0, "arm", 0.3), LateTicks(-3.0, "arm", 0.9)])
-    found = overload(history)
+    found = overload(history, passed=True)
     assert found is not None
     assert found.lagging_s == {"plant": 7.0, "arm": 1.0} and found.waiting["arm"] == 0.3
     assert found.frameless_s == pytest.approx(4.5)
     assert "plant for 7 s (waiting 60 % of them), arm for 1 s" in found.text and "no frame came for 4.5 s" in found.text
-    assert overload(course(RECOVERED, frames=FRAMES, loads=BUSY[:2])) is None
+
+
+def test_of_a_run_that_failed_the_shortest_overload_is_told() -> None:
+    """Frames came all the time, and yet nothing was heard of the arm for a moment: its action failed."""
+    history = course(RECOVERED, frames=FRAMES, loads=BUSY[:1])
+    assert overload(history, passed=True) is None
+    found = overload(history, passed=False)
+    assert found is not None and found.lagging_s == {"plant": 1.0} and found.frameless_s == 0.0
 
 
 @pytest.mark.parametrize("passed", [True, False])
@@ -159,7 +166,8 @@ def test_the_verdict_says_so_instead_of_a_table_of_distances(passed: bool) -> No
     history = course(RECOVERED, frames=GAP, loads=BUSY)
     result = Result(
         scenario="moved", seed=0, mode="live", sensor="pixels", passed=passed,
-        expectations=[Verdict("belief_recovered", passed, "x")], metrics={}, notes=[], overload=overload(history),
+        expectations=[Verdict("belief_recovered", passed, "x")], metrics={}, notes=[],
+        overload=overload(history, passed=passed),
     )  # fmt: skip
     stream = io.StringIO()
     show_result(result, history.scenario, Console(file=stream, width=200))

@@ -165,7 +165,7 @@ def test_what_is_being_restarted_or_does_not_run_in_lockstep_cannot_be_killed():
 
 def test_an_agent_that_never_gets_ready_is_named(agents: list[AgentSpec]):
     agents.append(AgentSpec("broken", Broken))
-    with pytest.raises(AgentError, match="agent 'broken': 26 ticks failed"):
+    with pytest.raises(AgentError, match="agent 'broken': 25 ticks failed"):
         play()
 
 

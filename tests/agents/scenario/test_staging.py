@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -128,3 +129,20 @@ def test_an_agent_that_is_killed_shares_no_process(tmp_path: Path):
     processes = staged_system(make_run(file)).processes()
     assert [spec.name for spec in processes["surprise"]] == ["surprise"]
     assert len(processes["shared"]) > 1
+
+
+def test_a_mission_without_the_solver_is_refused_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "up_fast_downward", None)
+    staged_system(make_run("hovering"))
+    with pytest.raises(ConfigError, match=r"'towers' has a mission for 'planner': .*\[planning\]'"):
+        staged_system(make_run("towers"))
+
+
+@pytest.mark.parametrize("command", [["demo"], ["scenario", "sweep", "towers", "--seeds", "0"]])
+def test_commands_refuse_it_and_leave_nothing(command: list[str], tmp_path: Path) -> None:
+    program = "import sys\nsys.modules['up_fast_downward'] = None\nfrom dsr.cli import start\nstart()"
+    done = subprocess.run(
+        [sys.executable, "-c", program, *command], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2 and done.stderr.endswith("run: pip install 'dsr-memory[planning]'\n")
+    assert done.stdout == "" and list(tmp_path.glob("runs/*")) == []

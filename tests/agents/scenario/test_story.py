@@ -90,7 +90,7 @@ def test_what_is_waited_for_is_told_at_once_and_the_failure_with_its_reason(memo
     story = Story(memory, [])
     waits = "never seen: cube_9; gives up after 10 s"
     memory.add_node("intention_0", "intention", goal=GOAL, status="waiting", explanation=waits, replans=0)
-    assert texts(story) == [("mission", GOAL), ("mission", f"waiting: {waits}")]
+    assert story.news(()) == [Line(Topic.MISSION, GOAL), Line(Topic.MISSION, f"waiting: {waits}")]  # none is a failure
     memory.update_node("intention_0", status="failed", explanation="never seen: cube_9; waited 10 s")
     assert texts(story) == [("mission", "failed: never seen: cube_9; waited 10 s")]
 

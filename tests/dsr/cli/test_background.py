@@ -18,7 +18,7 @@ SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
 
 
 def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-m", "dsr.cli", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
@@ -56,7 +56,7 @@ def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
     assert {line.partition(":")[0] for line in dsr("logs", "--lines", "1").stdout.splitlines()} <= {
         "first", "second", "run"
     }  # fmt: skip
-    command = [sys.executable, "-m", "dsr.cli.main", "logs", "run", "-n", "1", "--follow"]
+    command = [sys.executable, "-m", "dsr.cli", "logs", "run", "-n", "1", "--follow"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout and process.stdout.readline() == "run: all agents are ready\n"
         assert dsr("stop").returncode == 0
@@ -79,7 +79,7 @@ def test_a_system_that_could_say_nothing_is_told_with_how_it_ended(tmp_path: Pat
         "    os.dup2(full, 1)\n    os.dup2(full, 2)\n"
     )
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "-d"]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml"), "-d"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     result = subprocess.run(
         [*command, "--folder", str(folder)], capture_output=True, text=True, timeout=60, check=False, env=environment
@@ -102,13 +102,53 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
     folder = tmp_path / "run"
     log = folder / "run.log"
     system = str(SYSTEMS / "counters.toml")
-    command = [sys.executable, "-m", "dsr.cli.main", "run", system, "-d", "--folder", str(folder)]
+    command = [sys.executable, "-m", "dsr.cli", "run", system, "-d", "--folder", str(folder)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         while not log.exists():
             assert process.poll() is None
         process.send_signal(signal.SIGINT)
         assert process.wait(40) == 130
     assert read_claim("counters") is None and graphs() == []
+
+
+def test_logs_of_a_system_that_has_ended_are_those_of_its_last_run(
+    tmp_path: Path, private_runtime_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert dsr("logs").stderr == "no graph runs on this machine; start a system: dsr run tabletop\n"
+    for _ in range(2):
+        started = dsr("run", str(SYSTEMS / "counters.toml"), "--detach")
+        folder = started.stdout.split("recordings in ")[1].partition(";")[0]
+        assert dsr("stop").returncode == 0
+    for options, which in (((), "no graph runs"), (("-g", "counters"), "graph counters does not run")):
+        result = dsr("logs", "run", *options, "--follow")
+        assert result.returncode == 0
+        assert result.stderr == f"{which} on this machine; these are the logs of the last run, in {folder}\n"
+        assert f"run: graph counters, logs and recordings in {folder}" in result.stdout
+        assert f"run: stopped; logs and recordings are in {folder}" in result.stdout
+    assert dsr("logs", "-g", "kitchen").returncode == 2
+
+
+@pytest.mark.parametrize("command", ["ls", "stop", "logs"])
+def test_what_is_left_of_killed_processes_is_removed(command: str, private_runtime_dir: Path) -> None:
+    for options in ([], ["-g", "counters"]):
+        folder = private_runtime_dir / "dsr" / "counters"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        (folder / "first-0123.endpoint").write_text("tcp/127.0.0.1:1 memory")
+        folder.with_name("counters.launcher").write_text(f"{os.getpid()} {private_runtime_dir / 'run'}")
+        result = dsr(command, *options)
+        assert result.returncode == 2 and "runs on this machine" in result.stderr
+        assert list(folder.parent.iterdir()) == []
+
+
+def test_a_system_takes_the_name_of_one_that_was_killed(tmp_path: Path, private_runtime_dir: Path) -> None:
+    folder = private_runtime_dir / "dsr"
+    folder.mkdir(mode=0o700)
+    (folder / "counters.launcher").write_text(f"{os.getpid()} {tmp_path}")
+    result = dsr("run", str(SYSTEMS / "counters.toml"), "--detach", "--folder", str(tmp_path / "run"))
+    assert result.stdout.startswith("graph counters, ")
+    assert dsr("stop").returncode == 0
+    assert list(folder.iterdir()) == []
 
 
 def test_what_no_launcher_started_is_not_stopped(memory: object) -> None:

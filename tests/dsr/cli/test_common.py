@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,21 +14,34 @@ from dsr.cli.common import new_run_folder, plain, readable, run_folder
 
 
 @pytest.mark.parametrize(
-    ("value", "expected"),
+    ("value", "text"),
     [
-        (0.123456, "0.1235"),
-        (3e-11, "0"),
-        (1_700_000_000.25, "1700000000.250"),
-        ((0.04, -1e-9, 2.0), "(0.04, 0, 2)"),
+        (293.15, "293.15"),
+        (0.1 + 0.2, "0.3"),
+        (12345.6789, "12345.6789"),
+        (1e-7, "1e-07"),
+        (-0.0, "0"),
+        (0.0, "0"),
+        (1764045000.123, "1764045000.123"),
+        (1e9, "1000000000"),
+        (1e300, f"{int(1e300)}"),
+        (7, "7"),
         (True, "True"),
         (b"abc", "3 bytes"),
         ("[idle]", "[idle]"),
-        (Pose((0.1, 0.0, 0.2)), "(0.1, 0, 0.2), (0, 0, 0, 1)"),
-        (Pose((0.1, 0.0, 0.2), covariance=np.eye(6) * 4e-6), "(0.1, 0, 0.2) ± 2.0 mm, (0, 0, 0, 1)"),
+        ((0.04, -1e-9, 2.0), "(0.04, 0, 2)"),
+        ((0.1 + 0.2, 1e-17, -1.0), "(0.3, 0, -1)"),
+        ((1e-7, 2e-7), "(1e-07, 2e-07)"),
+        ((0.0, 0.0), "(0, 0)"),
+        ((), "()"),
+        ((1e300, 1.0), f"({int(1e300)}, 0)"),
+        ((5e-324,), "(4.94065646e-324)"),
+        (Pose((0.123456, -1e-18, 2.0)), "(0.123456, 0, 2) m, (0, 0, 0, 1) xyzw"),
+        (Pose((0.4, 0.0, 0.0), covariance=1e-6 * np.eye(6)), "(0.4, 0, 0) m ± 1.0 mm, (0, 0, 0, 1) xyzw"),
     ],
 )
-def test_values_are_short_for_people(value: Any, expected: str) -> None:
-    assert readable(value) == expected
+def test_values_are_shown_as_they_were_written(value: object, text: str) -> None:
+    assert readable(value) == text
 
 
 def test_a_pose_keeps_everything_for_programs() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 import dsr
-from dsr import ConfigError, Memory
+from dsr import AttributeType, ConfigError, Memory, Pose
 from dsr.cli import inspect
 
 
@@ -83,6 +84,17 @@ def test_show_tells_attributes_with_units_and_edges(
     assert belief["attributes"]["pose"]["translation"] == [0.4, 0.0, 0.02]
 
 
+def test_show_tells_what_was_written_with_units(memory: Memory, cli: Callable[..., str]) -> None:
+    memory.schema.register_attribute("temperature", AttributeType("float", "K", "measured"))
+    memory.update_node("table", temperature=293.15, target_pose=Pose((0.25, 0.0, 0.125)))
+    memory.update_edge("cube_3", "table", "on", since=12.25)
+    text = cli("show", "table")
+    assert "293.15" in text and "quaternion" in text
+    assert "cube_3 --on--> table  since 12.25 s" in text
+    assert "edges; a pose is x y z in m, then the quaternion x y z w of its rotation" in text
+    assert "pose (0.4, 0, 0.02) m, (0, 0, 0, 1) xyzw" in cli("show", "cube_3")
+
+
 def test_show_of_an_unknown_node_suggests_one(memory: Memory, cli: Callable[..., str]) -> None:
     with pytest.raises(ConfigError, match="did you mean 'cube_3'"):
         cli("show", "cube3")
@@ -118,8 +130,16 @@ def test_reading_a_graph_that_does_not_run_says_so_and_starts_none(cli: Callable
         cli("ls", "--graph", "kitchen")
 
 
+def test_the_graph_behind_a_router_must_be_named(cli: Callable[..., str], caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(ConfigError, match=r"name one that is reached at tcp/127.0.0.1:1 with --graph"):
+        cli("ls", "--connect", "tcp/127.0.0.1:1")
+    with pytest.raises(ConfigError, match=r"nobody holds graph 'kitchen', or the router tcp/127.0.0.1:1 cannot be"):
+        cli("ls", "--connect", "tcp/127.0.0.1:1", "--graph", "kitchen")
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
 def test_of_two_graphs_one_must_be_chosen(memory: Memory, cli: Callable[..., str]) -> None:
     with dsr.connect("other", agent="owner"):
-        with pytest.raises(ConfigError, match="2 graphs run here: other, scene"):
+        with pytest.raises(ConfigError, match=r"2 graphs run here: other, scene; name one with --graph$"):
             cli("ls")
         assert "cube_3" in cli("ls", "--graph", "scene")

@@ -13,7 +13,7 @@ SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
 
 
 def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-m", "dsr.cli", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
@@ -46,7 +46,7 @@ def test_a_wrong_system_file_is_told_with_its_line(tmp_path: Path) -> None:
 def test_run_starts_a_system_and_stops_it_on_a_signal(
     tmp_path: Path, private_runtime_dir: Path, number: signal.Signals
 ) -> None:
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--folder", str(tmp_path)]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml"), "--folder", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         lines = iter(process.stdout.readline, "")
@@ -60,7 +60,7 @@ def test_run_starts_a_system_and_stops_it_on_a_signal(
 
 
 def test_with_nohup_it_outlives_its_terminal(tmp_path: Path, private_runtime_dir: Path) -> None:
-    command = ["nohup", sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml")]
+    command = ["nohup", sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml")]
     with subprocess.Popen([*command, "--folder", str(tmp_path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         states = [next(iter(process.stdout.readline, "")) for _ in range(5)]
@@ -103,7 +103,7 @@ def test_run_says_that_all_agents_have_ended(tmp_path: Path) -> None:
 
 
 def test_a_second_system_of_that_name_says_which_name_it_takes(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--folder"]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml"), "--folder"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([*command, str(tmp_path / "a")], **pipes) as a:  # type: ignore[call-overload]
         assert "graph counters," in a.stdout.readline()

@@ -80,7 +80,7 @@ def test_files_are_converted_without_a_running_graph(cli: Callable[..., str], tm
 
 
 def test_a_system_starts_with_the_content_of_a_file(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dsr.cli.main"]
+    command = [sys.executable, "-m", "dsr.cli"]
     options = ["--load", str(BREAKFAST), "--graph", "kitchen", "--folder", str(tmp_path / "run")]
     with subprocess.Popen(
         [*command, "run", str(SYSTEMS / "counters.toml"), *options], stdout=subprocess.PIPE, text=True
@@ -97,7 +97,7 @@ def test_a_system_starts_with_the_content_of_a_file(tmp_path: Path) -> None:
 
 def test_a_system_that_is_refused_leaves_no_run_folder(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("no folder")
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--state", "state"]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml"), "--state", "state"]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
     assert (result.returncode, result.stderr) == (2, "state folder state cannot be used: it is no folder\n")
     assert not list((tmp_path / "runs").iterdir())
@@ -105,7 +105,7 @@ def test_a_system_that_is_refused_leaves_no_run_folder(tmp_path: Path) -> None:
 
 def test_a_system_does_not_start_with_a_wrong_file(tmp_path: Path) -> None:
     (tmp_path / "wrong.json").write_text("{")
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--load"]
+    command = [sys.executable, "-m", "dsr.cli", "run", str(SYSTEMS / "counters.toml"), "--load"]
     result = subprocess.run(
         [*command, str(tmp_path / "wrong.json")], capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
     )

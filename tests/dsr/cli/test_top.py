@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -10,9 +11,11 @@ import pytest
 
 from dsr import Memory, WallClock
 from dsr.cli.status_table import overloaded
+from dsr.network.rendezvous import Registration
 from dsr.network.transport import Qos
 from dsr.runtime.launcher import AgentRow
 from dsr.runtime.status import Heard, State, Status, encode_status
+from dsr.timeline import AGENT, Chronicle
 
 
 @pytest.fixture
@@ -37,13 +40,32 @@ def arm(memory: Memory) -> Iterator[None]:
 
 @pytest.mark.usefixtures("arm")
 def test_top_shows_every_agent(cli: Callable[..., str], cli_json: Callable[..., Any]) -> None:
-    (row,) = cli_json("top")
+    row, other = cli_json("top")
+    assert (other["agent"], other["state"], other["rate_hz"]) == ("owner", "no status", None)
     assert (row["agent"], row["state"], row["rate_hz"], row["restarts"]) == ("arm", "degraded", 49.9, 2)
     assert 0 <= row["latency_ms"] < 10_000
     text = cli("top")
     assert "degraded" in text and "49.9" in text and "no [gripper]" in text
     assert "the machine is overloaded" in text and "arm (61 %)" in text
     assert (row["waiting"], row["overloaded"]) == (0.61, True)
+
+
+def test_agents_that_were_silent_before_are_shown(
+    memory: Memory, cli: Callable[..., str], cli_json: Callable[..., Any]
+) -> None:
+    """One as the timeline tells, and one of which nothing is known but that its process is there, as when it hangs."""
+    Chronicle(memory, "chronicler").begin(AGENT, ("owner", memory.rid))
+    with contextlib.closing(Registration("scene", "hung-1", "tcp/127.0.0.1:1")):
+        assert {row["agent"]: row["state"] for row in cli_json("top")} == {"owner": "silent", "hung": "no status"}
+        text = cli("top")
+    assert "owner: told no status since this command began" in text
+    assert "hung: takes part in the graph and tells no status: it is no agent, or it hangs" in text
+
+
+def test_an_agent_that_has_ended_is_not_shown(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    chronicle = Chronicle(memory, "chronicler")
+    chronicle.end(chronicle.begin(AGENT, ("arm", "arm-1")))
+    assert [row["agent"] for row in cli_json("top")] == ["owner"]
 
 
 def test_agents_that_lag_are_named_worst_first_and_others_are_not() -> None:

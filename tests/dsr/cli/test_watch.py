@@ -15,7 +15,7 @@ from dsr import Memory
 
 @contextmanager
 def watching(*options: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "dsr.cli.main", "watch", "--period", "0.01", *options]
+    command = [sys.executable, "-m", "dsr.cli", "watch", "--period", "0.01", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         yield process
         process.kill()

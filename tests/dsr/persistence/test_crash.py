@@ -106,7 +106,7 @@ def test_a_system_that_is_stopped_loses_nothing_and_goes_on(net: Net, tmp_path: 
 
 
 def test_the_first_content_is_loaded_once(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dsr.cli.main"]
+    command = [sys.executable, "-m", "dsr.cli"]
     graph = ROOT / "etc" / "graphs" / "breakfast.json"
     options = ["--load", str(graph), "--state", str(tmp_path / "state"), "--folder", str(tmp_path / "run")]
 

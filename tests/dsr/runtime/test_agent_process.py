@@ -60,7 +60,7 @@ def test_it_joins_the_only_running_graph_and_ends_well_on_sigterm() -> None:
 def test_without_a_running_graph_it_says_what_to_do() -> None:
     code, errors = outcome("counter")
     assert code == 2
-    assert "no graph runs on this machine; name one with --graph" in errors
+    assert "no graph runs on this machine; name the one to begin with --graph" in errors
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 
 from dsr import ManualClock, WallClock
 from dsr.errors import AgentError
-from dsr.network.rendezvous import graphs
+from dsr.network.rendezvous import claim_file, graphs, lock_claim
 from dsr.runtime.launched import Program
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.supervised import Supervised
@@ -214,7 +214,7 @@ def test_an_agent_that_cannot_end_in_an_orderly_way_ends_with_its_children_when_
         assert len(members_of(group)) == 2
         launcher.kill()
     wait_for(lambda: members_of(group) == [] and graphs() == [])
-    (tmp_path / "dsr" / "deaf.launcher").unlink()
+    assert list((tmp_path / "dsr").iterdir()) == []  # what the launcher left was removed by who looked for graphs
 
 
 def test_the_back_off_doubles_up_to_its_limit_and_a_success_is_final(tmp_path: Path) -> None:
@@ -242,3 +242,16 @@ def test_what_ended_well_or_was_wrongly_configured_is_not_started_again(tmp_path
     process.start()
     wait_for(lambda: (process.poll(), process.ended)[1])
     assert (process.exit_code, process.pid, process.restarts) == (code, None, 0)
+
+
+def test_who_looks_for_graphs_never_keeps_a_launcher_from_its_name(tmp_path: Path) -> None:
+    """Looking whether a claim is a leftover locks it for a moment, and may remove it just before it is locked."""
+    looking = "from dsr.network.rendezvous import graphs, read_claim\nwhile True: graphs(), read_claim('x')"
+    with subprocess.Popen([sys.executable, "-c", looking]) as process:
+        for _ in range(3000):
+            lock = lock_claim("x")
+            assert lock is not None
+            lock.write("1 /x")
+            lock.close()
+            claim_file("x").unlink(missing_ok=True)
+        process.kill()

@@ -114,7 +114,7 @@ def test_show_tells_which_certificate_cannot_be_used(folder: Path, cli: Cli) -> 
 
 
 def run_dsr(*arguments: str, folder: Path) -> str:
-    command = [sys.executable, "-m", "dsr.cli.main", *arguments]
+    command = [sys.executable, "-m", "dsr.cli", *arguments]
     environment = {**os.environ, SECURITY: str(folder)}
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
     assert result.returncode == 0, result.stderr
@@ -135,7 +135,7 @@ def watcher(folder: Path) -> Iterator[Callable[[], subprocess.Popen[str]]]:
     started: list[subprocess.Popen[str]] = []
 
     def start() -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "dsr.cli.main", "watch", "--security", str(folder)]
+        command = [sys.executable, "-m", "dsr.cli", "watch", "--security", str(folder)]
         started.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
         return started[-1]
 
@@ -183,7 +183,7 @@ def test_agents_of_a_secured_graph_share_no_process(folder: Path, tmp_path: Path
 def test_a_hub_connects_secured_machines(keys: SecurityFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runtime folders stand for two machines: their processes meet in the hub only."""
     endpoint = f"tls/127.0.0.1:{rendezvous.free_port()}"
-    command = [sys.executable, "-m", "dsr.cli.main", "hub", "--listen", endpoint, "--security", str(keys.path)]
+    command = [sys.executable, "-m", "dsr.cli", "hub", "--listen", endpoint, "--security", str(keys.path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub, contextlib.ExitStack() as stack:
         stack.callback(hub.kill)
         assert hub.stdout is not None and endpoint in hub.stdout.readline()
@@ -202,7 +202,7 @@ def test_a_hub_connects_secured_machines(keys: SecurityFolder, tmp_path: Path, m
 
 
 def test_a_hub_needs_the_certificate_of_a_relay(folder: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dsr.cli.main", "hub", "--security", str(folder)]
+    command = [sys.executable, "-m", "dsr.cli", "hub", "--security", str(folder)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode == 2 and "'hub' has no certificate" in result.stderr
 

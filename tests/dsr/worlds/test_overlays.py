@@ -164,7 +164,7 @@ def test_overlays_of_each_other_are_found_out_and_can_be_deleted(net: Net) -> No
     memory = net.join("a")
     for name, parent in (("one", "other"), ("other", "one")):
         record = to_attribute(WorldInfo(name, parent, follows=True), f"channel_{name}")
-        memory.add_node(node_name(name), "world_record", record=record)
+        memory.write_record(node_name(name), "world_record", record)
     with pytest.raises(WorldNotFoundError, match="one, other show one another"):
         memory.world("one")
     memory.delete_world("one")

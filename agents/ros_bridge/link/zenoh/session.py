@@ -92,9 +92,16 @@ _LOOPBACK_ONLY: dict[str, Any] = {
                 "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
             ],
             "key_exprs": ["**", "@ros2_lv/**", "**/@adv/**"],
-        }
+        },
+        {
+            "id": "pages of routers",
+            "permission": "allow",
+            "flows": ["ingress", "egress"],
+            "messages": ["query", "reply", "declare_queryable"],
+            "key_exprs": ["@/*/router"],
+        },
     ],
     "subjects": [{"id": "here", "interfaces": ["lo", "lo0"]}],
-    "policies": [{"rules": ["all"], "subjects": ["here"]}],
+    "policies": [{"rules": ["all", "pages of routers"], "subjects": ["here"]}],
 }  # fmt: skip
 """Nothing passes links of other interfaces, to which gossip may lead."""

@@ -1,6 +1,6 @@
 """What rmw_zenoh_cpp puts on the wire besides messages: keys, liveliness tokens, QoS, gids, attachments.
 
-Written after rmw_zenoh 0.2 to 0.10 (`liveliness_utils.cpp`, `attachment_helpers.cpp`, `rmw_publisher_data.cpp`).
+Written after rmw_zenoh 0.2.4 to 0.10 (`liveliness_utils.cpp`, `attachment_helpers.cpp`, `rmw_publisher_data.cpp`).
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ _KEEP_ALL = "2"
 _REST_OF_QOS = ":,:,:,,"
 """No deadline, no lifespan, automatic liveliness"""
 _ATTACHMENT = struct.Struct(f"<qqB{GID_BYTES}s")
+_OLD_ATTACHMENT = b"sequence_number"
+"""Name that rmw_zenoh wrote before each number up to 0.1.1 (Humble), 0.2.3 (Jazzy) and 0.5 (Rolling)"""
 _MOST_DEPTH = 1 << 31
 
 
@@ -128,6 +130,11 @@ def read_attachment(data: bytes) -> tuple[int, int, bytes]:
         raise RosMessageError(f"{len(data)} bytes are no attachment of rmw_zenoh")
     number, stamp, _, sender = _ATTACHMENT.unpack(data)
     return number, stamp, sender
+
+
+def is_old_attachment(data: bytes) -> bool:
+    """Whether this is the form of rmw_zenoh before 0.2.4, which neither later releases nor we read."""
+    return _OLD_ATTACHMENT in data[:20]
 
 
 def _on_the_wire(type: str) -> str:

@@ -14,7 +14,7 @@ import zenoh.ext
 from agents.ros_bridge.errors import RosLinkError, RosMessageError
 from agents.ros_bridge.link.link import Received
 from agents.ros_bridge.link.zenoh.session import reason
-from agents.ros_bridge.link.zenoh.tokens import Entity, attachment, gid, read_attachment
+from agents.ros_bridge.link.zenoh.tokens import Entity, attachment, gid, is_old_attachment, read_attachment
 from dsr.clock import WALL_CLOCK
 
 _log = logging.getLogger("dsr.ros")
@@ -72,6 +72,7 @@ class ZenohPublisher:
             "congestion_control": zenoh.CongestionControl.DROP,
             "reliability": reliability.RELIABLE if entity.qos.reliable else reliability.BEST_EFFORT,
             "allowed_destination": zenoh.Locality.REMOTE,
+            "express": True,  # not gathered with what follows: an image would wait for it
         }
         if not entity.qos.transient_local:
             return session.declare_publisher(entity.key(), **options)
@@ -97,6 +98,8 @@ class ZenohSubscription:
         """Messages that were sent and did not arrive, by the gaps in their numbers."""
         self.malformed = 0
         """Messages without a right attachment, which are dropped."""
+        self.outdated = 0
+        """Messages of a release of rmw_zenoh that later ones do not understand, which are dropped."""
         self.failures = 0
         """Messages that `receive` raised an exception for."""
         self._receive = receive
@@ -146,10 +149,14 @@ class ZenohSubscription:
                     sample = take()
 
     def _pass_on(self, sample: zenoh.Sample) -> None:
+        attached = sample.attachment.to_bytes() if sample.attachment else b""
         try:
-            number, stamp, writer = read_attachment(sample.attachment.to_bytes() if sample.attachment else b"")
+            number, stamp, writer = read_attachment(attached)
         except RosMessageError:
-            self.malformed += 1
+            if is_old_attachment(attached):
+                self.outdated += 1
+            else:
+                self.malformed += 1
             return
         self._count(number, writer)
         try:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable
 from typing import TypeVar
 
 import zenoh
 
-from agents.ros_bridge.errors import RosLinkError, RosTimeoutError
+from agents.ros_bridge.errors import RosAbsentError, RosLinkError
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Qos, Received, Topic
 from agents.ros_bridge.link.zenoh.discovery import ZenohDiscovery
+from agents.ros_bridge.link.zenoh.routing import places_beyond
 from agents.ros_bridge.link.zenoh.services import ZenohClient, ZenohServed
 from agents.ros_bridge.link.zenoh.session import is_loopback, open_session
 from agents.ros_bridge.link.zenoh.tokens import Entity, Kind
@@ -47,6 +49,8 @@ class ZenohLink:
         self._closed = False
         self._declared: list[ZenohPublisher | ZenohSubscription | ZenohServed] = []
         self._clients: dict[str, ZenohClient] = {}
+        self._lost_before: Counter[str] = Counter()
+        """By topic, of subscriptions that were taken back"""
         self._discovery = ZenohDiscovery(self._session, config.domain)
         self._own = Entity("node", config.domain, str(self._session.zid()), _ONLY_NODE, _ONLY_NODE, node)
         self._token = self._session.liveliness().declare_token(self._own.token())
@@ -83,7 +87,7 @@ class ZenohLink:
         end = WALL_CLOCK.monotonic() + timeout
         announced = self._discovery.wait_for_service(client.key, timeout)
         if not announced or not client.wait(end - WALL_CLOCK.monotonic()):
-            raise RosTimeoutError(f"nobody serves {name} ({type}) within {timeout:g} s")
+            raise RosAbsentError(f"nobody serves {name} ({type}) within {timeout:g} s")
         return client.call(request, max(end - WALL_CLOCK.monotonic(), 0.001))
 
     def problems(self) -> list[str]:
@@ -93,12 +97,33 @@ class ZenohLink:
             if not isinstance(subscription, ZenohSubscription):
                 continue
             for number, what in (
-                (subscription.lost, "did not arrive, because they came too fast"),
                 (subscription.malformed, "came without the data that rmw_zenoh adds, and were dropped"),
+                (
+                    subscription.outdated,
+                    "came from an rmw_zenoh older than 0.2.4 (Jazzy) or 0.1.2 (Humble), and were dropped: update it",
+                ),
                 (subscription.failures, "could not be handled"),
             ):
                 if number:
                     found.append(f"{number} messages of {subscription.topic} {what}")
+        return found
+
+    def lost(self) -> dict[str, int]:
+        """Messages by topic that did not arrive, by the gaps in their numbers: they came too fast, or a link broke."""
+        with self._lock:
+            found = Counter(self._lost_before)
+            for one in self._declared:
+                if isinstance(one, ZenohSubscription):
+                    found[one.topic] += one.lost
+        return dict(+found)
+
+    def unauthenticated(self) -> list[str]:
+        """Who may speak to us without proving who they are, as far as the router tells with whom it is joined."""
+        router, domain = self._config.router, self._config.domain
+        found = [f"whoever reaches the Zenoh router {router} may speak in domain {domain}, in the name of any node"]
+        places = places_beyond(self._session)
+        if places:
+            found.append(f"the router {router} is joined with {', '.join(places)}: it passes on what comes from there")
         return found
 
     def close(self) -> None:
@@ -119,6 +144,9 @@ class ZenohLink:
     def _kept(self, declared: _Declared) -> _Declared:
         """Remember what is to be taken back in the end, and forget what was taken back."""
         with self._lock:
+            for one in self._declared:
+                if one.closed and isinstance(one, ZenohSubscription):
+                    self._lost_before[one.topic] += one.lost
             self._declared = [*(one for one in self._declared if not one.closed), declared]
         return declared
 

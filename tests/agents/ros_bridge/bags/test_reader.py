@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import bz2
 import contextlib
+import re
 from collections import Counter
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import CompressionType
 
+from agents.recorder import mcap_file
 from agents.recorder.mcap_file import RecordingError
 from agents.recorder.opening import is_bag
 from agents.replay import ReplayedGraph
+from agents.ros_bridge.bags import unpacking
 from agents.ros_bridge.bags.reader import Bag
 from dsr.errors import ConfigError
 from tests.agents.ros_bridge.bags.made import BEGIN, COLOR, DELAY, FORMATS, TYPES, Message, drive, mcap, rosbag2
@@ -116,6 +122,54 @@ def test_what_is_cut_too_early_is_told(format: str, said: str, tmp_path: Path) -
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(RecordingError, match=said):
         Bag(path, TYPES)
+
+
+PACKED = {
+    "zstd": (unpacking.from_zstd, zstandard.compress),
+    "zstd without its size": (
+        unpacking.from_zstd, lambda data: zstandard.ZstdCompressor(write_content_size=False).compress(data)
+    ),
+    "zstd in two frames": (
+        unpacking.from_zstd, lambda data: zstandard.compress(data[:10]) + zstandard.compress(data[10:])
+    ),
+    "lz4": (unpacking.from_lz4, lz4.frame.compress),
+    "bz2": (unpacking.from_bz2, bz2.compress),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PACKED)
+def test_no_more_is_unpacked_than_is_allowed(name: str) -> None:
+    unpack, pack = PACKED[name]
+    data = bytes(5_000_000)
+    packed = pack(data)
+    assert len(packed) < len(data) / 100 and unpack(packed, len(data)) == data
+    with pytest.raises(RecordingError, match="more than 4999999 bytes is not unpacked"):
+        unpack(packed, len(data) - 1)
+
+
+@pytest.mark.parametrize("name", ["zstd", "lz4", "bz2"])
+def test_what_is_cut_off_is_refused(name: str) -> None:
+    unpack, pack = PACKED[name]
+    with pytest.raises(RecordingError, match="cut off"):
+        unpack(pack(np.random.default_rng(1).bytes(300_000))[:-1000], 300_000)
+
+
+@pytest.mark.parametrize("format", [name for name in FORMATS if any(part in name for part in ("zstd", "lz4", "bz2"))])
+def test_a_bag_that_would_unpack_to_too_much_is_told(
+    format: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`rosbags` itself has no bound: a few kB of zeros fill any memory, or a disk."""
+    path = FORMATS[format](tmp_path, DRIVE)
+    for module in (unpacking, mcap_file):
+        monkeypatch.setattr(module, "LARGEST_CHUNK", 100)
+    monkeypatch.setattr(unpacking, "_DISK_SHARE", 1e-9)
+    try:
+        bag = Bag(path, TYPES)
+        list(bag.messages(bag.topics))
+        said = "; ".join(bag.problems)
+    except RecordingError as error:
+        said = str(error)
+    assert re.search("not unpacked|at most 100|half of the free space", said), said
 
 
 def test_there_is_no_bag(tmp_path: Path) -> None:

@@ -32,6 +32,9 @@ class CountingAgent(Agent):
     degraded = "it limps"
     counts = {"steps": 7, "nothing": 0}  # noqa: RUF012
 
+    def tick(self, now: float) -> None:
+        pass
+
 
 def set_scene(system: Bridged) -> None:
     memory = system.memory
@@ -104,7 +107,9 @@ def test_statuses_of_agents_are_diagnostics() -> None:
         system.robot.listen("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         system.run(3.1)
         assert 3 <= len(system.robot.heard["/diagnostics"]) <= 4
-        (status,) = system.robot.heard["/diagnostics"][-1].status
+        status, own = system.robot.heard["/diagnostics"][-1].status
+        assert (own.name, own.level, own.message) == ("ros: ros_bridge", 0, "ready")
+        assert {value.key: value.value for value in own.values}["to /diagnostics"] != "0"
         assert (status.name, status.level, status.message) == ("ros: counter", 1, "it limps")
         values = {value.key: value.value for value in status.values}
         assert values["steps"] == "7" and "nothing" not in values and float(values["rate (Hz)"]) > 0.0

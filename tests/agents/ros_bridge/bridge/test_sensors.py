@@ -84,6 +84,22 @@ def test_colour_waits_for_its_depth_and_goes_on_alone_if_there_is_none() -> None
         assert frame is not None and frame.arrays.keys() == {"color", "depth"}
 
 
+def test_depth_of_other_moments_is_told_and_colour_goes_on_alone() -> None:
+    """Two clocks, or a driver that does not synchronise: no frame at all came, and nobody was told."""
+    with bridged(CAMERA) as system:
+        frames = system.memory.frames("eye")
+        tell_intrinsics(system)
+        for _ in range(15):
+            look(system, depth=False)
+            late = to_image(TYPES, system.now + 0.05, "eye_optical", DEPTH)
+            publish(system.robot, "/cam/depth/image", IMAGE, late)
+            system.run(0.1)
+        frame = frames.latest()
+        assert frame is not None and frame.arrays.keys() == {"color"}
+        assert "stamped 50 ms apart, more than 20: they are of different moments" in system.trouble
+        assert system.counts["colour without depth on /cam/color/image_raw"] > 0
+
+
 def test_images_without_intrinsics_or_with_those_of_another_size_have_none() -> None:
     with bridged(CAMERA) as system:
         frames = system.memory.frames("eye")

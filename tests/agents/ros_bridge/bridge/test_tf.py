@@ -166,6 +166,30 @@ def test_a_loop_is_told_and_not_written(system: Bridged) -> None:
     assert system.memory.edges("RT", dst="c")
 
 
+def test_a_static_frame_that_was_refused_is_written_once_it_can_be(system: Bridged) -> None:
+    memory = system.memory
+    for name, type in (("world", "world"), ("lidar", "body")):
+        memory.add_node(name, type)
+    memory.add_edge("world", "lidar", "RT", pose=A)
+    system.robot.tf(("base", "lidar", 0.0, B), static=True)
+    system.run(0.5)
+    assert memory.get_edge("base", "lidar", "RT") is None
+    memory.remove_edge("world", "lidar", "RT")
+    system.run(2.5)
+    assert memory.edge("base", "lidar", "RT").pose.distance(B) == pytest.approx((0.0, 0.0))
+
+
+def test_of_many_frames_of_one_message_an_edge_that_somebody_removed_comes_back(system: Bridged) -> None:
+    names = [f"link_{number}" for number in range(12)]
+    for number in range(4):
+        system.robot.tf(*(("base", name, system.now, Pose((float(number), 0.0, 0.0))) for name in names))
+        system.run(0.04)
+        if number == 1:
+            system.memory.remove_edge("base", names[5], "RT")
+    memory = system.memory
+    assert [memory.edge("base", name, "RT").pose.t[0] for name in names] == [3.0] * 12
+
+
 def test_stamps_from_the_future_are_dropped_and_told(system: Bridged) -> None:
     system.robot.tf(("map", "base", system.now + 3.0, A))
     system.run()
@@ -288,7 +312,7 @@ def test_own_publishers_are_not_heard(system: Bridged) -> None:
     echo.writer = publisher.writer
     memory.add_edge("world", "cube", "RT", pose=A.with_stamp(system.now))
     system.run()
-    assert inbox.topic.qos == Qos(depth=100)
+    assert inbox.topic.qos == Qos(depth=2000), "as many wait in the link as may wait for a tick"
     echo.send(b"malformed")
     system.run()
     assert "malformed" not in system.counts and "from /tf" not in system.counts

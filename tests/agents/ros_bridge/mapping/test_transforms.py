@@ -97,7 +97,7 @@ def test_a_transform_of_tf_comes_back(pose: Pose, stamp: float) -> None:
     (found,) = decode_transforms(encode_transforms([to_stamped("map", "base", stamp, pose)]))
     assert (found.parent, found.child) == ("map", "base")
     assert found.sec + found.nanosec * 1e-9 == pytest.approx(stamp, abs=5e-7)
-    again = read_transform(found, 5.0)
+    again = read_transform(found.parent, found.child, found.pose, 5.0)
     assert is_same(again, pose) and again.stamp == 5.0
     assert not is_same(again, pose @ Pose((0.0, 0.0, 1e-3)))
 
@@ -105,7 +105,7 @@ def test_a_transform_of_tf_comes_back(pose: Pose, stamp: float) -> None:
 def test_numbers_that_are_no_transform_are_refused() -> None:
     broken = Pose.unchecked((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     with pytest.raises(RosMessageError, match="'a' -> 'b'"):
-        read_transform(to_stamped("a", "b", 1.0, broken), 1.0)
+        read_transform("a", "b", (*broken.t, *broken.q), 1.0)
 
 
 @given(STAMPS)

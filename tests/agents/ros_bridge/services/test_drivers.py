@@ -18,7 +18,8 @@ from agents.ros_bridge.mapping.cameras import to_camera_info
 from agents.ros_bridge.mapping.images import to_image
 from agents.ros_bridge.mapping.joints import to_joint_state
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
-from agents.ros_bridge.services.arm import FOLLOW, GRIP
+from agents.ros_bridge.services.arm import FOLLOW
+from agents.ros_bridge.services.gripper import GRIP
 from agents.ros_bridge.services.lane import Lane
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.sighting import FrameSource
@@ -240,6 +241,8 @@ def test_options_that_fit_no_arm_are_refused(ros: LocalRos) -> None:
         made(RosArm, joints=())
     with pytest.raises(ConfigError, match="gripper_open"):
         made(RosArm, joints=NAMES, gripper_open=0.0, gripper_closed=0.0)
+    with pytest.raises(ConfigError, match="over rmw_zenoh only"):
+        made(RosArm, joints=NAMES, link={"transport": "dds"})
     with pytest.raises(ConfigError, match="transport"):
         made(RosArm, joints=NAMES, link={"transport": "pigeon"})
 

@@ -19,7 +19,9 @@ from agents.ros_bridge.mapping.transforms import read_pose_with_covariance
 from agents.ros_bridge.messages.definitions import SERVICES
 from dsr import Pose
 from dsr.files.built_in import ETC
+from dsr.runtime.system import AgentSpec
 from dsr.vocabulary.what_if import Answer, decode_question, encode_answer
+from simulation_handler import SimulationHandler
 from tests.agents.ros_bridge.robot import TYPES, Bridged, bridged
 
 ASK, TRANSFORM, TRIGGER = "dsr_msgs/srv/Ask", "dsr_msgs/srv/Transform", "std_srvs/srv/Trigger"
@@ -76,26 +78,61 @@ def test_a_transform_that_is_not_known_has_a_reason(system: Bridged, target: str
     assert not response.success and response.message
 
 
-def test_what_if_questions_reach_the_simulation_handler(system: Bridged, monkeypatch: pytest.MonkeyPatch) -> None:
+QUESTION = '{"seconds": 0.5, "changes": [{"object": "cube_1", "action": "remove"}]}'
+
+
+def ask_meanwhile(system: Bridged, question: str) -> Any:
+    """Ask from a thread of its own, as a node elsewhere does, while the run goes on."""
+    found: list[Any] = []
+    thread = threading.Thread(target=lambda: found.append(ask(system, "what_if", ASK, question=question)))
+    thread.start()
+    for _ in range(600):
+        system.run(0.1)
+        thread.join(0.01)
+        if not thread.is_alive():
+            break
+    (response,) = found
+    return response
+
+
+def test_what_if_questions_are_answered_in_lockstep(system: Bridged) -> None:
     asked = []
 
     def answer(key: str, payload: bytes) -> bytes:
         asked.append(decode_question(payload))
         return encode_answer(Answer(stamp=1.0, seconds=0.5, at_rest=True, poses={"cube_1": (0.0,) * 6 + (1.0,)}))
 
-    def wait(event: threading.Event, timeout: float) -> bool:
-        """In lockstep nobody delivers while somebody waits."""
-        for _ in range(3):
-            system.lockstep.network.deliver()
-        return event.is_set()
-
     system.lockstep.bus.serve(system.lockstep.keys.service("what_if"), answer)
-    monkeypatch.setattr(system.clock, "wait", wait)
-    question = '{"seconds": 0.5, "changes": [{"object": "cube_1", "action": "remove"}]}'
-    response = ask(system, "what_if", ASK, question=question)
+    response = ask_meanwhile(system, QUESTION)
     assert asked[0].changes[0].action == "remove"
     assert response.success, response.answer
     assert json.loads(response.answer)["at_rest"] is True
+
+
+def test_the_simulation_handler_answers_in_lockstep() -> None:
+    """What would become of a cube in the air: it falls onto the table."""
+    handler = AgentSpec("simulation_handler", SimulationHandler, {})
+    with bridged({}, [handler]) as system:
+        memory = system.memory
+        memory.add_node("world", "world")
+        memory.add_node("table", "table", size=(1.0, 1.0, 0.04))
+        memory.add_edge("world", "table", "RT", pose=Pose((0.0, 0.0, 0.0)))  # of its top
+        memory.add_node("cube_1", "cube", size=(0.04, 0.04, 0.04), perceived=True)
+        for _ in range(20):
+            memory.add_edge("world", "cube_1", "RT", pose=Pose((0.0, 0.0, 0.02), stamp=system.now))
+            system.run(0.1)
+        moved = {"object": "cube_1", "action": "place", "pose": [0.1, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0]}
+        response = ask_meanwhile(system, json.dumps({"seconds": 2.0, "changes": [moved]}))
+        assert response.success, response.answer
+        found = json.loads(response.answer)
+        assert found["rests_on"]["cube_1"] == ["table"] and found["poses"]["cube_1"][2] == pytest.approx(0.02, abs=2e-3)
+
+
+def test_a_what_if_question_without_an_answer_has_a_reason(system: Bridged) -> None:
+    silent = ask_meanwhile(system, QUESTION)
+    assert not silent.success and "does the simulation handler run" in silent.answer
+    own = ask(system, "what_if", ASK, question=QUESTION)
+    assert not own.success and "waits for itself" in own.answer
 
 
 @pytest.mark.parametrize("question", ["", "{", "[]", '{"seconds": -1}', '{"seconds": 99}', "x" * 2_000_000])

@@ -38,12 +38,18 @@ class Sleepy(Agent):
     name = "sleepy"
     rate_hz = 1 / 600
 
+    def tick(self, now: float) -> None:
+        pass
+
 
 class Owner(Agent):
     """Claims the mass for itself."""
 
     name = "owner"
     writes = Access(attributes=("mass",), exclusive=("mass",))
+
+    def tick(self, now: float) -> None:
+        pass
 
 
 class Broken(Agent):

@@ -1,0 +1,5 @@
+"""`python -m dsr.cli` is `dsr`."""
+
+from dsr.cli import start
+
+start()
