@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.detection import Tag
-from agents.scene_estimator.pose import Fit, NoiseModel, most_likely, possible_tag_poses
+from agents.scene_estimator.pose import NoiseModel, TagFit, most_likely, possible_tag_poses
 from dsr.math3d.transforms import Array, Pose, log
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -59,7 +59,7 @@ class _Seen(NamedTuple):
 
     stamp: float
     """s"""
-    fits: list[Fit]
+    fits: list[TagFit]
     """With the cost of all frames so far, that of the most likely one 0"""
 
 
@@ -95,7 +95,7 @@ class TagFollower:
         return most_likely(fits)
 
 
-def _cost(fit: Fit, last: _Seen, stamp: float) -> float:
+def _cost(fit: TagFit, last: _Seen, stamp: float) -> float:
     """Twice the negative log likelihood of a pose now and of the way to it from one of the last frame."""
     seconds = stamp - last.stamp
     moved = np.diag(np.repeat([_SPEED * seconds, _TURNING * seconds], 3) ** 2)

@@ -69,7 +69,7 @@ class _Plane(NamedTuple):
     """(3, 3) inverse of its covariance, m^2"""
 
 
-class Fit(NamedTuple):
+class TagFit(NamedTuple):
     """A most likely pose."""
 
     pose: Pose
@@ -80,7 +80,7 @@ class Fit(NamedTuple):
     missed: float
     """Sum of the squares over their variances by which the corners miss the pose"""
 
-    def is_apart(self, other: Fit) -> bool:
+    def is_apart(self, other: TagFit) -> bool:
         """Whether it is another pose than the other one."""
         apart = log(self.pose.inverse() @ other.pose)
         return bool(apart @ np.linalg.solve(self.covariance, apart) > _SAME**2)
@@ -105,7 +105,7 @@ def estimate_tag_pose(
 
 def possible_tag_poses(
     tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
-) -> list[Fit]:
+) -> list[TagFit]:
     """All poses that fit best among their neighbours, the most likely one first; arguments as above.
 
     There is none for corners that no square could have: part of the tag is hidden, or a motion blurred it.
@@ -119,16 +119,16 @@ def possible_tag_poses(
     if plane is not None:
         starts.append((_pose_on_plane(rays, plane, tag_size), math.log(_side(plane, rays) / tag_size)))
         told = _Plane(plane.p, np.asarray(np.linalg.inv(_plane_covariance(plane, rays, tag_size, noise)), np.float64))
-    problem = _TagFit(tag, intrinsics, tag_size, noise.size_std, told)
+    problem = _TagProblem(tag, intrinsics, tag_size, noise.size_std, told)
     solved = (fit for start in starts if (fit := problem.solve(*start)) is not None)
-    found: list[Fit] = []
+    found: list[TagFit] = []
     for fit in sorted((fit for fit in solved if fit.missed < _NO_SQUARE), key=lambda fit: fit.cost):
         if all(fit.is_apart(other) for other in found):
             found.append(fit)
     return found
 
 
-def most_likely(fits: list[Fit]) -> Pose | None:
+def most_likely(fits: list[TagFit]) -> Pose | None:
     """The best of several, with a covariance that spans the others as far as they are likely; None if there is none."""
     if not fits:
         return None
@@ -142,7 +142,7 @@ def most_likely(fits: list[Fit]) -> Pose | None:
     return best.pose.with_covariance(covariance)
 
 
-class _TagFit:
+class _TagProblem:
     """Corners, depth and size of one tag as a least squares problem in the pose and the logarithm of the scale."""
 
     def __init__(
@@ -152,7 +152,7 @@ class _TagFit:
         self._square, self._size_std = tag_corners(tag_size), size_std
         self._wrong = _WRONG_SIZE * size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
 
-    def solve(self, pose: Pose, scale: float) -> Fit | None:
+    def solve(self, pose: Pose, scale: float) -> TagFit | None:
         """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
         for _ in range(_STEPS):
             linear = self._linear(pose, scale)
@@ -167,7 +167,7 @@ class _TagFit:
             pose, scale = pose @ exp(step[:6]), scale + float(step[6])
             if gradient @ step < _SETTLED**2:
                 break
-        return Fit(pose, np.asarray(covariance[:6, :6], np.float64), cost, missed)
+        return TagFit(pose, np.asarray(covariance[:6, :6], np.float64), cost, missed)
 
     def _linear(self, pose: Pose, scale: float) -> tuple[Array, Array, float, float] | None:
         """Information (7, 7), gradient (7,), cost and what the corners miss, at a pose and a scale."""

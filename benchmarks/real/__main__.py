@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.real import block, tags
-from benchmarks.real.recordings import RealBenchmark, RecordingError
+from benchmarks.real.recordings import DataError, RealBenchmark
 
 BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK)
 
@@ -30,7 +30,7 @@ def main() -> int:
         return 0
     try:
         outcome = benchmark.run(options.data)
-    except (RecordingError, OSError) as error:
+    except (DataError, OSError) as error:
         print(f"{benchmark.name}: {error}\n{benchmark.published}")
         return 2
     console = Console()

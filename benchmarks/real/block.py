@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 from agents.scene_estimator.detection import Tag, tag_corners
 from agents.scene_estimator.following import Sharpener, TagFollower
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
-from benchmarks.real.recordings import Outcome, RealBenchmark, RecordingError, needed, quantiles
+from benchmarks.real.recordings import DataError, Outcome, RealBenchmark, needed, quantiles
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.distortion import Distortion
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -97,7 +97,7 @@ def run(folder: Path) -> Outcome:
 
 
 def read_block(folder: Path) -> Block:
-    """Read the recording. Raises `RecordingError` for one that is not as published."""
+    """Read the recording. Raises `DataError` for one that is not as published."""
     detections, cameras, settings = needed(folder, "tag_detections.bag.bz2", "cameras.yaml", "tagslam.yaml")
     yaml = YAML(typ="safe")
     try:
@@ -111,7 +111,7 @@ def read_block(folder: Path) -> Block:
         layout = {int(tag["id"]): _pose(tag["pose"]) for tag in tags}
         (side,) = {float(tag["size"]) for tag in tags}
     except (KeyError, TypeError, ValueError) as error:
-        raise RecordingError(f"{folder}: cameras.yaml and tagslam.yaml are not as published: {error!r}") from error
+        raise DataError(f"{folder}: cameras.yaml and tagslam.yaml are not as published: {error!r}") from error
     return Block(lens, layout, side, list(_frames(detections, layout)))
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from dsr.math3d.transforms import Array
 
 
-class RecordingError(Exception):
+class DataError(Exception):
     """A folder does not hold the recordings that a benchmark needs."""
 
 
@@ -36,17 +36,17 @@ class RealBenchmark(NamedTuple):
     published: str
     """Where the recordings are published, and under which licence."""
     run: Callable[[Path], Outcome]
-    """Measure, given the folder with the recordings. Raises `RecordingError` if something is missing."""
+    """Measure, given the folder with the recordings. Raises `DataError` if something is missing."""
 
 
 def needed(folder: Path, *names: str) -> list[Path]:
-    """Paths in a folder. Raises `RecordingError` that names the first one that does not exist."""
+    """Paths in a folder. Raises `DataError` that names the first one that does not exist."""
     if not folder.is_dir():
-        raise RecordingError(f"{folder} is no folder")
+        raise DataError(f"{folder} is no folder")
     paths = [folder / name for name in names]
     for path in paths:
         if not path.exists():
-            raise RecordingError(f"{path} does not exist")
+            raise DataError(f"{path} does not exist")
     return paths
 
 

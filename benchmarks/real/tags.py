@@ -17,7 +17,7 @@ from rich.table import Table
 from agents.scene_estimator.depth_plane import fit_depth_plane
 from agents.scene_estimator.detection import Tag, TagDetector, tag_corners
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
-from benchmarks.real.recordings import Outcome, RealBenchmark, RecordingError, needed, quantiles
+from benchmarks.real.recordings import DataError, Outcome, RealBenchmark, needed, quantiles
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -46,7 +46,7 @@ def run(folder: Path) -> Outcome:
     needed(folder)
     paths = sorted(folder.rglob("rgb_*.png"))
     if not paths:
-        raise RecordingError(f"no rgb_*.png in {folder} or its folders")
+        raise DataError(f"no rgb_*.png in {folder} or its folders")
     shots: list[_Shot] = []
     seen: set[bytes] = set()
     for path in paths:
@@ -88,11 +88,11 @@ def run(folder: Path) -> Outcome:
 
 
 def _shots(path: Path) -> Iterator[_Shot]:
-    """The tags of a pair of images. Raises `RecordingError` for images that are none."""
+    """The tags of a pair of images. Raises `DataError` for images that are none."""
     color = cv2.imread(str(path))
     depth = cv2.imread(str(path.with_name(path.name.replace("rgb_", "depth_"))), cv2.IMREAD_UNCHANGED)
     if color is None or depth is None or depth.dtype != np.uint16 or color.shape[:2] != depth.shape:
-        raise RecordingError(f"{path}: expected a picture, and beside it depth_*.png of 16 bit and the same size")
+        raise DataError(f"{path}: expected a picture, and beside it depth_*.png of 16 bit and the same size")
     rgb = np.asarray(cv2.cvtColor(color, cv2.COLOR_BGR2RGB), np.uint8)
     normal = _board(cv2.cvtColor(color, cv2.COLOR_BGR2GRAY))
     if normal is not None:

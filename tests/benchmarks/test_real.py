@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.real.__main__ import BENCHMARKS
 from benchmarks.real.block import read_block
-from benchmarks.real.recordings import RealBenchmark, RecordingError, quantiles
+from benchmarks.real.recordings import DataError, RealBenchmark, quantiles
 
 
 def real(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -32,7 +32,7 @@ def test_without_data_it_is_skipped_and_says_where_they_are(name: str) -> None:
 @pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda benchmark: benchmark.name)
 def test_a_wrong_folder_is_told(benchmark: RealBenchmark, tmp_path: Path) -> None:
     for folder in (tmp_path / "nowhere", tmp_path):
-        with pytest.raises(RecordingError, match=str(folder)):
+        with pytest.raises(DataError, match=str(folder)):
             benchmark.run(folder)
 
 
@@ -44,7 +44,7 @@ def test_a_wrong_folder_ends_with_2(tmp_path: Path) -> None:
 def test_pictures_without_depth_are_told(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "rgb_1.png"), np.zeros((540, 960, 3), np.uint8))
     (benchmark,) = (benchmark for benchmark in BENCHMARKS if benchmark.name == "tags")
-    with pytest.raises(RecordingError, match="depth_"):
+    with pytest.raises(DataError, match="depth_"):
         benchmark.run(tmp_path)
 
 
@@ -52,7 +52,7 @@ def test_settings_that_are_others_are_told(tmp_path: Path) -> None:
     (tmp_path / "tag_detections.bag.bz2").write_bytes(bz2.compress(b""))
     (tmp_path / "cameras.yaml").write_text("cam0: {intrinsics: [1, 2]}")
     (tmp_path / "tagslam.yaml").write_text("bodies: []")
-    with pytest.raises(RecordingError, match=r"cameras\.yaml"):
+    with pytest.raises(DataError, match=r"cameras\.yaml"):
         read_block(tmp_path)
 
 
