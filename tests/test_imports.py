@@ -39,6 +39,7 @@ SHARED_BY_AGENTS = (
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",
+    "agents.viewer.camera_window",
 )
 """Modules within `agents` that all its packages may import."""
 LAYERS = (

@@ -90,6 +90,8 @@ class ArmController(Agent):
         self._state: ArmState | None = None
         self._heard = self._ticked = self.clock.now()
         """s, when the last sample came, later by the time in which nobody looked; when the last tick was."""
+        self._gone = ""
+        """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
         self._motion = MotionControl(
             self.memory,
@@ -117,13 +119,15 @@ class ArmController(Agent):
             self._body.write(joints)
             self._holding.tick(joints)
             self._follow_targets(joints)
-        elif now - self._heard > (SILENCE if self._state else START_UP) and not self.degraded:
-            self.degraded = f"no sample of the arm for {now - self._heard:.1f} s"
-            self._motion.report.say(NO_DRIVER, self.degraded)
-        if self.degraded:
-            self._actions.refuse(self.degraded)
+        elif now - self._heard > (SILENCE if self._state else START_UP) and not self._gone:
+            self._gone = f"no sample of the arm for {now - self._heard:.1f} s"
+            self._motion.report.say(NO_DRIVER, self._gone)
+        if self._gone:
+            self._actions.refuse(self._gone)
         for feed in self._feeds:
             feed.forward()
+        self.degraded = "; ".join(filter(None, (self._gone, *(feed.trouble for feed in self._feeds))))
+        self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""
@@ -171,8 +175,8 @@ class ArmController(Agent):
         return joints
 
     def _follow_targets(self, joints: Joints) -> None:
-        if self.degraded:
-            self.degraded = ""
+        if self._gone:
+            self._gone = ""
             self.log.info("samples of the arm arrive again")
             self._motion.resume(joints)
             self._grip.resume()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar
 
@@ -36,6 +36,7 @@ class BagCamera:
     Args:
         bus: not used; drivers are made with it.
         keys: not used either.
+        name: nor is that.
         bag: path of the bag, see `Bag`.
         color: topic of colour, see `RosCameraTopics`; without any topic, the only camera of the bag.
         depth: topic of depth.
@@ -53,8 +54,8 @@ class BagCamera:
     clock: ClassVar[Clock] = WALL_CLOCK
 
     def __init__(
-        self, bus: Transport, keys: Keys, *, bag: str, color: str = "", depth: str = "", info: str = "",
-        begin: float = 0.0, speed: float = 1.0, loop: bool = True, restamp: bool = False,
+        self, bus: Transport, keys: Keys, name: str = "bag", *, bag: str, color: str = "", depth: str = "",
+        info: str = "", begin: float = 0.0, speed: float = 1.0, loop: bool = True, restamp: bool = False,
     ) -> None:  # fmt: skip
         if not (math.isfinite(speed) and speed > 0.0):
             raise ConfigError(f"speed {speed}: expected a positive number")
@@ -86,6 +87,16 @@ class BagCamera:
         if topics.info_topic in self._publishers:  # it may come once, at the bag's beginning
             self._publish(next(self._bag.messages([topics.info_topic]), None))
         self._rewind()
+
+    @property
+    def trouble(self) -> str:
+        """What was wrong lately, in words; empty if nothing was."""
+        return self.tally.trouble
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What is counted of that, by name."""
+        return self.tally.counts
 
     def frame(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""

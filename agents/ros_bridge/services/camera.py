@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from agents.drivers import SILENCE
 from agents.ros_bridge.bridge.camera_source import CameraSource
 from agents.ros_bridge.bridge.config import RosCameraTopics
 from agents.ros_bridge.services.device import RosDevice
@@ -34,7 +35,25 @@ class RosCamera(RosDevice):
         topics = RosCameraTopics(color, depth, info)
         super().__init__(f"/dsr_camera_{''.join(c if c.isalnum() else '_' for c in name)}", link or {}, restamp)
         self._source = CameraSource(topics, self.inbox, self.types, self.stamp, self.tally)
+        self._topic = topics.color or topics.depth
+        self._heard = self.clock.monotonic()
 
     def frame(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""
-        return self._source.frame()
+        frame = self._source.frame()
+        if frame is not None:
+            self._heard = self.clock.monotonic()
+        return frame
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong now or was lately, in words; empty if nothing is."""
+        silent = self.clock.monotonic() - self._heard
+        if silent > SILENCE:
+            return f"no picture on {self._topic} for {silent:.0f} s: dsr ros check {self._topic}"
+        return self.tally.trouble
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What went wrong or was passed over since the start, by name."""
+        return self.tally.counts
