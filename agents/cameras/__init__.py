@@ -2,6 +2,7 @@
 
 from agents.cameras.errors import CorruptFrameError, DeviceError, EndOfPicturesError
 from agents.cameras.reader import CameraDevice, CameraReader
+from agents.cameras.realsense import RealSense
 from agents.cameras.video import VideoFile
 from agents.cameras.webcam import Webcam
 
@@ -11,6 +12,7 @@ __all__ = [
     "CorruptFrameError",
     "DeviceError",
     "EndOfPicturesError",
+    "RealSense",
     "VideoFile",
     "Webcam",
 ]

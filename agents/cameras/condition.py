@@ -35,10 +35,14 @@ class CameraCondition:
         log: where each change for the worse and for the better is told once.
         silence: s without a usable picture after which the camera counts as gone.
         frozen: s of the same picture after which it counts as frozen; 0 where pictures may be the same.
+        counts: to go on with.
     """
 
-    def __init__(self, name: str, log: logging.Logger, silence: float = SILENCE, frozen: float = FROZEN) -> None:
-        self.counts: Counter[str] = Counter()
+    def __init__(
+        self, name: str, log: logging.Logger, silence: float = SILENCE, frozen: float = FROZEN,
+        counts: Counter[str] | None = None,
+    ) -> None:  # fmt: skip
+        self.counts: Counter[str] = Counter() if counts is None else counts
         """What went wrong since the start, by name."""
         self.silence = silence
         self._name, self._log, self._frozen_after = name, log, frozen
@@ -82,8 +86,8 @@ class CameraCondition:
 
     def corrupt(self, reason: str) -> None:
         """Note a picture that cannot be used."""
-        self.counts["corrupt"] += 1
         self.tell("corrupt", f"pictures are dropped that cannot be used: {reason}")
+        self.counts["corrupt"] += 1
 
     def tell(self, kind: str, text: str) -> None:
         """Note that something is wrong with the pictures that come, told once until it is well again."""

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import sys
 
+from agents.cameras.realsense import what_is_missing
 from agents.cameras.webcam import NO_PERMISSION, devices
 from agents.drivers import CameraEntry
 from dsr.config.extras import missing_extra
@@ -44,6 +45,14 @@ VIDEO = CameraEntry(
     missing=lambda: absent("cv2"),
     extra="sim",
     example=("file=film.mp4",),
+)
+REALSENSE = CameraEntry(
+    driver="agents.cameras:RealSense",
+    what="a RealSense, or a recording of one",
+    gives="colour and depth",
+    needs="the camera, and Debian's libusb-1.0-0",
+    missing=what_is_missing,
+    extra="realsense",
 )
 ROS = CameraEntry(
     driver="agents.ros_bridge:RosCamera",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
@@ -59,6 +60,7 @@ class CameraReader:
         silence: s without a usable picture after which the device is opened again.
         frozen: s of one and the same picture after which it is opened again; 0 where pictures may be the same.
         first_pause: s until it is opened again for the first time.
+        counts: where the device counts too; those of the reader are added.
         clock: of stamps and pauses.
         log: where it is told that the camera is gone, or back.
     """
@@ -66,11 +68,11 @@ class CameraReader:
     def __init__(
         self, name: str, device: CameraDevice, intrinsics: GivenIntrinsics | None = None, *,
         silence: float = SILENCE, frozen: float = FROZEN, first_pause: float = FIRST_PAUSE,
-        clock: Clock = WALL_CLOCK, log: logging.Logger | None = None,
+        counts: Counter[str] | None = None, clock: Clock = WALL_CLOCK, log: logging.Logger | None = None,
     ) -> None:  # fmt: skip
         self._device, self._intrinsics, self._clock = device, intrinsics, clock
         self._log = log or logging.getLogger("dsr.camera")
-        self._condition = CameraCondition(name, self._log, silence, frozen)
+        self._condition = CameraCondition(name, self._log, silence, frozen, counts)
         self._first_pause = first_pause
         self._newest: Frame | None = None
         self.ended = False
@@ -155,8 +157,8 @@ class CameraReader:
         try:
             meta = self._intrinsics.meta(frame.arrays["color"].shape)
         except SizeError as error:
-            self._condition.counts["another size"] += 1
             self._condition.tell("another size", str(error))
+            self._condition.counts["another size"] += 1
             return frame
         self._condition.well("another size")
         return replace(frame, meta={**frame.meta, **meta})
