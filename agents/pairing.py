@@ -13,10 +13,14 @@ PATIENCE = 1.0
 """s without any pair after which colour goes on alone"""
 _LIKELY_PERIOD = 1.0 / 30.0
 """s between two pictures, until stamps tell it: that of most cameras"""
-_LONGEST_PERIOD = 0.2
-"""s, no longer one is believed: what moved 0.1 s ago is elsewhere now"""
+_LONGEST_PERIOD = 1.0 / 15.0
+"""s, no longer one counts: half of it later a hand at 1 m/s is 33 mm elsewhere"""
+_SHORTEST_PERIOD = 1.0 / 60.0
+"""s, no shorter one counts: in a burst of pictures that waited, stamps of arrival say nothing"""
 _KEPT = 4
 """Pictures of each kind that wait for their partner: it comes within a picture or two, or never"""
+_LAG = 2
+"""Pictures that wait on while others go on alone: depth that comes again, and late, must find a partner"""
 _REMEMBERED = 8
 """Spans between pictures whose median is the period: one that was lost changes nothing"""
 
@@ -69,6 +73,8 @@ class Pairing(Generic[T]):
     def __init__(self, patience: float = PATIENCE) -> None:
         self.unpaired = 0
         """Pictures of either kind that never got a partner."""
+        self.gap: float | None = None
+        """Time (s) between the last colour that went on alone and the depth nearest to it; None if there was none."""
         self.passed_over = 0
         """Pairs that nobody took before the next one was there."""
         self._colors: _Stream[T] = _Stream()
@@ -81,7 +87,7 @@ class Pairing(Generic[T]):
     @property
     def apart(self) -> float:
         """Time by which the stamps of a pair may differ, s"""
-        return 0.5 * min(self._colors.period, self._depths.period, _LONGEST_PERIOD)
+        return 0.5 * max(_SHORTEST_PERIOD, min(self._colors.period, self._depths.period, _LONGEST_PERIOD))
 
     def add_color(self, item: T, stamp: float, at: float) -> None:
         """Take in a picture with `stamp` (s) that arrived at `at` (s, of any clock that never goes back)."""
@@ -92,9 +98,11 @@ class Pairing(Generic[T]):
             self._pair(item, partner.item, at)
             return
         self._wait(self._colors, item, stamp)
-        if at - self._paired_at > self._patience:
-            self._set_ready((item, None))
-            self.unpaired += self._colors.forget(stamp) + 1
+        if at - self._paired_at > self._patience and len(self._colors.waiting) > _LAG:
+            alone = self._colors.waiting[-1 - _LAG]
+            self.gap = min((abs(depth.stamp - alone.stamp) for depth in self._depths.waiting), default=None)
+            self._set_ready((alone.item, None))
+            self.unpaired += self._colors.forget(alone.stamp) + 1
 
     def add_depth(self, item: T, stamp: float, at: float) -> None:
         """Take in a depth image likewise."""
@@ -108,12 +116,6 @@ class Pairing(Generic[T]):
         """The newest colour with its depth, or alone, if it was not returned before; else None."""
         ready, self._ready = self._ready, None
         return ready
-
-    def gap(self) -> float | None:
-        """Time (s) between the newest colour and the nearest depth that wait for a partner; None if one is missing."""
-        if not (self._colors.waiting and self._depths.waiting):
-            return None
-        return min(abs(depth.stamp - self._colors.waiting[-1].stamp) for depth in self._depths.waiting)
 
     def _partner(self, own: _Stream[T], other: _Stream[T], stamp: float) -> _Waiting[T] | None:
         own.note(stamp)

@@ -60,22 +60,27 @@ def test_half_a_picture_is_that_of_the_faster_stream() -> None:
     for k in range(5):
         rare.add_color("c", 3.0 * k, 3.0 * k)
         rare.add_depth("d", 3.0 * k + 0.3, 3.0 * k + 0.3)
-    assert rare.apart == 0.1 and rare.unpaired > 0
+    assert rare.apart == pytest.approx(1.0 / 30.0) and rare.unpaired > 0
 
 
-def test_without_depth_colour_goes_on_alone_after_a_while_and_depth_is_taken_up_again() -> None:
+@pytest.mark.parametrize("late", [0.0, PERIOD])
+def test_without_depth_colour_goes_on_alone_after_a_while_and_depth_is_taken_up_again(late: float) -> None:
+    """Also depth that arrives later than the next colour."""
     pairing: Pairing[str] = Pairing()
     alone = []
     for k in range(60):
         pairing.add_color(f"c{k}", PERIOD * k, PERIOD * k)
         alone += [pair for pair in [pairing.take()] if pair]
-    assert alone and all(depth is None for _, depth in alone) and alone[-1] == ("c59", None)
-    assert int(alone[0][0][1:]) == pytest.approx(PATIENCE / PERIOD, abs=1.5)
-    pairing.add_color("c60", 2.0, 2.0)
-    assert pairing.take() == ("c60", None)
-    pairing.add_depth("d61", 2.0 + PERIOD, 2.0 + PERIOD)
-    pairing.add_color("c61", 2.0 + PERIOD, 2.0 + PERIOD)
-    assert pairing.take() == ("c61", "d61")
+    assert all(depth is None for _, depth in alone) and pairing.gap is None
+    assert [color for color, _ in alone] == [f"c{k}" for k in range(60 - 2 - len(alone), 58)]
+    assert len(alone) == pytest.approx((2.0 - PATIENCE) / PERIOD, abs=2)
+    found = []
+    for k in range(60, 70):
+        pairing.add_color(f"c{k}", PERIOD * k, PERIOD * k)
+        if (came := k - round(late / PERIOD)) >= 60:
+            pairing.add_depth(f"d{came}", PERIOD * came, PERIOD * came + late)
+        found += [pair for pair in [pairing.take()] if pair]
+    assert found[-1][0] in ("c69", "c68") and all(depth == f"d{color[1:]}" for color, depth in found[-5:])
 
 
 def test_of_several_pairs_the_newest_is_taken() -> None:
@@ -89,10 +94,19 @@ def test_of_several_pairs_the_newest_is_taken() -> None:
 
 def test_clocks_apart_are_told_by_their_gap() -> None:
     pairing: Pairing[str] = Pairing()
-    assert pairing.gap() is None
-    pairing.add_color("c", 5.0, 5.0)
-    pairing.add_depth("d", 3.0, 5.0)
-    assert pairing.gap() == pytest.approx(2.0) and pairing.take() is None
+    for k in range(60):
+        pairing.add_depth("d", 3.0 + PERIOD * k, PERIOD * k)
+        pairing.add_color("c", 5.0 + PERIOD * k, PERIOD * k)
+    assert pairing.take() == ("c", None) and pairing.gap == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_burst_of_pictures_is_paired_too() -> None:
+    pairing: Pairing[str] = Pairing()
+    for k in range(4):
+        pairing.add_color(f"c{k}", 0.001 * k, 0.0)
+    for k in range(4):
+        pairing.add_depth(f"d{k}", 0.001 * k + 0.004, 0.0)
+    assert pairing.take() == ("c3", "d0")
 
 
 def test_depth_alone_never_goes_on_and_waits_in_bounds() -> None:
