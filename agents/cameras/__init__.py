@@ -3,6 +3,7 @@
 from agents.cameras.errors import CorruptFrameError, DeviceError, EndOfPicturesError
 from agents.cameras.reader import CameraDevice, CameraReader
 from agents.cameras.realsense import RealSense
+from agents.cameras.recording import RecordedCamera
 from agents.cameras.video import VideoFile
 from agents.cameras.webcam import Webcam
 
@@ -13,6 +14,7 @@ __all__ = [
     "DeviceError",
     "EndOfPicturesError",
     "RealSense",
+    "RecordedCamera",
     "VideoFile",
     "Webcam",
 ]

@@ -72,6 +72,15 @@ BAG = CameraEntry(
     extra="ros",
     example=("bag=my_bag",),
 )
+RECORDING = CameraEntry(
+    driver="agents.cameras:RecordedCamera",
+    what="a recording of a run (dsr record)",
+    gives="colour and depth",
+    needs="the recording",
+    missing=lambda: absent("cv2"),
+    extra="sim",
+    example=("recording=runs/mine",),
+)
 PLANT = CameraEntry(
     driver="agents.plant.driver:PlantCamera",
     what="a simulated camera",

@@ -18,11 +18,16 @@ from typer.testing import CliRunner
 
 from agents.cameras import cli, entries
 from agents.drivers import CameraEntry, camera_entry, make_driver
-from dsr import LocalNetwork
+from agents.plant.messages import frame_key
+from dsr import Frame, LocalNetwork
 from dsr.clock import WALL_CLOCK
 from dsr.config.plugins import DRIVERS, provided
+from dsr.connecting import open_transport
 from dsr.errors import ConfigError
+from dsr.images.blobs import frame_chunks
 from dsr.network.keys import Keys
+from dsr.network.rendezvous import endpoints
+from tests.agents.ros_bridge.bags.made import drive, rosbag2
 
 SIZE = (64, 48)
 
@@ -94,6 +99,41 @@ def test_a_video_is_tried_and_its_picture_saved(video: Path, tmp_path: Path) -> 
     assert cv2.imread(str(picture)).shape == (48, 64, 3)
     found = json.loads(run("try", "video", *options[:3], "--no-view", "--json").stdout)
     assert found["width"] == 64 and found["depth_known"] is None and found["rate_hz"] == pytest.approx(20.0, rel=0.01)
+
+
+def test_a_simulated_camera_is_tried_over_its_running_graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    image = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
+    meta: dict[str, float | int | str] = {"fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5}
+    bus, registration = open_transport("eyes", "plant")
+    ended = threading.Event()
+
+    def send() -> None:
+        while not WALL_CLOCK.wait(ended, 0.05):
+            frame = Frame(WALL_CLOCK.now(), {"color": image, "depth": np.ones(image.shape[:2], np.float32)}, meta)
+            bus.publish_bulk(frame_key(Keys("eyes"), "overhead"), frame_chunks(frame))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        result = run("try", "plant", "--graph", "eyes", "--no-view", "--for", "5", "--json")
+        assert len(endpoints("eyes")) == 1, "who tried is gone"
+    finally:
+        ended.set()
+        sender.join()
+        registration.close()
+        bus.close()
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert found["frames"] > 0 and found["depth_known"] == 1.0 and found["missing"] == []
+
+
+def test_a_bag_is_tried(tmp_path: Path) -> None:
+    bag = rosbag2(tmp_path / "drive", drive())
+    result = run("try", "bag", f"bag={bag}", "--no-view", "--for", "1", "--json")
+    found = json.loads(result.stdout)
+    assert result.exit_code == 0 and found["frames"] > 1 and found["depth_known"] == 1.0
+    assert found["intrinsics"]["fx"] > 0.0
 
 
 def test_no_picture_is_said_with_the_reason_and_leaves_no_file(tmp_path: Path) -> None:
