@@ -19,7 +19,17 @@ from rich.table import Table
 
 from agents.cameras.trial import CameraFindings, Trial, picture_of
 from agents.drivers import CameraDriver, CameraEntry, camera_entry, make_driver
-from dsr.cli.common import JsonOption, add_names, check_writable, console, for_people, joinable, print_json, shown
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    add_names,
+    check_writable,
+    console,
+    for_people,
+    joinable,
+    print_json,
+    shown,
+)
 from dsr.clock import WALL_CLOCK
 from dsr.config.extras import check_installed
 from dsr.config.plugins import DRIVERS, provided
@@ -28,6 +38,7 @@ from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
+from dsr.network.rendezvous import endpoints
 from dsr.network.transport import Transport
 from dsr.runtime.display import has_display
 from dsr.runtime.signals import set_on_signals
@@ -93,14 +104,12 @@ def try_driver(
     view: Annotated[
         bool | None, typer.Option("--view/--no-view", help="Show it live; default: if there is a display.")
     ] = None,
-    graph: Annotated[
-        str | None, typer.Option("--graph", "-g", metavar="NAME", help="For pictures that come over a running graph.")
-    ] = None,
+    graph: GraphOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Try a camera: show it live, and tell rates, resolution, depth, intrinsics and what is missing.
 
-    No graph needs to run. The exit code is 1 if no picture comes.
+    No graph needs to run, but for pictures that come over one (plant). The exit code is 1 if no picture comes.
 
     Examples: dsr drivers try webcam device=2 fov=60
               dsr drivers try video file=film.mp4 calibration=camera.yaml --save picture.png
@@ -158,7 +167,8 @@ def _option(text: str) -> tuple[str, Any]:
 @contextlib.contextmanager
 def _network(entry: CameraEntry | None, graph: str | None) -> Iterator[tuple[Transport, Keys]]:
     """That of a running graph, where pictures come over it; else one that leads nowhere."""
-    if graph is None and not (entry is not None and entry.on_bus):
+    on_bus = entry.on_bus if entry is not None else bool(graph and endpoints(graph))
+    if not on_bus:
         yield LocalNetwork(WALL_CLOCK).connect("try"), Keys("try")
         return
     name = joinable(graph, None)
