@@ -34,6 +34,7 @@ SHARED_BY_AGENTS = (
     "agents.drivers",
     "agents.frame_images",
     "agents.inbox",
+    "agents.intrinsics_file",
     "agents.object_models",
     "agents.pairing",
     "agents.recorder",

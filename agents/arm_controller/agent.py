@@ -86,7 +86,8 @@ class ArmController(Agent):
         self._body = RobotNodes(self.memory, robot, config)
         self._body.build()
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
-        self._feeds = self._make_feeds()
+        self._feeds: list[CameraFeed] = []
+        self._make_feeds()
         self._state: ArmState | None = None
         self._heard = self._ticked = self.clock.now()
         """s, when the last sample came, later by the time in which nobody looked; when the last tick was."""
@@ -143,13 +144,11 @@ class ArmController(Agent):
         if config.posture and len(config.posture) != joints:
             raise ConfigError(f"posture of {len(config.posture)} positions: expected {joints} or none")
 
-    def _make_feeds(self) -> list[CameraFeed]:
-        feeds = []
+    def _make_feeds(self) -> None:
         for node, camera in self.config.cameras.items():
             options = {"name": camera.name or node, **camera.options}
             driver = make_driver(camera.driver, self.bus, self.keys, **options)
-            feeds.append(CameraFeed(self.memory, node, driver, self.log))
-        return feeds
+            self._feeds.append(CameraFeed(self.memory, node, driver, self.log))
 
     def _make_manipulator(self, robot: Robot) -> Manipulator:
         config = self.config

@@ -36,7 +36,7 @@ class VideoFile(CameraReader):
         begin: s from its beginning, where to start.
         speed: seconds of the video a second.
         loop: begin again at the end; otherwise nothing comes any more.
-        calibration: file with the camera's intrinsics, see `read_calibration`.
+        calibration: file with the camera's intrinsics, see `read_intrinsics_file`.
         fov: deg, its horizontal field of view, if there is no calibration; without both there are no intrinsics.
 
     Raises:

@@ -53,7 +53,7 @@ class Webcam(CameraReader):
         width: px, which the camera is asked for; 0 for its own.
         height: px, likewise.
         fps: pictures a second, likewise.
-        calibration: file with its intrinsics, see `read_calibration`.
+        calibration: file with its intrinsics, see `read_intrinsics_file`.
         fov: deg, its horizontal field of view, if there is no calibration; without both there are no intrinsics.
         latency: s from exposure until a picture arrives, taken off its stamp where the backend tells none.
         silence: s without a usable picture after which the camera is opened again.

@@ -12,15 +12,15 @@ import pytest
 from agents.cameras import RealSense
 from agents.cameras.realsense import load_library
 from agents.cameras.realsense_lens import intrinsics_of, pose_of
-from agents.depth_alignment import DepthAlignment
 from agents.drivers import make_driver
+from benchmarks import recorded_realsense as recorded
+from benchmarks.depth_alignment import aligned_both_ways
 from dsr import LocalNetwork
 from dsr.clock import WALL_CLOCK
 from dsr.config.extras import MissingExtraError
 from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
 from dsr.network.keys import Keys
-from tests.agents.cameras import recorded
 from tests.agents.cameras.conftest import eventually
 
 try:
@@ -94,24 +94,9 @@ def test_intrinsics_with_their_distortion_are_in_each_frame(make: Make, recordin
 
 def test_depth_is_aligned_as_the_library_aligns_it(recording: Path) -> None:
     """It leaves out pixels that the image's edge cuts, and ones between those that lens and turn draw apart."""
-    config = rs.config()
-    config.enable_device_from_file(str(recording), repeat_playback=False)
-    pipeline = rs.pipeline()
-    profile = pipeline.start(config)
-    streams = [profile.get_stream(kind).as_video_stream_profile() for kind in (rs.stream.depth, rs.stream.color)]
-    (depth_lens, _), (color_lens, _) = (intrinsics_of(rs, stream.get_intrinsics()) for stream in streams)
-    ours = DepthAlignment(depth_lens, color_lens, pose_of(streams[0].get_extrinsics_to(streams[1])))
-    came, frames = pipeline.try_wait_for_frames(5000)
-    assert came
-    measured = np.asarray(frames.get_depth_frame().get_data()).astype(np.float32) * np.float32(1e-3)
-    theirs = np.asarray(rs.align(rs.stream.color).process(frames).get_depth_frame().get_data()) * 1e-3
-    aligned = ours.align(measured)
-    pipeline.stop()
-    both = (aligned > 0) & (theirs > 0)
-    assert both.sum() > 0.999 * (theirs > 0).sum()
-    assert both.sum() > 0.98 * (aligned > 0).sum() and both.mean() > 0.8
-    same = np.abs(aligned - theirs)[both] < 2.5e-3  # theirs stays the depth camera's own, ours is along our axis
-    assert same.mean() > 0.99
+    found = aligned_both_ways(rs, recording)
+    assert found.both > 0.999 and found.known_to_them > 0.98 and found.same > 0.99
+    assert (found.ours > 0).mean() > 0.8
 
 
 def test_without_depth_colour_goes_alone(make: Make, recording: Path) -> None:

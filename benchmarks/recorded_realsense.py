@@ -7,46 +7,53 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsr.clock import WALL_CLOCK
 
 WIDTH, HEIGHT, FPS = 320, 240, 30
+"""px, px and Hz, of both streams"""
 COUNT = 24
+"""Pictures of each kind"""
 LATER = 4.0
 """ms by which depth is exposed after colour"""
 COEFFICIENTS = [0.05, -0.1, 0.001, 0.002, 0.0]
+"""Of the colour camera's lens"""
 BESIDE = (0.03, -0.002, 0.001)
 """m, the depth camera's place in the colour camera's frame"""
 TURNED = 0.02
 """rad about its z axis"""
+Image = NDArray[Any]
 
 
-def color(number: int) -> np.ndarray:
-    """The image of that number, red 10 times as much and with a pattern."""
+def color(number: int, scale: int = 1) -> Image:
+    """The image of that number, red 10 times as much and with a pattern; larger by `scale`."""
     image = np.full((HEIGHT, WIDTH, 3), 120, np.uint8)
     image[..., 0] = 10 * number
     image[::2, ::2, 2] = 30
-    return image
+    return image.repeat(scale, 0).repeat(scale, 1)
 
 
-def depth(number: int) -> np.ndarray:
+def depth(number: int, scale: int = 1) -> Image:
     """A wall at 2 m, and at 0.8 m and as many mm as `number` a box in its middle; a corner is unknown."""
     image = np.full((HEIGHT, WIDTH), 2000, np.uint16)
     image[80:160, 120:200] = 800 + number
     image[:20, :20] = 0
-    return image
+    return image.repeat(scale, 0).repeat(scale, 1)
 
 
-def record(rs: Any, path: Path) -> None:
-    """Write the recording; it takes about a second."""
+def record(rs: Any, path: Path, scale: int = 1) -> None:
+    """Write the recording, with images larger by `scale`; it takes about a second."""
     device = rs.software_device()
     device.register_info(rs.camera_info.name, "software")
     device.register_info(rs.camera_info.serial_number, "42")
     sensors = {"depth": device.add_sensor("Depth"), "color": device.add_sensor("Color")}
     profiles = {
-        "depth": sensors["depth"].add_video_stream(_stream(rs, rs.stream.depth, 0, rs.format.z16, 2, 300.0, None)),
+        "depth": sensors["depth"].add_video_stream(
+            _stream(rs, rs.stream.depth, 0, rs.format.z16, 2, scale, 300.0, None)
+        ),
         "color": sensors["color"].add_video_stream(
-            _stream(rs, rs.stream.color, 1, rs.format.rgb8, 3, 280.0, COEFFICIENTS)
+            _stream(rs, rs.stream.color, 1, rs.format.rgb8, 3, scale, 280.0, COEFFICIENTS)
         ),
     }
     sensors["depth"].add_read_only_option(rs.option.depth_units, 0.001)
@@ -58,7 +65,7 @@ def record(rs: Any, path: Path) -> None:
         sensor.open(sensor.get_stream_profiles()[0])
         sensor.start(queue)
     for number in range(COUNT):
-        for kind, pixels, late in (("color", color(number), 0.0), ("depth", depth(number), LATER)):
+        for kind, pixels, late in (("color", color(number, scale), 0.0), ("depth", depth(number, scale), LATER)):
             frame = rs.software_video_frame()
             frame.pixels, frame.stride, frame.bpp = pixels, pixels.strides[0], pixels.strides[1]
             frame.timestamp = 5000.0 + number * 1e3 / FPS + late
@@ -82,20 +89,22 @@ def extrinsics(rs: Any) -> Any:
     return made
 
 
-def intrinsics(rs: Any, focal: float, model: Any, coefficients: list[float]) -> Any:
-    """A lens as the library has it."""
+def intrinsics(rs: Any, focal: float, model: Any, coefficients: list[float], scale: int = 1) -> Any:
+    """A lens as the library has it, `focal` px for images that are not scaled."""
     made = rs.intrinsics()
-    made.width, made.height, made.fx, made.fy = WIDTH, HEIGHT, focal, focal
-    made.ppx, made.ppy, made.model, made.coeffs = WIDTH / 2 - 0.5, HEIGHT / 2 - 0.5, model, coefficients
+    made.width, made.height = WIDTH * scale, HEIGHT * scale
+    made.fx = made.fy = focal * scale
+    made.ppx, made.ppy = made.width / 2 - 0.5, made.height / 2 - 0.5
+    made.model, made.coeffs = model, coefficients
     return made
 
 
 def _stream(
-    rs: Any, kind: Any, number: int, format: Any, size: int, focal: float, coefficients: list[float] | None
+    rs: Any, kind: Any, number: int, format: Any, size: int, scale: int, focal: float, coefficients: list[float] | None
 ) -> Any:
     stream = rs.video_stream()
     stream.type, stream.index, stream.uid, stream.fmt, stream.bpp = kind, 0, number, format, size
-    stream.width, stream.height, stream.fps = WIDTH, HEIGHT, FPS
+    stream.width, stream.height, stream.fps = WIDTH * scale, HEIGHT * scale, FPS
     model = rs.distortion.brown_conrady if coefficients else rs.distortion.none
-    stream.intrinsics = intrinsics(rs, focal, model, coefficients or [0.0] * 5)
+    stream.intrinsics = intrinsics(rs, focal, model, coefficients or [0.0] * 5, scale)
     return stream
