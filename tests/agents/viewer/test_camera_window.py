@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import rerun as rr
 
+from agents.viewer import window as viewer_window
 from agents.viewer.camera_window import CameraWindow
 from agents.viewer.window import WindowError
 from dsr import Frame
@@ -32,3 +34,20 @@ def test_without_a_display_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(WindowError, match="no display"):
         CameraWindow("cam")
+
+
+def test_a_window_takes_pictures_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The viewer itself, without a display."""
+    monkeypatch.setattr(viewer_window, "has_display", lambda *_: True)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    start = viewer_window._RerunProcess.__init__
+
+    def headless(self: Any, options: list[str], log_file: Path, listens: Any) -> None:
+        start(self, [*options, "--headless"], log_file, listens)
+
+    monkeypatch.setattr(viewer_window._RerunProcess, "__init__", headless)
+    with CameraWindow("cam") as window:
+        for number in range(5):
+            window.show(Frame(float(number), {"color": np.full((48, 64, 3), 40 * number, np.uint8)}, {}))
+        assert not window.closed and list(tmp_path.iterdir())
+    assert window.closed and list(tmp_path.iterdir()) == []
