@@ -67,7 +67,9 @@ def imported_below(folder: str) -> set[str]:
 
 
 MEMORY = names(PROJECT["dependencies"])
-DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in ("cli", "sim", "view", "ros", "ros-dds"))) - TOOLS
+OF_SYSTEM = ("cli", "sim", "view", "realsense", "ros", "ros-dds")
+"""Extras whose libraries the system imports, and which can be installed together."""
+DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in OF_SYSTEM)) - TOOLS
 ALLOWED = {
     **dict.fromkeys(SYSTEM, DECLARED | names(EXTRAS["hands"])),
     "benchmarks": DECLARED | names(EXTRAS["bench"]) | names(EXTRAS["hands"]) | {"pytest"},
@@ -107,8 +109,7 @@ def test_what_changes_results_has_an_upper_bound_below_the_next_minor_version(na
 
 def test_the_lock_is_within_the_bounds() -> None:
     lock = locked()
-    locked_extras = ("cli", "sim", "view", "ros", "ros-dds", "dev")
-    declared = [*PROJECT["dependencies"], *(text for extra in locked_extras for text in EXTRAS[extra])]
+    declared = [*PROJECT["dependencies"], *(text for extra in (*OF_SYSTEM, "dev") for text in EXTRAS[extra])]
     for requirement in map(Requirement, declared):
         if requirement.name != PROJECT["name"]:
             version = lock[canonicalize_name(requirement.name)]

@@ -23,22 +23,27 @@ ONE_PLACE = {
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
+    "pyrealsense2": ("agents/cameras/realsense.py",),
     "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
     "agents.camera_feed",
     "agents.colors",
+    "agents.depth_alignment",
     "agents.drivers",
     "agents.frame_images",
     "agents.inbox",
+    "agents.intrinsics_file",
     "agents.object_models",
+    "agents.pairing",
     "agents.recorder",
     "agents.replay.source",
     "agents.scenario.format.scenario",
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",
+    "agents.viewer.camera_window",
 )
 """Modules within `agents` that all its packages may import."""
 LAYERS = (

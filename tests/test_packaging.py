@@ -190,7 +190,7 @@ def test_another_package_of_the_same_name_is_told_apart(install: Callable[..., R
 def test_extras_are_those_of_the_project() -> None:
     declared = {
         canonicalize_name(Requirement(text).name): extra
-        for extra in ("cli", "sim", "view", "planning", "hands", "ros", "ros-dds")
+        for extra in ("cli", "sim", "view", "planning", "hands", "realsense", "ros", "ros-dds")
         for text in PROJECT["optional-dependencies"][extra]
     }
     assert all(declared[MODULES.get(module, module)] == extra for module, extra in EXTRAS.items())

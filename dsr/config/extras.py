@@ -16,6 +16,7 @@ EXTRAS = {
     "rerun": "view",
     "up_fast_downward": "planning",
     "mediapipe": "hands",
+    "pyrealsense2": "realsense",
     "rosbags": "ros", "xxhash": "ros",
     "cyclonedds": "ros-dds",
 }  # fmt: skip

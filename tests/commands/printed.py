@@ -256,12 +256,13 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "mission": _mission,
     "bench": _bench,
     "ros list": _ros_list,
+    "drivers list": _call("drivers", "list"),
     "soak": _soak,
 }
 """Commands by what one types after `dsr`, with how to have them print."""
 
 SENTENCES = {
     "new", "run", "stop", "logs", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
-    "record export", "security init", "security add", "ros run", "ros check",
+    "record export", "security init", "security add", "ros run", "ros check", "drivers try",
 }  # fmt: skip
 """Commands that print lines only, which the terminal breaks, or what one of `PRINTED` prints: `run`, `demo`."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from itertools import takewhile
 from typing import Any, NamedTuple
 
+import msgspec
+
 from agents.ros_bridge.bags.reader import Bag
 from agents.ros_bridge.bridge.config import Receive, RosBridgeConfig, RosCameraTopics, Send
 from agents.ros_bridge.bridge.in_tf import TF, TF_STATIC
@@ -61,7 +63,7 @@ def received_topics(bag: Bag, config: RosBridgeConfig) -> list[str]:
     optional = [CLOCK_TOPIC] if config.clock == "follow" else []
     optional += [TF, TF_STATIC] if wanted.tf else []
     for camera in wanted.cameras.values():
-        named += [camera.color, camera.depth]
+        named += [camera.color, camera.depth, camera.depth_info]
         (named if camera.info else optional).append(camera.info_topic)
     found = [bag.topic(name).name for name in named if name]
     return [*found, *(name for name in optional if name in bag.topics and not bag.topics[name].complaint)]
@@ -93,7 +95,7 @@ def cameras_of(bag: Bag, types: RosTypes) -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = {}
     for view, topics in cameras:
         name = _node(view, found)
-        info = RosCameraTopics(**topics).info_topic
+        info = msgspec.convert(topics, RosCameraTopics).info_topic
         found[name] = topics if info in readable else {**topics, **_info_beside(view.topic, readable)}
     return found
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from agents.drivers import make_driver
+from agents.drivers import SILENCE, Diagnosed, make_driver
 from agents.ros_bridge import RosArm, RosCamera, RosTags
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.link.local import LocalLink, LocalRos
@@ -317,5 +317,9 @@ def test_a_camera_of_ros_is_a_camera_driver(ros: LocalRos) -> None:
         robot.publisher(name, message.__msgtype__, Qos()).send(TYPES.encode(message.__msgtype__, message))
     frame = driver.frame()
     assert frame is not None and frame.meta["fx"] == 600.0 and frame.arrays["color"].shape == (480, 640, 3)
-    assert driver.frame() is None
+    assert driver.frame() is None and driver.trouble == ""
+    clock = RosCamera.clock
+    assert isinstance(clock, ManualClock) and isinstance(driver, Diagnosed)
+    clock.advance(SILENCE + 1.0)
+    assert driver.frame() is None and "no picture on /cam/image_rect for 4 s" in driver.trouble
     driver.close()
