@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from agents.calibrator.hand_eye.grids import upright
 from dsr.math3d.transforms import Array
 
-_BLOCKS = (0.02, 0.05, 0.12)
-"""Sides of the neighbourhoods that a dot must be darker than, over the diagonal of the image"""
+_BLOCKS = (0.12, 0.05, 0.02)
+"""Sides of the neighbourhoods that a dot must be darker than, over the diagonal of the image. Large ones come first: of
+a dot that is larger than its neighbourhood only the rim is dark"""
 _DARKER = 7
 """Grey levels by which a dot is darker than its neighbourhood, at least"""
 _LEAST_AREA = 12.0

@@ -35,8 +35,8 @@ _PIXEL, _LEAST_PIXEL = 0.2, 0.01
 _LEAST_HAND = 1e-6
 """m, rad: no hand is known better, and a robot of few joints cannot err in all directions"""
 _BELIEVED, _BELIEVED_HAND = 2.0, 20.0
-"""Residuals that a usual standard deviation counts as, where nobody states one. The hand's counts for more: errors of
-lens and print look like errors of the hand"""
+"""Residuals that a usual standard deviation counts as, where nobody states one. The hand's counts as three views have:
+errors of lens and print look like errors of the hand"""
 _MEDIAN = 5.35
 """Of squared Mahalanobis distances, 6 degrees of freedom"""
 _STEPS = 30
@@ -94,7 +94,7 @@ class Fitter:
         now = self._coarse(start, weights, noise)
         for _ in range(_ROUNDS):
             now, before = self.settled(now, weights, noise), noise
-            weights = self._weights(now, noise)
+            weights = self._weights(now, weights, noise)
             noise = self._noise(now, weights, noise)
             if _is_settled(before, noise):
                 break
@@ -112,7 +112,7 @@ class Fitter:
         while pixel > 2.0 * _PIXEL:
             stated = noise._replace(pixel=pixel)
             now = self.settled(now, weights, stated)
-            weights = self._weights(now, stated)
+            weights = self._weights(now, weights, stated)
             pixel /= 4.0
         return now
 
@@ -214,30 +214,38 @@ class Fitter:
         """(v, 6, 6) weighted, of the hand's errors."""
         return weights.views[:, None, None] * np.linalg.inv(hand_covariances(self._noises, noise))
 
-    def _weights(self, now: Parameters, noise: Noise) -> Weights:
-        """Weights by Student's t distribution."""
+    def _weights(self, now: Parameters, weights: Weights, noise: Noise) -> Weights:
+        """Weights by Student's t distribution, from present ones on; what is not known of a slip counts as a slip."""
         off = (self.model.residuals(now) ** 2).sum(axis=2) / (noise.pixel**2 + noise.smooth**2)
-        slips = self._slips(now)
-        away = np.einsum("vi,vij,vj->v", slips, np.linalg.inv(hand_covariances(self._noises, noise)), slips)
+        slips, information = self._slips(now), np.linalg.inv(hand_covariances(self._noises, noise))
+        away = np.einsum("vi,vij,vj->v", slips, information, slips)
+        away += np.einsum("vij,vji->v", information, self._slip_covariances(now, *self._known(now, weights, noise)))
         points = self.model.seen * (_FREEDOM + 2.0) / (_FREEDOM + off)
         return Weights(points, (_FREEDOM + 6.0) / (_FREEDOM + away))
 
     def _noise(self, now: Parameters, weights: Weights, noise: Noise) -> Noise:
         """The standard deviations that the residuals show."""
+        known = self._known(now, weights, noise)
+        pixel, smooth = self._of_pixels(now, weights, noise, known)
+        return Noise(pixel, smooth, self._of_hand(now, weights, noise, known))
+
+    def _known(self, now: Parameters, weights: Weights, noise: Noise) -> tuple[Array, Array, Array]:
+        """Covariance (c, c) of the common parameters, (v, 6, 6) of slips beside them, (v, c, 6) how these follow."""
         normal = self.normal(now, weights, noise)
         whole, follows = normal.reduced()
-        covariance, slips = inverse(whole), np.asarray(np.linalg.inv(normal.slips), np.float64)
-        pixel, smooth = self._of_pixels(now, weights, noise, (covariance, slips, follows))
-        return Noise(pixel, smooth, self._of_hand(now, weights, noise, (covariance, slips, follows)))
+        return inverse(whole), np.asarray(np.linalg.inv(normal.slips), np.float64), follows
+
+    def _slip_covariances(self, now: Parameters, covariance: Array, inverses: Array, follows: Array) -> Array:
+        """(v, 6, 6) of `_slips` after all has been seen."""
+        own, offsets = self._by_slip(now), self._by_offsets(len(covariance))
+        mixed = offsets - own @ np.swapaxes(follows, 1, 2)
+        return np.asarray(own @ inverses @ np.swapaxes(own, 1, 2) + mixed @ covariance @ np.swapaxes(mixed, 1, 2))
 
     def _of_hand(
         self, now: Parameters, weights: Weights, noise: Noise, known: tuple[Array, Array, Array]
     ) -> tuple[float, ...]:
-        """Those of the hand's poses, given the covariance of the common parameters, of the slips, and between them."""
-        covariance, inverses, follows = known
-        own, offsets = self._by_slip(now), self._by_offsets(len(covariance))
-        mixed = offsets - own @ np.swapaxes(follows, 1, 2)
-        posterior = own @ inverses @ np.swapaxes(own, 1, 2) + mixed @ covariance @ np.swapaxes(mixed, 1, 2)
+        """Those of the hand's poses, given what is `_known`."""
+        posterior = self._slip_covariances(now, *known)
         information, slips = self._information(weights, noise), self._slips(now)
         learned = information - information @ posterior @ information
         stds = []

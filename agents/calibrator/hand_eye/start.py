@@ -37,6 +37,8 @@ _LEAST_TURN = 0.03
 _FLAT = 1e-9
 """m^2, variance of points off a plane"""
 _ROUNDS = 4
+_AS_GOOD = 2.0
+"""Error with equal units over that with the best ratio of them, up to which units are equal"""
 
 
 class Start(NamedTuple):
@@ -123,15 +125,13 @@ def find_start(observations: Observations, intrinsics: Intrinsics, seed: int) ->
         raise ConfigError("the hand hardly turns between the views: turn it by 20 to 40 degrees, about different axes")
     best = min((judge.judged(*guess) for guess in guesses), key=lambda one: one.cost)
     for _ in range(_ROUNDS):
-        rows = np.flatnonzero(best.agreeing)
-        if len(rows) < 3:
-            break
-        chosen = np.array([judge.nearest(poses[row], best, row) for row in rows.tolist()])
-        guess = _solved(observations.holders[rows], chosen)
-        better = None if guess is None else judge.judged(*guess)
+        better = _again(observations, judge, poses, best)
         if better is None or better.cost >= best.cost:
             break
         best = better
+    usual = _again(observations, judge, poses, best, 1.0)
+    if usual is not None and usual.cost < _AS_GOOD * best.cost:  # the scale is little known where views are few or bad
+        best = usual
     if 2 * int(best.agreeing.sum()) <= len(observations):
         raise ConfigError(
             f"no mount of the camera explains the images: at best {int(best.agreeing.sum())} of {len(observations)} "
@@ -139,6 +139,18 @@ def find_start(observations: Observations, intrinsics: Intrinsics, seed: int) ->
             "(not its inverse), the order x y z w of quaternions, and --eye-to-hand"
         )
     return Start(best.mount, best.target, best.orders, best.scale, best.agreeing)
+
+
+def _again(
+    observations: Observations, judge: _Judge, poses: list[Array], guess: _Judged, scale: float | None = None
+) -> _Judged | None:
+    """The guess from all views that agree with one; None if these are too few."""
+    rows = np.flatnonzero(guess.agreeing)
+    if len(rows) < 3:
+        return None
+    chosen = np.array([judge.nearest(poses[row], guess, row) for row in rows.tolist()])
+    solved = _solved(observations.holders[rows], chosen, scale)
+    return None if solved is None else judge.judged(*solved)
 
 
 def _with_symmetries(observations: Observations, poses: list[Array]) -> list[Array]:
@@ -188,10 +200,11 @@ def _angle(transform: Array) -> float:
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(transform[:3, :3])) - 1.0))))
 
 
-def _solved(holders: Array, poses: Array) -> tuple[Array, Array, float] | None:
+def _solved(holders: Array, poses: Array, scale: float | None = None) -> tuple[Array, Array, float] | None:
     """Mount, target and scale by which carrier_from_holder (v, 4, 4) fit camera_from_target (v, 4, 4), in closed form.
 
-    None if the moves have one axis only. With mount X and target Z: X camera_from_target = carrier_from_holder Z.
+    None if the moves have one axis only. The scale is found unless it is given. With mount X and target Z, what is
+    solved is X camera_from_target = carrier_from_holder Z.
     """
     left, right = [], []
     for one, other in itertools.combinations(range(len(poses)), 2):
@@ -210,9 +223,13 @@ def _solved(holders: Array, poses: Array) -> tuple[Array, Array, float] | None:
     # R_X t_C s + t_X - R_H t_Z = t_H, with the scale s
     unit = np.broadcast_to(np.eye(3), (len(poses), 3, 3))
     rows = np.concatenate([unit, -holders[:, :3, :3], mount[:3, :3] @ poses[:, :3, 3:]], axis=2)
-    answer = np.linalg.lstsq(rows.reshape(-1, 7), holders[:, :3, 3].ravel(), rcond=None)[0]
-    mount[:3, 3], target[:3, 3], scale = answer[:3], answer[3:6], float(answer[6])
-    return (mount, target, scale) if scale > 0.0 else None
+    rows, wanted = rows.reshape(-1, 7), holders[:, :3, 3].ravel()
+    if scale is not None:
+        rows, wanted = rows[:, :6], wanted - scale * rows[:, 6]
+    answer = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    mount[:3, 3], target[:3, 3] = answer[:3], answer[3:6]
+    found = float(answer[6]) if scale is None else scale
+    return (mount, target, found) if found > 0.0 else None
 
 
 class _Judged(NamedTuple):
