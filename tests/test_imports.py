@@ -16,7 +16,7 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 
 ONE_PLACE = {
     "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
-    "rosbags": ("agents/ros_bridge/",),
+    "rosbags": ("agents/ros_bridge/", "benchmarks/real/"),
     "cyclonedds": ("agents/ros_bridge/link/dds/",),
     "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
     "collada": ("dsr/geometry/collada_file.py",),

@@ -1,0 +1,1 @@
+"""How accurate is perception on recordings of others? Ours beside its peers, in the same run."""
