@@ -85,15 +85,19 @@ def _main() -> None:
         base_turn, base_shift, turn, shift = vision.calibrateRobotWorldHandEye(
             targets[:, :3, :3], targets[:, :3, 3], inverse[:, :3, :3], inverse[:, :3, 3], method=method
         )
-        camera, target = (np.linalg.inv(_matrix(*pair)) for pair in ((turn, shift), (base_turn, base_shift)))
-        found[f"{name} (robot-world)"] = (camera.tolist(), target.tolist())
+        camera, target = (_inverse(_matrix(*pair)) for pair in ((turn, shift), (base_turn, base_shift)))
+        found[f"{name}, robot-world"] = (camera.tolist(), target.tolist())
     sys.stdout.write(json.dumps(found) + "\n")
 
 
 def _matrix(turn: Array, shift: Array) -> Array:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, np.ravel(shift)
-    return pose
+    return np.asarray(pose, np.float64)
+
+
+def _inverse(pose: Array) -> Array:
+    return np.asarray(np.linalg.inv(pose), np.float64)
 
 
 def _mean(poses: Array) -> Array:

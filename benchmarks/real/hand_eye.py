@@ -6,12 +6,10 @@ The grid is found once, for all methods. Each method gets the same views; OpenCV
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import cv2
 import msgspec
@@ -23,8 +21,8 @@ from agents.calibrator.hand_eye.reading import Hands, read_images
 from agents.calibrator.hand_eye.start import find_start, target_poses
 from agents.calibrator.hand_eye.targets import read_target
 from benchmarks.peers.opencv_hand_eye import OpenCv
-from benchmarks.real.held_out import Mount, errors, row, show
-from benchmarks.real.subcommand import MissingDataError, Subcommand
+from benchmarks.real.held_out import Mount, errors, table_of
+from benchmarks.real.recordings import DataError, Outcome, RealBenchmark, needed
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.distortion import Distortion
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -33,40 +31,45 @@ _NUMBER = re.compile(r"^\s*(\w+):\s*(-?[\d.]+(?:e-?\d+)?)\b", re.MULTILINE)
 _PAIR = re.compile(r"pose:\s*(\S+)\s+image:\s*(\S+)")
 
 
-def run(data: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Measure on a folder with cal_data.yaml, target.yaml and camera_intr_calibrated.yaml."""
-    views, given = _read(data)
-    sys.stderr.write(f"the grid is found in {len(views)} images\n")
+_HELD, _ROUNDS = 3, 2
+"""Views that are held out at a time, and how often each is"""
+_SEED = 0
+"""Of the views' order"""
+
+
+def run(folder: Path) -> Outcome:
+    """Predict views that were held out, by each method."""
+    views, given, images = _read(folder)
+    remarks = [f"The grid is found in {len(views)} of {images} images.", "mm: distances from rays, at the target."]
     try:
-        peer = None if options.without_opencv else OpenCv(options.opencv)
+        peer = OpenCv(Path(sys.prefix) / "opencv4")
     except OSError as error:
-        sys.stderr.write(f"OpenCV's methods are left out: {error}\n")
+        remarks.append(f"OpenCV's methods are left out: {error}.")
         peer = None
     found: dict[str, list[Array]] = {}
-    for fitted, held in _splits(len(views), options.hold, options.rounds, options.seed):
+    for fitted, held in _splits(len(views)):
         train, test = views.subset(fitted), views.subset(held)
         for method, mount in _mounts(train, given, peer):
             found.setdefault(method, []).append(errors(mount, test))
-    rows = [row(method, np.concatenate(parts)) for method, parts in found.items()]
-    show(f"views held out: {options.hold} of {len(views)} at a time, {options.rounds} rounds", rows)
-    return rows
+    table, figures = table_of(found)
+    return Outcome(table, remarks, {"views": len(views), "images": images, "methods": figures})
 
 
 def _mounts(train: Observations, given: Intrinsics, peer: OpenCv | None) -> Iterator[tuple[str, Mount]]:
     """What each method makes of the same views."""
     setting = Setting(lens="plumb_bob")
-    yield "ours, intrinsics fitted", Mount.of(solve(train, None, setting).fitted.parameters)
-    yield "ours, intrinsics given", Mount.of(solve(train, given, Setting()).fitted.parameters)
+    yield "ours, lens fitted", Mount.of(solve(train, None, setting).fitted.parameters)
+    yield "ours, lens given", Mount.of(solve(train, given, Setting()).fitted.parameters)
     start = find_start(train, given, 0)
-    yield "ours, closed form alone", Mount(start.mount, start.target, given)
+    yield "ours, closed form", Mount(start.mount, start.target, given)
     if peer is None:
         return
     ordered = train.reordered(start.orders)
     calibrated = _calibrated(ordered)
-    for name, lens in (("calibrateCamera", calibrated), ("given", given)):
+    for name, lens in (("fitted", calibrated), ("given", given)):
         targets = np.array([poses[0] for poses in target_poses(ordered, lens)])
         for method, (camera, target) in peer.mounts(ordered.hands, targets).items():
-            yield f"OpenCV {method}, intrinsics {name}", Mount(camera, target, lens)
+            yield f"OpenCV {method.capitalize()}, lens {name}", Mount(camera, target, lens)
 
 
 def _calibrated(views: Observations) -> Intrinsics:
@@ -79,17 +82,18 @@ def _calibrated(views: Observations) -> Intrinsics:
     return Intrinsics(fx, fy, cx, cy, *views.size, lens)
 
 
-def _splits(count: int, hold: int, rounds: int, seed: int) -> Iterator[tuple[list[int], list[int]]]:
+def _splits(count: int) -> Iterator[tuple[list[int], list[int]]]:
     """Views to fit to and views to predict: each is predicted once a round."""
-    rng = np.random.default_rng(seed)
-    for _ in range(rounds):
+    rng = np.random.default_rng(_SEED)
+    for _ in range(_ROUNDS):
         order = rng.permutation(count)
-        for first in range(0, count, hold):
-            held = order[first : first + hold].tolist()
+        for first in range(0, count, _HELD):
+            held = order[first : first + _HELD].tolist()
             yield [one for one in range(count) if one not in held], held
 
 
-def _read(data: Path) -> tuple[Observations, Intrinsics]:
+def _read(data: Path) -> tuple[Observations, Intrinsics, int]:
+    needed(data, "cal_data.yaml", "target.yaml", "camera_intr_calibrated.yaml")
     pairs = _PAIR.findall(_text(data / "cal_data.yaml"))
     told = _numbers(data / "target.yaml")
     lens = _numbers(data / "camera_intr_calibrated.yaml")
@@ -105,7 +109,8 @@ def _read(data: Path) -> tuple[Observations, Intrinsics]:
     names = [pairs[index][1] for index in rows]
     pixels = np.array([found[index] for index in rows])
     views = observed(names, Hands((), np.array(poses)[rows], None), pixels, target, (width, height), Setting())
-    return views, msgspec.convert(lens | {"width": width, "height": height}, Intrinsics, strict=False)
+    given = msgspec.convert(lens | {"width": width, "height": height}, Intrinsics, strict=False)
+    return views, given, len(images)
 
 
 def _numbers(file: Path) -> dict[str, float]:
@@ -116,24 +121,16 @@ def _numbers(file: Path) -> dict[str, float]:
 def _text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise MissingDataError(f"{file} cannot be read") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{file} cannot be read") from error
 
 
-def _options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--hold", type=int, default=3, metavar="K", help="views to hold out at a time (default: 3)")
-    parser.add_argument("--rounds", type=int, default=2, help="how often each view is held out (default: 2)")
-    folder = Path(sys.prefix) / "opencv4"
-    parser.add_argument(
-        "--opencv", type=Path, default=folder, metavar="FOLDER", help="gets OpenCV 4 if this one lacks the methods"
-    )
-    parser.add_argument("--without-opencv", action="store_true", help="fetch nothing, measure ours alone")
-
-
-SUBCOMMAND = Subcommand(
+BENCHMARK = RealBenchmark(
     "hand-eye",
-    "Hand-eye calibration on a circle grid, beside OpenCV's methods.",
-    "https://github.com/Jmeyer1292/robot_cal_tools (rct_examples/data/target_10x10_inch_spacing)",
+    f"""Hand-eye calibration on images of a circle grid, beside OpenCV's methods.
+
+The pixels of {_HELD} views at a time are predicted from the robot's poses, by a mount fitted to the others.""",
+    "Published under Apache-2.0: GitHub Jmeyer1292/robot_cal_tools (2089a06), example data.\n"
+    "Needed: cal_data.yaml, target.yaml, camera_intr_calibrated.yaml, images and poses. OpenCV 4 is fetched, once.",
     run,
-    _options,
 )

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from agents.calibrator.hand_eye.model import Model, Parameters
@@ -60,26 +58,27 @@ def _of_order(now: Parameters, view: Observations, order: int) -> tuple[float, f
     return float(np.sqrt(squares[seen].mean())), float(mm)
 
 
-def row(method: str, found: Array, **more: float) -> dict[str, Any]:
-    """A row of the table, of errors (v, 2) of all views that were held out."""
-    px, mm = found.T
-    return {
-        "method": method,
-        "px_median": float(np.median(px)),
-        "px_mean": float(px.mean()),
-        "px_worst": float(px.max()),
-        "mm_median": float(np.median(mm)),
-        "mm_mean": float(mm.mean()),
-        "mm_worst": float(mm.max()),
-        **more,
-    }
-
-
-def show(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print rows as a table."""
-    table = Table(title=title, box=SIMPLE_HEAD, pad_edge=False)
-    for column, name in enumerate(rows[0]):
-        table.add_column(name.replace("_", " "), justify="right" if column else "left", no_wrap=True)
-    for one in rows:
-        table.add_row(*(f"{value:.2f}" if isinstance(value, float) else str(value) for value in one.values()))
-    Console(width=160).print(table)
+def table_of(found: dict[str, list[Array]]) -> tuple[Table, dict[str, dict[str, float]]]:
+    """A table and the same figures, of errors (v, 2) by method and split; `splits` are medians, the best and the worst."""
+    table = Table()
+    table.add_column("method", no_wrap=True)
+    for heading in ("px median", "mean", "mm median", "mean", "worst", "splits"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    figures = {}
+    for method, parts in found.items():
+        px, mm = np.concatenate(parts).T
+        medians = [float(np.median(part[:, 1])) for part in parts]
+        numbers = {
+            "px_median": float(np.median(px)),
+            "px_mean": float(px.mean()),
+            "px_worst": float(px.max()),
+            "mm_median": float(np.median(mm)),
+            "mm_mean": float(mm.mean()),
+            "mm_worst": float(mm.max()),
+            "mm_median_best_split": min(medians),
+            "mm_median_worst_split": max(medians),
+        }
+        figures[method] = numbers
+        shown = [f"{numbers[name]:.2f}" for name in ("px_median", "px_mean", "mm_median", "mm_mean", "mm_worst")]
+        table.add_row(method, *shown, f"{min(medians):.1f}-{max(medians):.1f}")
+    return table, figures
