@@ -86,7 +86,7 @@ def _main() -> None:
             targets[:, :3, :3], targets[:, :3, 3], inverse[:, :3, :3], inverse[:, :3, 3], method=method
         )
         camera, target = (_inverse(_matrix(*pair)) for pair in ((turn, shift), (base_turn, base_shift)))
-        found[f"{name}, robot-world"] = (camera.tolist(), target.tolist())
+        found[name] = (camera.tolist(), target.tolist())
     sys.stdout.write(json.dumps(found) + "\n")
 
 

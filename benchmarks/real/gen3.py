@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from agents.calibrator.hand_eye.calibrate import Setting, observed, solve
-from agents.calibrator.hand_eye.model import Model, Parameters
+from agents.calibrator.hand_eye.model import ViewModel, Parameters
 from agents.calibrator.hand_eye.observations import Observations
-from agents.calibrator.hand_eye.reading import Hands, joint_poses, read_chain, read_images
+from agents.calibrator.hand_eye.reading import ToldHands, joint_poses, read_chain, read_images
 from agents.calibrator.hand_eye.start import find_start
 from agents.calibrator.hand_eye.targets import read_target
 from benchmarks.real.held_out import Mount, errors, table_of
@@ -73,7 +73,7 @@ def _ours(train: Observations, lens: Intrinsics, *, fits_joints: bool) -> Mount:
 def _powell(train: Observations, lens: Intrinsics, *, fits_lens: bool) -> Mount:
     """The mount of least mean distance (mm) of the corners, from the same start as ours."""
     start = find_start(train, lens, 0)
-    model = Model(train.reordered(start.orders))
+    model = ViewModel(train.reordered(start.orders))
     slips = np.tile(np.eye(4), (len(train), 1, 1))
 
     def mount(numbers: Array) -> Mount:
@@ -102,7 +102,7 @@ def _read(folder: Path) -> tuple[Observations, Intrinsics, int]:
     found = [target.find(image) for image in images]
     rows = [index for index, corners in enumerate(found) if corners is not None]
     chain = read_chain(_URDF, "", "end_effector_link")
-    hands = Hands((), *joint_poses(chain, np.array(told["joints_rad"], np.float64)[rows]), chain.names)
+    hands = ToldHands((), *joint_poses(chain, np.array(told["joints_rad"], np.float64)[rows]), chain.names)
     height, width = images[0].shape
     focal = told["focal_px_authors"]
     cx, cy = told["principal_point_px_authors"]

@@ -17,7 +17,7 @@ import numpy as np
 
 from agents.calibrator.hand_eye.calibrate import Setting, observed, solve
 from agents.calibrator.hand_eye.observations import Observations
-from agents.calibrator.hand_eye.reading import Hands, read_images
+from agents.calibrator.hand_eye.reading import ToldHands, read_images
 from agents.calibrator.hand_eye.start import find_start, target_poses
 from agents.calibrator.hand_eye.targets import read_target
 from benchmarks.peers.opencv_hand_eye import OpenCv
@@ -108,7 +108,7 @@ def _read(data: Path) -> tuple[Observations, Intrinsics, int]:
     height, width = images[0].shape
     names = [pairs[index][1] for index in rows]
     pixels = np.array([found[index] for index in rows])
-    views = observed(names, Hands((), np.array(poses)[rows], None), pixels, target, (width, height), Setting())
+    views = observed(names, ToldHands((), np.array(poses)[rows], None), pixels, target, (width, height), Setting())
     given = msgspec.convert(lens | {"width": width, "height": height}, Intrinsics, strict=False)
     return views, given, len(images)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from agents.calibrator.hand_eye.model import Model, Parameters
+from agents.calibrator.hand_eye.model import ViewModel, Parameters
 from agents.calibrator.hand_eye.observations import Observations
 from dsr.math3d.transforms import Array, exp
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -49,7 +49,7 @@ def errors(mount: Mount, views: Observations) -> Array:
 
 
 def _of_order(now: Parameters, view: Observations, order: int) -> tuple[float, float]:
-    model = Model(view.reordered([order]))
+    model = ViewModel(view.reordered([order]))
     squares, depths = (model.residuals(now)[0] ** 2).sum(axis=1), model.points(now)[0, :, 2]
     seen, focal = model.seen[0], 0.5 * (now.intrinsics.fx + now.intrinsics.fy)
     if not np.isfinite(squares).all():
@@ -59,10 +59,13 @@ def _of_order(now: Parameters, view: Observations, order: int) -> tuple[float, f
 
 
 def table_of(found: dict[str, list[Array]]) -> tuple[Table, dict[str, dict[str, float]]]:
-    """A table and the same figures, of errors (v, 2) by method and split; `splits` are medians, the best and the worst."""
+    """A table of medians and means, and more figures, of errors (v, 2) by method and split.
+
+    `splits` are the medians (mm) of the best and the worst split.
+    """
     table = Table()
     table.add_column("method", no_wrap=True)
-    for heading in ("px median", "mean", "mm median", "mean", "worst", "splits"):
+    for heading in ("px", "mean", "mm", "mean", "splits"):
         table.add_column(heading, justify="right", no_wrap=True)
     figures = {}
     for method, parts in found.items():
@@ -79,6 +82,6 @@ def table_of(found: dict[str, list[Array]]) -> tuple[Table, dict[str, dict[str, 
             "mm_median_worst_split": max(medians),
         }
         figures[method] = numbers
-        shown = [f"{numbers[name]:.2f}" for name in ("px_median", "px_mean", "mm_median", "mm_mean", "mm_worst")]
+        shown = [f"{numbers[name]:.2f}" for name in ("px_median", "px_mean", "mm_median", "mm_mean")]
         table.add_row(method, *shown, f"{min(medians):.1f}-{max(medians):.1f}")
     return table, figures

@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.calibrator.hand_eye.equations import inverse
 from agents.calibrator.hand_eye.fit import Fitted, hand_covariances
-from agents.calibrator.hand_eye.model import Model
+from agents.calibrator.hand_eye.model import ViewModel
 from dsr.math3d.batches import inverses
 from dsr.math3d.transforms import Array, Pose
 
@@ -30,7 +30,7 @@ class _Idea(NamedTuple):
     camera_from_target: Array
 
 
-def advise(model: Model, fitted: Fitted) -> str:
+def advise(model: ViewModel, fitted: Fitted) -> str:
     """A sentence that says which view to add, and what that would be good for; empty if none is worth it."""
     now, observations = fitted.parameters, model.observations
     present = inverses(now.mount) @ observations.holders @ now.target
@@ -70,7 +70,7 @@ def _ideas(present: Array, middle: Array, distance: float) -> list[_Idea]:
     return ideas
 
 
-def _after(model: Model, fitted: Fitted, camera_from_target: Array) -> Array | None:
+def _after(model: ViewModel, fitted: Fitted, camera_from_target: Array) -> Array | None:
     """Covariance of the common parameters with one view more; None if that does not show the target."""
     now, observations = fitted.parameters, model.observations
     holder = now.mount @ camera_from_target @ inverses(now.target)
@@ -80,7 +80,7 @@ def _after(model: Model, fitted: Fitted, camera_from_target: Array) -> Array | N
         observations, names=("",), hands=hand[None], pixels=np.zeros((1, len(observations.points), 2)),
         noises=(), joint_effects=None,
     )  # fmt: skip
-    imagined = Model(one, fits_lens=model.fits_lens, fits_offsets=False)
+    imagined = ViewModel(one, fits_lens=model.fits_lens, fits_offsets=False)
     there = now._replace(slips=np.eye(4)[None])
     points = imagined.points(there)[0]
     with np.errstate(invalid="ignore"):

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from agents.calibrator.hand_eye.advice import advise
 from agents.calibrator.hand_eye.fit import Fitted, Fitter
-from agents.calibrator.hand_eye.model import Model, Parameters
+from agents.calibrator.hand_eye.model import ViewModel, Parameters
 from agents.calibrator.hand_eye.observations import HandNoise, Observations, pose_noises
 from agents.calibrator.hand_eye.priors import prior_of
-from agents.calibrator.hand_eye.reading import Hands
+from agents.calibrator.hand_eye.reading import ToldHands
 from agents.calibrator.hand_eye.report import HandEyeReport, make_report
-from agents.calibrator.hand_eye.start import Start, find_start
+from agents.calibrator.hand_eye.start import StartGuess, find_start
 from agents.calibrator.hand_eye.targets import Target
 from dsr.errors import ConfigError
 from dsr.math3d.batches import rotvecs
@@ -44,7 +44,7 @@ class Setting(NamedTuple):
     is_in_hand: bool = True
     """Whether the hand carries the camera, and the target stands; otherwise it is the other way round"""
     lens: Lens | None = None
-    """Model of a lens to be fitted; None if the intrinsics are known"""
+    """ViewModel of a lens to be fitted; None if the intrinsics are known"""
     fits_joints: bool = False
     """Whether a constant error of each joint is fitted, too"""
     position_std: float | None = None
@@ -65,13 +65,13 @@ class Solution(NamedTuple):
     """A fit with what it is about."""
 
     observations: Observations
-    model: Model
+    model: ViewModel
     fitted: Fitted
 
 
 def calibrate_hand_eye(
     names: Sequence[str],
-    hands: Hands,
+    hands: ToldHands,
     images: Sequence[NDArray[np.uint8]],
     target: Target,
     intrinsics: Intrinsics | None,
@@ -98,7 +98,7 @@ def calibrate_hand_eye(
         raise ConfigError(f"the target {target.name} was found in none of {len(names)} images; is it wholly in view?")
     observations = observed(
         [names[row] for row in rows],
-        Hands(hands.images, hands.poses[rows], None if hands.joint_effects is None else hands.joint_effects[rows]),
+        ToldHands(hands.images, hands.poses[rows], None if hands.joint_effects is None else hands.joint_effects[rows]),
         np.array([found[row] for row in rows]),
         target,
         (width, height),
@@ -116,7 +116,7 @@ def calibrate_hand_eye(
 
 
 def observed(
-    names: Sequence[str], hands: Hands, pixels: Array, target: Target, size: tuple[int, int], setting: Setting
+    names: Sequence[str], hands: ToldHands, pixels: Array, target: Target, size: tuple[int, int], setting: Setting
 ) -> Observations:
     """Observations of points (v, n, 2) px that were found, with the noise that a setting states."""
     noises: tuple[HandNoise, ...] = pose_noises(hands.poses, setting.position_std, setting.rotation_std)
@@ -159,7 +159,7 @@ def solve(observations: Observations, intrinsics: Intrinsics | None, setting: Se
     lens = _guessed(observations) if intrinsics is None else intrinsics
     start = find_start(observations, lens, setting.seed)
     _check_unit(start)
-    model = Model(
+    model = ViewModel(
         observations.reordered(start.orders), fits_lens=setting.lens is not None, fits_offsets=setting.fits_joints
     )
     if setting.lens is not None and (lens.distortion is None or lens.distortion.model != setting.lens):
@@ -204,7 +204,7 @@ def _check(observations: Observations, missing: int, setting: Setting) -> None:
         )
 
 
-def _check_unit(start: Start) -> None:
+def _check_unit(start: StartGuess) -> None:
     """Raise `ConfigError` if the robot and the images do not have the same unit of length."""
     if 1.0 / _UNIT < start.scale < _UNIT:
         return

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.calibrator.hand_eye.equations import Normal, Strata, inverse, smooth_patterns
-from agents.calibrator.hand_eye.model import Model, Parameters
+from agents.calibrator.hand_eye.model import ViewModel, Parameters
 from agents.calibrator.hand_eye.observations import HandNoise
 from agents.calibrator.hand_eye.priors import Prior
 from dsr.math3d.batches import inverse_left_jacobians, logs
@@ -82,7 +82,7 @@ class Fitted(NamedTuple):
 class Fitter:
     """Fits one model under one prior."""
 
-    def __init__(self, model: Model, prior: Prior) -> None:
+    def __init__(self, model: ViewModel, prior: Prior) -> None:
         self.model, self.prior = model, prior
         self._noises = model.observations.noises
         self._patterns = smooth_patterns(model.observations.points)

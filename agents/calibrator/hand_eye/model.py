@@ -52,7 +52,7 @@ class Linear(NamedTuple):
     """(v, n, 2, 6)"""
 
 
-class Model:
+class ViewModel:
     """The measuring of one set of observations.
 
     Args:

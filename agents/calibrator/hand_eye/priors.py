@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.calibrator.hand_eye.model import FIXED, Model, Parameters, lens_numbers
+from agents.calibrator.hand_eye.model import FIXED, ViewModel, Parameters, lens_numbers
 from dsr.math3d.transforms import Array
 
 _FOCAL = 0.5
@@ -31,12 +31,12 @@ class Prior(NamedTuple):
     information: Array
     """(c, c)"""
 
-    def off(self, now: Parameters, model: Model) -> Array:
+    def off(self, now: Parameters, model: ViewModel) -> Array:
         """(c,) parameters minus their mean; 0 for the mount and the target."""
         return values(now, model) - self.centre
 
 
-def values(now: Parameters, model: Model) -> Array:
+def values(now: Parameters, model: ViewModel) -> Array:
     """(c,) the common parameters; 0 for the mount and the target, of which only steps are numbers."""
     parts = [np.zeros(FIXED - 1), np.array([now.scale])]
     if model.fits_lens:
@@ -46,7 +46,7 @@ def values(now: Parameters, model: Model) -> Array:
     return np.concatenate(parts)
 
 
-def prior_of(model: Model, start: Parameters, size_std: float, offset_std: float) -> Prior:
+def prior_of(model: ViewModel, start: Parameters, size_std: float, offset_std: float) -> Prior:
     """What is known beforehand; a start tells the usual focal length and principal point.
 
     Args:

@@ -46,7 +46,7 @@ class HandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """rad or m, from the base to the hand"""
 
 
-class Hands(NamedTuple):
+class ToldHands(NamedTuple):
     """The hand at each image."""
 
     images: tuple[Path, ...]
@@ -72,7 +72,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     distortion: tuple[float, ...] = ()
 
 
-def read_hands(folder: Path, file: Path, chain: JointChain | None) -> Hands:
+def read_hands(folder: Path, file: Path, chain: JointChain | None) -> ToldHands:
     """The images of a folder, and where the hand was at each.
 
     Args:
@@ -86,9 +86,11 @@ def read_hands(folder: Path, file: Path, chain: JointChain | None) -> Hands:
     rows = read_rows(file, () if chain is None else chain.names)
     images = _images(folder, rows, file)
     if chain is None:
-        return Hands(images, np.array([_pose(row, number, file).matrix for number, row in enumerate(rows, 1)]), None)
+        return ToldHands(
+            images, np.array([_pose(row, number, file).matrix for number, row in enumerate(rows, 1)]), None
+        )
     joints = np.array([_joints(row, number, file, chain) for number, row in enumerate(rows, 1)])
-    return Hands(images, *joint_poses(chain, joints), chain.names)
+    return ToldHands(images, *joint_poses(chain, joints), chain.names)
 
 
 def joint_poses(chain: JointChain, joints: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from agents.calibrator.hand_eye.fit import Fitted
-from agents.calibrator.hand_eye.model import FIXED, Model, lens_numbers
+from agents.calibrator.hand_eye.model import FIXED, ViewModel, lens_numbers
 from agents.calibrator.hand_eye.start import target_poses
 from dsr.errors import ConfigError
 from dsr.math3d import transforms
@@ -85,7 +85,7 @@ class HandEyeReport(msgspec.Struct, frozen=True):
 
 
 def make_report(
-    target: str, model: Model, fitted: Fitted, *, not_found: Sequence[str], joint_names: Sequence[str], advice: str
+    target: str, model: ViewModel, fitted: Fitted, *, not_found: Sequence[str], joint_names: Sequence[str], advice: str
 ) -> HandEyeReport:
     """The report of a fit. Raises `ConfigError` if a view shows no pose of the target with the intrinsics found."""
     now = fitted.parameters
@@ -118,7 +118,7 @@ def make_report(
     )
 
 
-def _views(model: Model, fitted: Fitted) -> tuple[ViewReport, ...]:
+def _views(model: ViewModel, fitted: Fitted) -> tuple[ViewReport, ...]:
     now, observations, seen = fitted.parameters, model.observations, model.seen
     counts = seen.sum(axis=1)
     # where the robot tells that the hand is, joint offsets included: without the errors of single views
@@ -155,7 +155,7 @@ def _views(model: Model, fitted: Fitted) -> tuple[ViewReport, ...]:
     return tuple(result)
 
 
-def _own_residuals(model: Model, fitted: Fitted) -> Array:
+def _own_residuals(model: ViewModel, fitted: Fitted) -> Array:
     """(v,) px, root mean squares around the best pose of each view alone."""
     observations, lens = model.observations, fitted.parameters.intrinsics
     found = np.empty(len(observations))

@@ -1,4 +1,4 @@
-"""Start values in closed form: which views agree with the moves of the hand, and where camera and target are.
+"""StartGuess values in closed form: which views agree with the moves of the hand, and where camera and target are.
 
 F. Park and B. Martin, "Robot Sensor Calibration: Solving AX = XB on the Euclidean Group", T-RA 1994, on three views at
 a time (Fischler and Bolles' consensus, 1981): single wrong views, mirrored poses of flat targets (two in each view) and
@@ -41,7 +41,7 @@ _AS_GOOD = 2.0
 """Error with equal units over that with the best ratio of them, up to which units are equal"""
 
 
-class Start(NamedTuple):
+class StartGuess(NamedTuple):
     """A guess to start from."""
 
     mount: Array
@@ -106,7 +106,7 @@ def _flattened(points: Array) -> tuple[Array, Array]:
     return frame, flat
 
 
-def find_start(observations: Observations, intrinsics: Intrinsics, seed: int) -> Start:
+def find_start(observations: Observations, intrinsics: Intrinsics, seed: int) -> StartGuess:
     """The guess with which most views agree.
 
     Args:
@@ -138,7 +138,7 @@ def find_start(observations: Observations, intrinsics: Intrinsics, seed: int) ->
             "views agree; check that each pose belongs to its image, that it is the pose of the hand in the base "
             "(not its inverse), the order x y z w of quaternions, and --eye-to-hand"
         )
-    return Start(best.mount, best.target, best.orders, best.scale, best.agreeing)
+    return StartGuess(best.mount, best.target, best.orders, best.scale, best.agreeing)
 
 
 def _again(

@@ -8,7 +8,7 @@ import numpy as np
 
 from agents.calibrator.hand_eye.calibrate import Setting, Solution, observed, solve
 from agents.calibrator.hand_eye.observations import Observations
-from agents.calibrator.hand_eye.reading import Hands
+from agents.calibrator.hand_eye.reading import ToldHands
 from agents.calibrator.hand_eye.targets import Target, read_target
 from dsr.math3d.transforms import Array, Pose, exp, log, looking_at
 from dsr.vocabulary.distortion import Distortion
@@ -76,7 +76,7 @@ def simulated(
     )
     setting = setting or Setting(is_in_hand=is_in_hand)
     names = [f"{row}.png" for row in range(count)]
-    return observed(names, Hands((), told, None), pixels, target, SIZE, setting), Truth(MOUNT, HELD, hands)
+    return observed(names, ToldHands((), told, None), pixels, target, SIZE, setting), Truth(MOUNT, HELD, hands)
 
 
 def off(solution: Solution, truth: Truth) -> Array:

@@ -12,10 +12,10 @@ from scipy.optimize import least_squares
 from agents.calibrator.hand_eye.advice import advise
 from agents.calibrator.hand_eye.calibrate import Setting, Solution, observed, solve
 from agents.calibrator.hand_eye.fit import Fitter, Noise, Weights
-from agents.calibrator.hand_eye.model import Model, Parameters
+from agents.calibrator.hand_eye.model import ViewModel, Parameters
 from agents.calibrator.hand_eye.observations import Observations
 from agents.calibrator.hand_eye.priors import prior_of
-from agents.calibrator.hand_eye.reading import Hands, joint_poses, read_chain
+from agents.calibrator.hand_eye.reading import ToldHands, joint_poses, read_chain
 from agents.calibrator.hand_eye.report import HandEyeReport, make_report
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Array, Pose, exp
@@ -133,7 +133,7 @@ def test_the_size_of_a_print_is_measured_by_the_moves_of_the_robot() -> None:
 def test_derivatives_are_those_of_the_residuals() -> None:
     for is_in_hand in (True, False):
         observations, truth = simulated("tag36h11:3:0.1", count=4, is_in_hand=is_in_hand)
-        model = Model(observations, fits_lens=True)
+        model = ViewModel(observations, fits_lens=True)
         slips = np.array([exp(1e-2 * np.random.default_rng(row).normal(size=6)).matrix for row in range(4)])
         now = Parameters(truth.mount, truth.held, 0.01, LENS, slips, np.zeros(0))
         linear = model.linearised(now)
@@ -158,7 +158,7 @@ def test_least_squares_of_scipy_end_at_the_same_pose() -> None:
     """Without errors of the hand and with equal weights, the problem is an ordinary one."""
     setting = Setting(position_std=1e-6, rotation_std=1e-6)
     observations, truth = simulated("tag36h11:3:0.1", count=6, setting=setting)
-    model = Model(observations)
+    model = ViewModel(observations)
     start = Parameters(truth.mount, truth.held, 0.0, LENS, np.tile(np.eye(4), (6, 1, 1)), np.zeros(0))
     fitter = Fitter(model, prior_of(model, start, 0.01, 0.02))
     ours = fitter.settled(start, Weights(model.seen.astype(float), np.ones(6)), Noise(0.2, 1e-9, (1e-6, 1e-6)))
@@ -191,7 +191,7 @@ def joint_views(count: int, offsets: Array, joint_std: float, setting: Setting) 
         if np.isfinite(shown).all() and ((shown > 0) & (shown < np.array(SIZE) - 1)).all():
             told.append(joints - offsets + rng.normal(0.0, joint_std, 7))
             pixels.append(shown + rng.normal(0.0, 0.1, shown.shape))
-    hands = Hands((), *joint_poses(chain, np.array(told)), chain.names)
+    hands = ToldHands((), *joint_poses(chain, np.array(told)), chain.names)
     names = [f"{row}" for row in range(count)]
     return observed(names, hands, np.array(pixels), target, SIZE, setting)
 
@@ -265,6 +265,6 @@ def turned(angle: float) -> Array:
 
 def test_the_truth_of_these_tests_is_consistent() -> None:
     observations, truth = simulated("circles:7x5:0.03", count=3, pixel_std=0.0)
-    model = Model(replace(observations, hands=truth.hands))
+    model = ViewModel(replace(observations, hands=truth.hands))
     exact = Parameters(MOUNT, HELD, 0.0, LENS, np.tile(np.eye(4), (3, 1, 1)), np.zeros(0))
     np.testing.assert_allclose(model.residuals(exact), 0.0, atol=1e-9)
