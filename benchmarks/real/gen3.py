@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from agents.calibrator.hand_eye.calibrate import Setting, observed, solve
-from agents.calibrator.hand_eye.model import ViewModel, Parameters
+from agents.calibrator.hand_eye.model import Parameters, ViewModel
 from agents.calibrator.hand_eye.observations import Observations
 from agents.calibrator.hand_eye.reading import ToldHands, joint_poses, read_chain, read_images
 from agents.calibrator.hand_eye.start import find_start

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from agents.calibrator.hand_eye.model import ViewModel, Parameters
+from agents.calibrator.hand_eye.model import Parameters, ViewModel
 from agents.calibrator.hand_eye.observations import Observations
 from dsr.math3d.transforms import Array, exp
 from dsr.vocabulary.intrinsics import Intrinsics

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.calibrator.hand_eye.advice import advise
 from agents.calibrator.hand_eye.fit import Fitted, Fitter
-from agents.calibrator.hand_eye.model import ViewModel, Parameters
+from agents.calibrator.hand_eye.model import Parameters, ViewModel
 from agents.calibrator.hand_eye.observations import HandNoise, Observations, pose_noises
 from agents.calibrator.hand_eye.priors import prior_of
 from agents.calibrator.hand_eye.reading import ToldHands
@@ -44,7 +44,7 @@ class Setting(NamedTuple):
     is_in_hand: bool = True
     """Whether the hand carries the camera, and the target stands; otherwise it is the other way round"""
     lens: Lens | None = None
-    """ViewModel of a lens to be fitted; None if the intrinsics are known"""
+    """Model of a lens to be fitted; None if the intrinsics are known"""
     fits_joints: bool = False
     """Whether a constant error of each joint is fitted, too"""
     position_std: float | None = None

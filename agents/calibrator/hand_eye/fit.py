@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.calibrator.hand_eye.equations import Normal, Strata, inverse, smooth_patterns
-from agents.calibrator.hand_eye.model import ViewModel, Parameters
+from agents.calibrator.hand_eye.model import Parameters, ViewModel
 from agents.calibrator.hand_eye.observations import HandNoise
 from agents.calibrator.hand_eye.priors import Prior
 from dsr.math3d.batches import inverse_left_jacobians, logs

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.calibrator.hand_eye.model import FIXED, ViewModel, Parameters, lens_numbers
+from agents.calibrator.hand_eye.model import FIXED, Parameters, ViewModel, lens_numbers
 from dsr.math3d.transforms import Array
 
 _FOCAL = 0.5

@@ -1,4 +1,4 @@
-"""StartGuess values in closed form: which views agree with the moves of the hand, and where camera and target are.
+"""Start values in closed form: which views agree with the moves of the hand, and where camera and target are.
 
 F. Park and B. Martin, "Robot Sensor Calibration: Solving AX = XB on the Euclidean Group", T-RA 1994, on three views at
 a time (Fischler and Bolles' consensus, 1981): single wrong views, mirrored poses of flat targets (two in each view) and

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from agents.calibrator.hand_eye.advice import advise
 from agents.calibrator.hand_eye.calibrate import Setting, Solution, observed, solve
 from agents.calibrator.hand_eye.fit import Fitter, Noise, Weights
-from agents.calibrator.hand_eye.model import ViewModel, Parameters
+from agents.calibrator.hand_eye.model import Parameters, ViewModel
 from agents.calibrator.hand_eye.observations import Observations
 from agents.calibrator.hand_eye.priors import prior_of
 from agents.calibrator.hand_eye.reading import ToldHands, joint_poses, read_chain
