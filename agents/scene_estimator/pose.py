@@ -56,6 +56,8 @@ class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """px, over which neighbouring depth errors are alike: stereo compares patches."""
     blur: NotNegative = 7.5e-4
     """s: a moving tag's edges are found inside by so much times their speed, and are as uncertain: part of exposure."""
+    size_below: NotNegative = 0.5
+    """m, distance beyond which depth alone tells the distance: its bias is common to all tags, wrong sizes are not."""
     size_std: Positive = 0.01
     """Standard deviation of a tag's side over the side that it should have: half a millimetre of a tag of 50 mm."""
 
@@ -115,11 +117,12 @@ def possible_tag_poses(
         return []
     plane = None if depth is None else _plane(tag, rays, depth, intrinsics, tag_size, noise)
     starts = [(start, 0.0) for start in _perspective_starts(rays, tag_size)]
-    told = None
+    told, far = None, False
     if plane is not None:
         starts.append((_pose_on_plane(rays, plane, tag_size), math.log(_side(plane, rays) / tag_size)))
         told = _Plane(plane.p, np.asarray(np.linalg.inv(_plane_covariance(plane, rays, tag_size, noise)), np.float64))
-    problem = _TagProblem(tag, intrinsics, tag_size, noise.size_std, told)
+        far = float(plane.points(rays)[:, 2].mean()) > noise.size_below
+    problem = _TagProblem(tag, intrinsics, tag_size, None if far else noise.size_std, told)
     solved = (fit for start in starts if (fit := problem.solve(*start)) is not None)
     found: list[TagFit] = []
     for fit in sorted((fit for fit in solved if fit.missed < _NO_SQUARE), key=lambda fit: fit.cost):
@@ -146,11 +149,10 @@ class _TagProblem:
     """Corners, depth and size of one tag as a least squares problem in the pose and the logarithm of the scale."""
 
     def __init__(
-        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float, plane: _Plane | None
+        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float | None, plane: _Plane | None
     ) -> None:
         self._tag, self._intrinsics, self._plane = tag, intrinsics, plane
         self._square, self._size_std = tag_corners(tag_size), size_std
-        self._wrong = _WRONG_SIZE * size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
 
     def solve(self, pose: Pose, scale: float) -> TagFit | None:
         """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
@@ -190,11 +192,14 @@ class _TagProblem:
             information[:6, :6] += weighted @ by_pose
             gradient[:6] += weighted @ off
             cost += float(off @ self._plane.information @ off)
-        right = math.exp(-0.5 * (scale / self._size_std) ** 2)
-        weight = right / (right + self._wrong) / self._size_std**2  # none if the size that was told is plainly wrong
-        information[6, 6] += weight
-        gradient[6] -= weight * scale
-        return information, gradient, cost - 2.0 * math.log(right + self._wrong), missed
+        if self._size_std is not None:
+            wrong = _WRONG_SIZE * self._size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
+            right = math.exp(-0.5 * (scale / self._size_std) ** 2)
+            weight = right / (right + wrong) / self._size_std**2  # none if the size that was told is plainly wrong
+            information[6, 6] += weight
+            gradient[6] -= weight * scale
+            cost -= 2.0 * math.log(right + wrong)
+        return information, gradient, cost, missed
 
 
 def _plane_of(pose: Pose) -> tuple[Array, Array]:
