@@ -28,6 +28,8 @@ ONE_PLACE = {
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
+    "agents.arm_controller.kinematics",
+    "agents.arm_controller.urdf",
     "agents.camera_feed",
     "agents.colors",
     "agents.depth_alignment",
@@ -40,6 +42,7 @@ SHARED_BY_AGENTS = (
     "agents.recorder",
     "agents.replay.source",
     "agents.scenario.format.scenario",
+    "agents.scene_estimator.detection",
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks.real import block, tags
+from benchmarks.real import block, gen3, hand_eye, tags
 from benchmarks.real.recordings import DataError, RealBenchmark
 
-BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK)
+BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK, hand_eye.BENCHMARK, gen3.BENCHMARK)
 
 
 def main() -> int:
