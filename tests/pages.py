@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import typer
 from typer.testing import CliRunner
 
-from agents.calibrator.hand_eye.reading import read_intrinsics
+from agents.calibrator.hand_eye.reading import intrinsics_for
 from agents.calibrator.hand_eye.targets import read_target
 from agents.object_models import parse_model
 from agents.ros_bridge.messages.types import types_of
@@ -205,7 +205,7 @@ class Attempt:
             assert len(read_target(f"tags:{block.name}").points)
         elif block.name == "lens.toml":
             Path(block.name).write_text(text, encoding="utf-8")
-            assert read_intrinsics(Path(block.name), (640, 480)).distortion
+            assert intrinsics_for(Path(block.name), (640, 480)).distortion
         elif text.startswith("# excerpt"):
             parse_scenario(_EXCERPT + text + ("" if 'name = "cup_1"' in text else _CUP))
         else:

@@ -95,7 +95,7 @@ def hand_eye(
         rotation_std=rotation_std,
         joint_std=joint_std,
     )
-    told = None if intrinsics is None else reading.read_intrinsics(intrinsics, size)
+    told = None if intrinsics is None else reading.intrinsics_for(intrinsics, size)
     names = [image.name for image in hands.images]
     report = calibrate.calibrate_hand_eye(names, hands, pictures, wanted, told, setting)
     if as_json:

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import msgspec
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.urdf import load_robot
-from dsr.config.toml import TomlFile, convert
+from agents.intrinsics_file import read_intrinsics_file
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.files.data_files import read_file, read_text
 from dsr.math3d.transforms import Array, Pose
-from dsr.vocabulary.distortion import Distortion, LensModel
 from dsr.vocabulary.intrinsics import Intrinsics
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
@@ -55,21 +55,6 @@ class ToldHands(NamedTuple):
     joint_effects: Array | None
     """(v, 6, k) twist of the hand, in its own frame, by each joint; None if poses were told"""
     joint_names: tuple[str, ...] = ()
-
-
-class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Intrinsics as a file tells them, with the names of a camera node's attributes."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    """px; pixel (0, 0) is centred on the upper left one"""
-    width: int = 0
-    height: int = 0
-    """px; 0 for that of the images"""
-    distortion_model: LensModel | None = None
-    distortion: tuple[float, ...] = ()
 
 
 def read_hands(folder: Path, file: Path, chain: JointChain | None) -> ToldHands:
@@ -143,30 +128,22 @@ def read_images(images: Sequence[Path]) -> list[NDArray[np.uint8]]:
     return found
 
 
-def read_intrinsics(file: Path, size: tuple[int, int]) -> Intrinsics:
-    """Intrinsics of a TOML or JSON file, or of a result of this calibration, for images of a size (width, height).
+def intrinsics_for(file: Path, size: tuple[int, int]) -> Intrinsics:
+    """Intrinsics of a file (`agents/intrinsics_file.py`), or of a result of this calibration, for images of a size.
+
+    Args:
+        file: TOML, JSON or YAML.
+        size: width and height, px.
 
     Raises:
         ConfigError: for what is none, or belongs to images of another size.
     """
-    if file.suffix.lower() == ".json":
-        try:
-            data: Any = json.loads(read_text(file))
-        except (ValueError, RecursionError) as error:
-            raise ConfigError(f"not valid JSON: {error}", file=str(file)) from error
-    else:
-        data = TomlFile(file).data
-    told = convert(data["intrinsics"] if isinstance(data, dict) and "intrinsics" in data else data, LensFile, str(file))
-    if (told.width or size[0], told.height or size[1]) != size:
+    found = read_intrinsics_file(file)
+    if (found.width, found.height) != size:
         raise ConfigError(
-            f"is for images of {told.width}x{told.height}; these have {size[0]}x{size[1]}", file=str(file)
+            f"is for images of {found.width}x{found.height}; these have {size[0]}x{size[1]}", file=str(file)
         )
-    try:
-        checked = Intrinsics.from_meta({name: getattr(told, name) for name in ("fx", "fy", "cx", "cy")}, size[::-1])
-        lens = None if told.distortion_model is None else Distortion.of(told.distortion_model, told.distortion)
-    except ValueError as error:
-        raise ConfigError(str(error), file=str(file)) from error
-    return msgspec.structs.replace(checked, distortion=lens)
+    return found
 
 
 def _table(text: str, file: Path, joints: Sequence[str]) -> list[HandRow]:

@@ -182,4 +182,3 @@ class CameraSource:
             self._tally.tell("intrinsics of another size", self._info.topic.name, text)
             return {}
         return intrinsics.meta()
-

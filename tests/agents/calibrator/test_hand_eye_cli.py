@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from agents.calibrator.cli import app
-from agents.calibrator.hand_eye.reading import read_hands, read_intrinsics
+from agents.calibrator.hand_eye.reading import intrinsics_for, read_hands
 from agents.calibrator.hand_eye.targets import read_target
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
@@ -146,6 +146,6 @@ def test_images_come_in_the_order_in_which_people_count(folder: Path, tmp_path: 
 def test_intrinsics_of_another_size_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "lens.json"
     file.write_text(json.dumps(msgspec.to_builtins(PINHOLE) | {"distortion": []}), encoding="utf-8")
-    assert read_intrinsics(file, (640, 480)) == PINHOLE
+    assert intrinsics_for(file, (640, 480)) == PINHOLE
     with pytest.raises(ConfigError, match="640x480"):
-        read_intrinsics(file, (1280, 720))
+        intrinsics_for(file, (1280, 720))

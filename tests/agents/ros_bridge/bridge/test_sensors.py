@@ -139,8 +139,9 @@ def test_depth_of_a_camera_beside_is_shown_in_the_image_of_colour() -> None:
     ],
 )
 def test_depth_that_is_not_aligned_needs_its_intrinsics_and_its_pose(topics: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError, match="`depth_info` and `depth_pose` go together"), bridged(
-        {"receive": {"cameras": {"eye": topics}}}
+    with (
+        pytest.raises(ConfigError, match="`depth_info` and `depth_pose` go together"),
+        bridged({"receive": {"cameras": {"eye": topics}}}),
     ):
         pass
 
