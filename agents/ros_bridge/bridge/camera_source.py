@@ -13,7 +13,7 @@ from agents.ros_bridge.bridge.inbox import Arrived, RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
-from agents.ros_bridge.mapping.cameras import CAMERA_INFO, read_camera_info
+from agents.ros_bridge.mapping.cameras import CAMERA_INFO, read_camera_info, read_lens
 from agents.ros_bridge.mapping.images import (
     COMPRESSED,
     IMAGE,
@@ -118,9 +118,15 @@ class CameraSource:
             name = self._info.topic.name
             try:
                 decoded = self._types.decode(CAMERA_INFO, message.cdr)
-                self.intrinsics, self.distortion = read_camera_info(decoded, rectified=self._topics.rectified)
+                self.intrinsics = read_camera_info(decoded, rectified=self._topics.rectified)
             except RosMessageError as error:
                 self._tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
+                continue
+            try:
+                self.distortion = None if self._topics.rectified else read_lens(decoded)
+            except RosMessageError as error:
+                self.distortion = None
+                self._tally.tell("malformed", f"{name} lens", f"the distortion on {name} was left out: {error}")
 
     def _newest_pair(self) -> tuple[_Image | None, _Image | None] | None:
         """Colour and depth of one exposure; the one alone if the camera has no other."""

@@ -61,12 +61,19 @@ class CamerasIn:
             return
         memory = self._core.memory
         memory.add_node(node, "camera", stream=node, **{name: value for name, value in told.items() if name != "frame"})
-        frame = self._core.names.node(source.frame_id) if source.frame_id else node
-        if frame != node and memory.get_edge(frame, node, "RT") is None:
-            if frame not in memory:
-                memory.add_node(frame, "body")
-            memory.add_edge(frame, node, "RT", pose=Pose.identity())
+        self._hang(node, self._core.names.node(source.frame_id) if source.frame_id else node)
         self._described[node] = told
+
+    def _hang(self, node: str, frame: str) -> None:
+        """Hang a camera from the frame that its images name, and from no other one that they named before."""
+        memory = self._core.memory
+        if frame == node or memory.get_edge(frame, node, "RT") is not None:
+            return
+        self._core.frames.ensure(frame)
+        for edge in memory.edges("RT", dst=node):
+            if self._core.came_from_ros(edge, "pose"):
+                memory.remove_edge(edge.src, node, "RT")
+        memory.add_edge(frame, node, "RT", pose=Pose.identity())
 
 
 class CloudsIn:
@@ -106,8 +113,7 @@ class CloudsIn:
         memory.add_node(node, "body", stream=node)
         frame = self._core.names.node(frame_id) if frame_id else node
         if frame != node:
-            if frame not in memory:
-                memory.add_node(frame, "body")
+            self._core.frames.ensure(frame)
             memory.add_edge(frame, node, "RT", pose=Pose.identity())
 
 
@@ -132,8 +138,10 @@ class JointsIn:
             for message in inbox.take():
                 name = inbox.topic.name
                 try:
-                    table.add(read_joints(self._core.types.decode(JOINT_STATE, message.cdr)))
+                    table.add(sample := read_joints(self._core.types.decode(JOINT_STATE, message.cdr)))
                     self._waiting.add(node)
+                    if sample.unknown:
+                        self._core.tally.count("positions of joints that are not known", len(sample.unknown))
                 except RosMessageError as error:
                     self._core.tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
             if node in self._waiting and now - self._written.get(node, -math.inf) >= 0.9 * self._period:

@@ -8,6 +8,7 @@ import msgspec
 
 from agents.ros_bridge.bridge.config import RosBridgeConfig
 from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.bridge.frame_nodes import MOST_FRAMES
 from agents.ros_bridge.bridge.inbox import Arrived
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.stamping import usable_stamp
@@ -24,8 +25,6 @@ from dsr.math3d.transforms import Pose
 TF, TF_STATIC = "/tf", "/tf_static"
 _MOST_WAITING = 2000
 """Messages of tf that wait for a tick: a flood of 100 000 a second fills no more"""
-MOST_FRAMES = 4000
-"""Frames of tf: more than any robot has; one that makes up names does not fill the graph"""
 _HEARD = 1.0
 """s after which a publisher of a frame that is silent has given it up"""
 _MOST_BACK = 1.0
@@ -146,6 +145,7 @@ class TfIn:
             return None
         elif frame.parent != parent:
             self._leave_parent(child, frame, parent)
+        self._known.pop(frame.spelled[1], None)
         frame.writer, frame.spelled = writer, (ros_parent, ros_child)
         self._known[ros_child] = frame
         return frame
@@ -256,14 +256,11 @@ class TfIn:
         self._waiting[frame.child] = frame
 
     def _ensure(self, name: str) -> None:
-        memory = self._core.memory
-        if name not in memory:
-            frame = self._core.names.frame(name)
-            memory.add_node(name, WORLD if name == WORLD else self._config.types.get(frame, "body"))
-        root = self._config.roots.get(self._core.names.frame(name))
+        memory, ros_frame = self._core.memory, self._core.names.frame(name)
+        self._core.frames.ensure(name, self._config.types.get(ros_frame, "body"))
+        root = self._config.roots.get(ros_frame)
         if root is not None and not memory.edges("RT", dst=name):
-            if WORLD not in memory:
-                memory.add_node(WORLD, "world")
+            self._core.frames.ensure(WORLD)
             memory.add_edge(WORLD, name, "RT", pose=root.pose())
 
     def _is_free(self, child: str, parent: str) -> bool:

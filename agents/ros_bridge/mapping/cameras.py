@@ -15,13 +15,13 @@ from dsr.vocabulary.intrinsics import Distortion, Intrinsics
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
-def read_camera_info(message: Any, *, rectified: bool = False) -> tuple[Intrinsics, Distortion | None]:
-    """The intrinsics that a CameraInfo tells for its image, and the distortion, if there is any.
+def read_camera_info(message: Any, *, rectified: bool = False) -> Intrinsics:
+    """The intrinsics that a CameraInfo tells for its image.
 
     Args:
         message: the CameraInfo. Its matrices are about the full image, of which the published one is a part
             (`roi`), made smaller (`binning`).
-        rectified: of the images that image_proc made (`image_rect`): by the matrix `p`, and without distortion.
+        rectified: of the images that image_proc made (`image_rect`): by the matrix `p`.
 
     Raises:
         RosMessageError: for a camera that was never calibrated, or numbers that no camera has.
@@ -39,10 +39,17 @@ def read_camera_info(message: Any, *, rectified: bool = False) -> tuple[Intrinsi
     if not all(map(math.isfinite, meta.values())) or meta["fx"] == 0.0 or min(shape) < 1:
         raise RosMessageError("a CameraInfo without intrinsics: the camera was not calibrated")
     try:
-        intrinsics = Intrinsics.from_meta(meta, shape)
-        coefficients = tuple(np.asarray(message.d, np.float64).tolist())
-        distorted = not rectified and message.distortion_model and any(coefficients)
-        return intrinsics, Distortion.of(message.distortion_model, coefficients) if distorted else None
+        return Intrinsics.from_meta(meta, shape)
+    except ValueError as error:
+        raise RosMessageError(f"a CameraInfo: {error}") from error
+
+
+def read_lens(message: Any) -> Distortion | None:
+    """The distortion that a CameraInfo tells; None without any. Raises `RosMessageError` for numbers no lens has."""
+    coefficients = tuple(np.asarray(message.d, np.float64).tolist())
+    try:
+        distorted = message.distortion_model and any(coefficients)
+        return Distortion.of(message.distortion_model, coefficients) if distorted else None
     except ValueError as error:
         raise RosMessageError(f"a CameraInfo: {error}") from error
 

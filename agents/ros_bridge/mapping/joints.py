@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.messages.types import RosTypes
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+_T = TypeVar("_T")
+_LONGEST = 128
+"""Characters of a joint's name, as of a node's"""
 MOST_JOINTS = 512
 """Joints of one robot, of hands and faces, too: what has more is no robot but an attack on memory."""
 
@@ -27,20 +30,31 @@ class JointSample(NamedTuple):
     """rad/s or m/s, 0 where the message does not say"""
     efforts: tuple[float, ...]
     """N m or N, 0 where the message does not say"""
+    unknown: tuple[str, ...] = ()
+    """Further joints, whose positions are not numbers: ros2_control tells joints without a position sensor so"""
 
 
 def read_joints(message: Any) -> JointSample:
-    """Read a JointState. Raises `RosMessageError` if positions are missing or not finite, or names occur twice."""
+    """Read a JointState.
+
+    Raises:
+        RosMessageError: if positions are missing, or none is finite; if names are twice, empty or too long.
+    """
     names = tuple(message.name)
     positions = tuple(message.position.tolist())
     if len(positions) != len(names) or len(names) > MOST_JOINTS:
         raise RosMessageError(f"a JointState of {len(names)} names and {len(positions)} positions")
-    if len(set(names)) != len(names) or any("," in name or not name for name in names):
-        raise RosMessageError(f"a JointState with names twice, empty or with a comma: {names!s:.200}")
-    if not all(map(math.isfinite, positions)):
-        raise RosMessageError("a JointState with a position that is not finite")
+    if len(set(names)) != len(names) or any("," in name or not 0 < len(name) <= _LONGEST for name in names):
+        raise RosMessageError(f"a JointState with names twice, empty, too long or with a comma: {names!s:.200}")
+    known = [index for index, position in enumerate(positions) if math.isfinite(position)]
+    if names and not known:
+        raise RosMessageError("a JointState without any position that is finite")
     velocities, efforts = (_or_zeros(values.tolist(), len(names)) for values in (message.velocity, message.effort))
-    return JointSample(to_seconds(message.header.stamp), names, positions, velocities, efforts)
+    return JointSample(
+        to_seconds(message.header.stamp), _chosen(names, known), _chosen(positions, known),
+        _chosen(velocities, known), _chosen(efforts, known),
+        tuple(name for name, position in zip(names, positions, strict=True) if not math.isfinite(position)),
+    )  # fmt: skip
 
 
 def to_joint_state(
@@ -56,8 +70,6 @@ class JointTable:
     """The newest values of all joints of a robot, whose parts tell theirs one by one."""
 
     def __init__(self) -> None:
-        self.stamp = 0.0
-        """s, of the newest sample"""
         self._values: dict[str, tuple[float, float, float]] = {}
 
     def add(self, sample: JointSample) -> None:
@@ -66,7 +78,6 @@ class JointTable:
             raise RosMessageError(f"more than {MOST_JOINTS} joints")
         values = zip(sample.positions, sample.velocities, sample.efforts, strict=True)
         self._values.update(zip(sample.names, values, strict=True))
-        self.stamp = max(self.stamp, sample.stamp)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,4 +103,10 @@ class JointTable:
 
 
 def _or_zeros(values: list[float], count: int) -> tuple[float, ...]:
-    return tuple(values) if len(values) == count and all(map(math.isfinite, values)) else (0.0,) * count
+    if len(values) != count:
+        return (0.0,) * count
+    return tuple(value if math.isfinite(value) else 0.0 for value in values)
+
+
+def _chosen(values: tuple[_T, ...], indexes: list[int]) -> tuple[_T, ...]:
+    return values if len(indexes) == len(values) else tuple(values[index] for index in indexes)

@@ -47,7 +47,7 @@ class RosTags(RosDevice):
         try:
             for message in self._info.take():
                 info = self.types.decode(CAMERA_INFO, message.cdr)
-                self._intrinsics, _ = read_camera_info(info, rectified=self._rectified)
+                self._intrinsics = read_camera_info(info, rectified=self._rectified)
             for message in self._detections.take():
                 found = self.types.decode(APRILTAGS, message.cdr)
                 stamp = self.stamp(to_seconds(found.header.stamp), message.at)

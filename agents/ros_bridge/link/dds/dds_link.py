@@ -19,6 +19,7 @@ from agents.ros_bridge.link.dds.discovery import DdsDiscovery, dds_qos
 from agents.ros_bridge.link.dds.participant import join
 from agents.ros_bridge.link.dds.raw_type import RawMessage, raw_type
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, Topic
+from agents.ros_bridge.link.telling import few
 from agents.ros_bridge.messages.names import check_name
 from agents.ros_bridge.messages.types import RosTypes, types_of
 
@@ -199,7 +200,7 @@ class DdsLink:
                         f"{other.node or 'somebody'} has {other.topic.name} {reason}: they do not hear each other"
                     )
         failures = [one for one in self._subscriptions if one.failures]
-        return [*sorted(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
+        return [*few(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
 
     def lost(self) -> dict[str, int]:
         """Nothing: DDS does not say what it lost."""

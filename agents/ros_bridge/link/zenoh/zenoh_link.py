@@ -11,6 +11,7 @@ import zenoh
 
 from agents.ros_bridge.errors import RosAbsentError, RosLinkError
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Qos, Received, Topic
+from agents.ros_bridge.link.telling import few
 from agents.ros_bridge.link.zenoh.discovery import ZenohDiscovery
 from agents.ros_bridge.link.zenoh.routing import places_beyond
 from agents.ros_bridge.link.zenoh.services import ZenohClient, ZenohServed
@@ -179,10 +180,10 @@ class ZenohLink:
         elif not self._session.info.routers_zid():
             found.append(f"the Zenoh router at {self._config.router} is gone: nodes that start now are not found")
         if not any(not self._discovery.is_mine(entity) for entity in self._discovery.entities()):
-            found += [
+            found += few(
                 f"nobody is visible in domain {self._config.domain}, but {number} nodes in domain {domain}"
-                for domain, number in sorted(self._discovery.elsewhere().items())
-            ]
+                for domain, number in self._discovery.elsewhere().items()
+            )
         if not self._config.beyond_loopback:
             others = sorted({link.dst for link in links if not _is_here(link)})
             found += [f"{place} is on another machine: nothing passes without beyond_loopback" for place in others]
@@ -207,7 +208,7 @@ class ZenohLink:
                     f"{who} with another definition ({entity.hash}) than that of ROS 2 {self._types.distro} "
                     f"({mine.hash}): they do not hear each other"
                 )
-        return sorted(found)
+        return few(found)
 
 
 _OPPOSITE: dict[Kind, Kind] = {

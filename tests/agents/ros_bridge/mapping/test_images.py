@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping import images
-from agents.ros_bridge.mapping.cameras import read_camera_info, to_camera_info
+from agents.ros_bridge.mapping.cameras import read_camera_info, read_lens, to_camera_info
 from agents.ros_bridge.mapping.clouds import CLOUD, read_cloud, to_cloud
 from agents.ros_bridge.messages.types import types_of
 from dsr.vocabulary.intrinsics import Distortion, Intrinsics
@@ -193,16 +193,16 @@ def test_intrinsics_come_back_with_their_distortion() -> None:
     distortion = Distortion("plumb_bob", (0.1, -0.2, 0.001, 0.002, 0.05))
     message = to_camera_info(TYPES, 3.0, "camera", INTRINSICS, distortion)
     again = TYPES.decode("sensor_msgs/msg/CameraInfo", TYPES.encode("sensor_msgs/msg/CameraInfo", message))
-    assert read_camera_info(again) == (INTRINSICS, distortion)
-    assert read_camera_info(again, rectified=True) == (INTRINSICS, None)
-    assert read_camera_info(to_camera_info(TYPES, 3.0, "camera", INTRINSICS)) == (INTRINSICS, None)
+    assert (read_camera_info(again), read_lens(again)) == (INTRINSICS, distortion)
+    assert read_camera_info(again, rectified=True) == INTRINSICS
+    assert read_lens(to_camera_info(TYPES, 3.0, "camera", INTRINSICS)) is None
 
 
 def test_a_part_of_the_image_and_binning_move_the_principal_point() -> None:
     message = to_camera_info(TYPES, 3.0, "camera", INTRINSICS)
     message.roi.x_offset, message.roi.y_offset, message.roi.width, message.roi.height = 100, 40, 320, 240
     message.binning_x = message.binning_y = 2
-    assert read_camera_info(message)[0] == Intrinsics(300.0, 305.0, 109.75, 99.75, 160, 120)
+    assert read_camera_info(message) == Intrinsics(300.0, 305.0, 109.75, 99.75, 160, 120)
 
 
 def test_a_camera_that_was_not_calibrated_is_told() -> None:
@@ -212,7 +212,8 @@ def test_a_camera_that_was_not_calibrated_is_told() -> None:
     message = to_camera_info(TYPES, 3.0, "camera", INTRINSICS)
     message.d = np.full(100, 0.5)
     with pytest.raises(RosMessageError, match="coefficients"):
-        read_camera_info(message)
+        read_lens(message)
+    assert read_camera_info(message) == INTRINSICS
 
 
 def test_a_cloud_comes_back() -> None:

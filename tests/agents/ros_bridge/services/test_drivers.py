@@ -148,6 +148,11 @@ def test_the_state_is_that_of_all_joints(arm: Arm) -> None:
     assert state.gripper_opening == pytest.approx(0.0425) and state.stamp == pytest.approx(arm.ros.clock.now())
     arm.tell(("j1",), (0.5,), stamp=arm.ros.clock.now() + 10.0)
     assert arm.driver.state() is state and arm.driver.tally.counts["from the future"] == 1
+    arm.tell(("j1",), (0.6,))
+    state = arm.driver.state()
+    assert state is not None and state.positions == (0.6, 0.2), "what came from the future holds nothing up"
+    arm.tell(NAMES, (0.7, float("nan")))
+    assert arm.driver.state() is state and arm.driver.tally.counts["malformed"] == 1
 
 
 def test_a_trajectory_goes_to_the_controller(arm: Arm) -> None:
