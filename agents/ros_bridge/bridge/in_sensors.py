@@ -138,7 +138,8 @@ class JointsIn:
             for message in inbox.take():
                 name = inbox.topic.name
                 try:
-                    table.add(sample := read_joints(self._core.types.decode(JOINT_STATE, message.cdr)))
+                    sample = read_joints(self._core.types.decode(JOINT_STATE, message.cdr))
+                    table.add(sample, message.at)
                     self._waiting.add(node)
                     if sample.unknown:
                         self._core.tally.count("positions of joints that are not known", len(sample.unknown))

@@ -27,9 +27,9 @@ class JointSample(NamedTuple):
     positions: tuple[float, ...]
     """rad or m"""
     velocities: tuple[float, ...]
-    """rad/s or m/s, 0 where the message does not say"""
+    """rad/s or m/s, not a number where the message does not say"""
     efforts: tuple[float, ...]
-    """N m or N, 0 where the message does not say"""
+    """N m or N, not a number where the message does not say"""
     unknown: tuple[str, ...] = ()
     """Further joints, whose positions are not numbers: ros2_control tells joints without a position sensor so"""
 
@@ -49,7 +49,7 @@ def read_joints(message: Any) -> JointSample:
     known = [index for index, position in enumerate(positions) if math.isfinite(position)]
     if names and not known:
         raise RosMessageError("a JointState without any position that is finite")
-    velocities, efforts = (_or_zeros(values.tolist(), len(names)) for values in (message.velocity, message.effort))
+    velocities, efforts = (_all_or_none(values.tolist(), len(names)) for values in (message.velocity, message.effort))
     return JointSample(
         to_seconds(message.header.stamp), _chosen(names, known), _chosen(positions, known),
         _chosen(velocities, known), _chosen(efforts, known),
@@ -66,18 +66,42 @@ def to_joint_state(
     )
 
 
+_SPAN = 0.1
+"""s over which a velocity is measured that is not told: of shorter ones, steps of encoders would look like motion"""
+_LOST = 1.0
+"""s without a sample after which nothing is known of a joint's velocity"""
+
+
 class JointTable:
-    """The newest values of all joints of a robot, whose parts tell theirs one by one."""
+    """The newest values of all joints of a robot, whose parts tell theirs one by one.
+
+    Many robots tell no velocities. Theirs are measured by their positions.
+    """
 
     def __init__(self) -> None:
         self._values: dict[str, tuple[float, float, float]] = {}
+        self._measured: dict[str, tuple[float, float, float]] = {}
+        """Of joints whose velocity is not told: when (s) and at which position it was measured, and what it is"""
 
-    def add(self, sample: JointSample) -> None:
-        """Take the values of a sample. Raises `RosMessageError` if there were too many joints then."""
+    def add(self, sample: JointSample, at: float) -> None:
+        """Take the values of a sample of time `at` (s). Raises `RosMessageError` if there were too many joints then."""
         if len(self._values.keys() | set(sample.names)) > MOST_JOINTS:
             raise RosMessageError(f"more than {MOST_JOINTS} joints")
-        values = zip(sample.positions, sample.velocities, sample.efforts, strict=True)
-        self._values.update(zip(sample.names, values, strict=True))
+        for name, position, velocity, effort in zip(
+            sample.names, sample.positions, sample.velocities, sample.efforts, strict=True
+        ):
+            known = velocity if math.isfinite(velocity) else self._measure(name, position, at)
+            self._values[name] = position, known, effort if math.isfinite(effort) else 0.0
+
+    def _measure(self, name: str, position: float, at: float) -> float:
+        """rad/s or m/s by the last position that is old enough; 0 without one."""
+        begun, begin, velocity = self._measured.get(name, (-math.inf, position, 0.0))
+        passed = at - begun
+        if 0.0 <= passed < _SPAN:
+            return velocity
+        velocity = (position - begin) / passed if 0.0 < passed <= _LOST else 0.0
+        self._measured[name] = at, position, velocity
+        return velocity
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -102,10 +126,8 @@ class JointTable:
         return self._values[name]
 
 
-def _or_zeros(values: list[float], count: int) -> tuple[float, ...]:
-    if len(values) != count:
-        return (0.0,) * count
-    return tuple(value if math.isfinite(value) else 0.0 for value in values)
+def _all_or_none(values: list[float], count: int) -> tuple[float, ...]:
+    return tuple(values) if len(values) == count else (math.nan,) * count
 
 
 def _chosen(values: tuple[_T, ...], indexes: list[int]) -> tuple[_T, ...]:

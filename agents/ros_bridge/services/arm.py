@@ -99,7 +99,7 @@ class RosArm(RosDevice):
                 sample = self._read(message.cdr)
                 stamp = self.stamp(sample.stamp, message.at)
                 if stamp is not None:
-                    self._table.add(sample)
+                    self._table.add(sample, stamp)
                     newest = stamp
             except RosMessageError as error:
                 self.tally.tell("malformed", self._inbox.topic.name, f"a JointState was dropped: {error}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -153,6 +153,25 @@ def test_the_state_is_that_of_all_joints(arm: Arm) -> None:
     assert state is not None and state.positions == (0.6, 0.2), "what came from the future holds nothing up"
     arm.tell(NAMES, (0.7, float("nan")))
     assert arm.driver.state() is state and arm.driver.tally.counts["malformed"] == 1
+
+
+def test_velocities_that_are_not_told_are_measured(arm: Arm) -> None:
+    """An arm that seems to stand still would be stopped on its way."""
+    began, clock = arm.ros.clock.now(), cast(ManualClock, arm.ros.clock)
+    for step in range(41):  # at 100 Hz
+        clock.advance_to(began + 0.01 * step)
+        arm.tell(NAMES, (0.02 * step, 1.0))
+    state = arm.driver.state()
+    assert state is not None and state.velocities == pytest.approx((2.0, 0.0))
+    for step in range(41, 71):
+        clock.advance_to(began + 0.01 * step)
+        arm.tell(NAMES, (0.8, 1.0))
+    state = arm.driver.state()
+    assert state is not None and state.velocities == (0.0, 0.0)
+    clock.advance(5.0)
+    arm.tell(NAMES, (0.0, 1.0))
+    state = arm.driver.state()
+    assert state is not None and state.velocities == (0.0, 0.0), "nobody knows how long it took"
 
 
 def test_a_trajectory_goes_to_the_controller(arm: Arm) -> None:
