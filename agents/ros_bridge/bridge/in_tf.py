@@ -125,8 +125,7 @@ class TfIn:
     def _looked_up(self, ros_parent: str, ros_child: str, writer: bytes, heard: float, stamp: float) -> _Frame | None:
         """The frame of a transform that comes from elsewhere than its last one; None if it does not count."""
         core = self._core
-        if ros_child.lstrip("/").startswith(BELIEF):
-            core.tally.count("own frames passed on")
+        if self._is_belief(ros_parent, ros_child):
             return None
         try:
             parent, child = core.names.node(ros_parent), core.names.node(ros_child)
@@ -149,6 +148,19 @@ class TfIn:
         frame.writer, frame.spelled = writer, (ros_parent, ros_child)
         self._known[ros_child] = frame
         return frame
+
+    def _is_belief(self, ros_parent: str, ros_child: str) -> bool:
+        """Whether a frame is a belief of the memory, or hangs from one."""
+        if ros_child.lstrip("/").startswith(BELIEF):
+            self._core.tally.count("own frames passed on")
+            return True
+        if not ros_parent.lstrip("/").startswith(BELIEF):
+            return False
+        self._core.tally.tell(
+            "frames below beliefs", ros_child,
+            f"frame {ros_child!r} hangs from {ros_parent!r} in ROS: what hangs from a belief is not received",
+        )  # fmt: skip
+        return True
 
     def _is_echo(self, parent: str, child: str) -> bool:
         """Whether we publish this frame ourselves: it is never taken back, whoever sends it."""
