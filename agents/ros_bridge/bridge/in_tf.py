@@ -320,8 +320,15 @@ class TfIn:
                     memory.remove_edge(frame.parent, child, "RT")
             elif not others:
                 frame.shown = None
-            if frame.parent != WORLD and frame.parent not in self._frames and not memory.edges("RT", dst=frame.parent):
+            if self._hangs_from_nothing(frame.parent):
                 self.unattached = self._core.names.frame(frame.parent)
+
+    def _hangs_from_nothing(self, parent: str) -> bool:
+        """Whether a frame from which others hang is neither the world, nor above it, nor hangs anywhere."""
+        memory = self._core.memory
+        if parent == WORLD or parent in self._frames or memory.edges("RT", dst=parent):
+            return False
+        return memory.get_transform(WORLD, parent) is None
 
 
 _EARLY = 0.1

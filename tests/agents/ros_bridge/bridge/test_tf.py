@@ -312,6 +312,25 @@ def test_a_tree_that_hangs_from_nothing_is_told_and_a_root_hangs_it_into_the_wor
         assert system.trouble == ""
 
 
+def test_the_world_may_be_in_the_middle_of_the_tree() -> None:
+    """`odom` is the memory's world, and a robot that knows its map hangs `odom` from `map`."""
+    with bridged({"world_frame": "odom"}) as system:
+        for _ in range(30):
+            system.robot.tf(("map", "odom", system.now, A), ("odom", "base", system.now, B))
+            system.run()
+        assert system.memory.transform("world", "base").distance(B) == pytest.approx((0.0, 0.0))
+        assert system.memory.transform("map", "base").distance(A @ B) == pytest.approx((0.0, 0.0), abs=1e-9)
+        assert system.trouble == ""
+
+
+def test_stamps_of_long_ago_are_told_and_kept(system: Bridged) -> None:
+    """A bag that is played without `--clock`, or a robot whose clock is wrong."""
+    system.robot.tf(("map", "base", system.now - 3600.0, A))
+    system.run()
+    assert "'base' is stamped 3600.0 s behind our clock" in system.trouble
+    assert system.memory.edge("world", "base", "RT")["pose"].stamp == pytest.approx(system.now - 3600.0, abs=0.1)
+
+
 def test_two_cameras_that_see_one_thing_give_it_one_parent_in_tf(system: Bridged) -> None:
     found = system.robot.listen_tf()
     memory = system.memory

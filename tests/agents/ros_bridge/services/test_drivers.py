@@ -155,6 +155,14 @@ def test_the_state_is_that_of_all_joints(arm: Arm) -> None:
     assert arm.driver.state() is state and arm.driver.tally.counts["malformed"] == 1
 
 
+def test_a_stamp_of_long_ago_is_told(arm: Arm) -> None:
+    arm.tell(NAMES, (0.1, 0.2), stamp=arm.ros.clock.now() - 100.0)
+    assert arm.driver.state() is not None
+    assert arm.driver.tally.told == [
+        "a sample is stamped 100.0 s behind our clock: set the clocks, or `restamp = true`"
+    ]  # fmt: skip
+
+
 def test_velocities_that_are_not_told_are_measured(arm: Arm) -> None:
     """An arm that seems to stand still would be stopped on its way."""
     began, clock = arm.ros.clock.now(), cast(ManualClock, arm.ros.clock)
