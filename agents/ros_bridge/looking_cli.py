@@ -85,7 +85,7 @@ def check(
 
 def _table(found: list[TopicSeen]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for heading in ("topic", "type", "from", "to"):
+    for heading in ("topic and type", "from", "to"):
         table.add_column(heading, overflow="fold")
     table.add_column("/s", justify="right", no_wrap=True)
     table.add_column("MB/s", justify="right", no_wrap=True)
@@ -93,10 +93,10 @@ def _table(found: list[TopicSeen]) -> Table:
         name = f"{shown(one.name)} [dim](service)[/]" if one.service else shown(one.name)
         hz = "" if one.hz is None else f"{one.hz:.1f}"
         amount = "" if one.bytes_per_s is None else f"{one.bytes_per_s / 1e6:.2f}"
-        type = "\n".join(map(shown, one.types))
-        table.add_row(name, type, _who(one.publishers), _who(one.subscribers), hz, amount)
+        lines = [name, *(f"[dim]{shown(type)}[/]" for type in one.types)]
         if one.note:
-            table.add_row("", f"[yellow]{shown(one.note)}[/]", "", "", "", "")
+            lines.append(f"[yellow]{shown(one.note)}[/]")
+        table.add_row("\n".join(lines), _who(one.publishers), _who(one.subscribers), hz, amount)
     return table
 
 
