@@ -15,6 +15,8 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 _FIELD = "sensor_msgs/msg/PointField"
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Number formats by the constants of PointField"""
+_MOST_FIELDS = 256
+"""Fields of a cloud: lidars have some ten, features of a point some hundred"""
 _FLOAT32 = 7
 _COLOR_FIELDS = ("rgb", "rgba")
 Points = NDArray[np.float32]
@@ -45,6 +47,8 @@ def read_cloud(message: Any) -> tuple[Points, Colors | None]:
 def _records(message: Any) -> NDArray[Any]:
     """The points as records, one for each."""
     order = ">" if message.is_bigendian else "<"
+    if len(message.fields) > _MOST_FIELDS:
+        raise RosMessageError(f"a cloud with {len(message.fields)} fields: expected {_MOST_FIELDS} at most")
     fields = [field for field in message.fields if field.count == 1 and field.datatype in _NUMBERS]
     height, width, step, row = message.height, message.width, message.point_step, message.row_step
     data = np.ascontiguousarray(message.data, np.uint8)
@@ -54,6 +58,9 @@ def _records(message: Any) -> NDArray[Any]:
         row = step = max(step, 1)
     elif step < 1 or row < step * width or data.size < (height - 1) * row + step * width:
         raise RosMessageError(f"a cloud of {width} x {height} points of {step} bytes has {data.size} bytes")
+    # numpy adds offsets in 32 bits: one near the end of these would lead it far behind the data
+    if any(field.offset + int(_NUMBERS[field.datatype][1]) > step for field in fields):
+        raise RosMessageError(f"a cloud with fields that do not fit {step} bytes")
     try:
         dtype = np.dtype({
             "names": [field.name for field in fields],

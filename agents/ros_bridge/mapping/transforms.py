@@ -42,7 +42,8 @@ def read_pose_with_covariance(message: Any, stamp: float) -> Pose:
         RosMessageError: for a pose that is none.
     """
     covariance = np.asarray(message.covariance, dtype=np.float64).reshape(6, 6)
-    known = np.isfinite(covariance).all() and covariance.any() and (covariance.diagonal() >= 0.0).all()
+    bounded = (np.abs(covariance) <= FARTHEST).all()  # also no "not a number"
+    known = bounded and covariance.any() and (covariance.diagonal() >= 0.0).all()
     return read_pose(message.pose, stamp, 0.5 * (covariance + covariance.T) if known else None)
 
 
@@ -78,7 +79,8 @@ def _near(xyz: Vector3) -> Vector3:
 
 
 FARTHEST = 1e9
-"""m, of a translation: farther than the Moon; products of larger ones are no numbers any more"""
+"""m, of a translation: farther than the Moon; products of larger ones are no numbers any more. A larger variance (m^2)
+says that nothing is known"""
 _UNIT_TOLERANCE = 1e-12
 """Rounding of a unit quaternion: within it the numbers are taken as they are, which is what most publishers send"""
 _ROUNDING = 1e-6

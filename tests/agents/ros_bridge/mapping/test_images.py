@@ -264,6 +264,13 @@ def test_any_layout_of_a_cloud_is_read(dtype: str, big: bool, padding: int) -> N
     np.testing.assert_array_equal(read_cloud(cloud(dtype, big, padding))[0], expected)
 
 
+def test_a_cloud_of_very_many_fields_is_refused() -> None:
+    message = cloud("f4", False, 0)
+    message.fields = message.fields * 60
+    with pytest.raises(RosMessageError, match="300 fields"):
+        read_cloud(message)
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("width", 2**31), ("height", 3), ("point_step", 2), ("row_step", 0), ("point_step", 0)],
@@ -274,9 +281,10 @@ def test_a_cloud_that_does_not_fit_its_data_is_refused(name: str, value: int) ->
     with pytest.raises(RosMessageError):
         read_cloud(message)
     message = cloud("f4", False, 0)
-    message.fields[1].offset = 2**31
-    with pytest.raises(RosMessageError):
-        read_cloud(message)
+    for offset in (2**31, 2**31 - 1, 2**31 - 4, 2**32 - 1, message.point_step - 3):  # numpy adds in 32 bits
+        message.fields[1].offset = offset
+        with pytest.raises(RosMessageError, match="do not fit"):
+            read_cloud(message)
     message.fields[1].name = "w"
     with pytest.raises(RosMessageError):
         read_cloud(message)
