@@ -36,10 +36,13 @@ def pose_from_perspective(tag: Tag, intrinsics: Intrinsics, tag_size: float) -> 
         return None
     costs = [_cost(pose, tag, intrinsics, tag_size) for pose in candidates]
     best, other = (candidates[i] for i in np.argsort(costs)[[0, -1]])
-    covariance = _covariance(best, tag, intrinsics, tag_size)
     doubt = 1.0 / (1.0 + math.exp(min(0.5 * (max(costs) - min(costs)), _CERTAIN)))
     apart = log(best.inverse() @ other)
-    uncertain: Pose = best.with_covariance(covariance + doubt * np.outer(apart, apart))
+    try:
+        covariance = _covariance(best, tag, intrinsics, tag_size)
+        uncertain: Pose = best.with_covariance(covariance + doubt * np.outer(apart, apart))
+    except (np.linalg.LinAlgError, ValueError):  # corners in one place, or on a line
+        return None
     return uncertain
 
 

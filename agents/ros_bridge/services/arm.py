@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agents.drivers import ArmState
-from agents.ros_bridge.errors import RosLinkError, RosMessageError
+from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointSample, JointTable, read_joints
@@ -184,7 +184,7 @@ class RosArm(RosDevice):
         trajectory = new(_TRAJECTORY, joint_names=list(self._names), points=rows)
         try:
             goal = self._follow.send(new(f"{FOLLOW}_Goal", trajectory=trajectory), _ANSWER_WITHIN)
-        except RosLinkError as error:
+        except RosError as error:
             self.tally.tell(GIVEN_UP, str(error), f"a motion was not begun: {error}")
             return
         if motion != self._motions:
@@ -201,13 +201,13 @@ class RosArm(RosDevice):
     def _squeeze(self, grip: RosGripper, position: float) -> None:
         try:
             self._stalled = grip.squeeze(position, _ANSWER_WITHIN, lambda: self._grip_lane.superseded)
-        except RosLinkError as error:
+        except RosError as error:
             self.tally.tell(GIVEN_UP, str(error), f"a motion of the gripper was not begun: {error}")
 
     def _cancel_and_hold(self) -> None:
         try:
             self._follow.cancel(_ALL_GOALS, _ANSWER_WITHIN)
-        except RosLinkError as error:
+        except RosError as error:
             self.tally.tell("not stopped", "", f"the controller did not answer to a cancel: {error}")
         state = self._state
         if state is not None:

@@ -214,6 +214,17 @@ def test_stop_cancels_everything_and_holds_where_the_arm_is(arm: Arm) -> None:
     assert point.positions.tolist() == [0.4, 0.5]
 
 
+def test_stop_holds_the_arm_whatever_the_controller_answers(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm.tell(NAMES, (0.3, -0.3))
+    assert arm.driver.state() is not None
+    served = next(one for one in arm.ros.services if one.topic.name == "/arm/follow/_action/cancel_goal")
+    monkeypatch.setattr(served, "answer", lambda request: b"nonsense")
+    arm.driver.stop()
+    arm.follow.wait(1)
+    assert arm.follow.goals[0].trajectory.points[-1].positions.tolist() == [0.3, -0.3]
+    assert any("did not answer to a cancel" in text for text in arm.driver.tally.told)
+
+
 def test_a_goal_that_is_accepted_after_a_stop_is_cancelled(arm: Arm) -> None:
     """The controller takes its time to accept; meanwhile the arm is stopped."""
     asked, go = threading.Event(), threading.Event()
@@ -322,7 +333,9 @@ def test_tags_found_in_ros_are_where_the_scene_estimator_finds_them(ros: LocalRo
         corners=[TYPES.new(point, x=x, y=y) for x, y in corners[[1, 0, 3, 2]].tolist()],
     )  # fmt: skip
     other = TYPES.new("apriltag_msgs/msg/AprilTagDetection", family="tag25h9", id=7, corners=detection.corners)
-    message = {"header": to_header(TYPES, now, "camera"), "detections": [detection, other]}
+    far = TYPES.new("apriltag_msgs/msg/AprilTagDetection", family="tag36h11", id=8)
+    far.corners = [TYPES.new(point, x=1e308, y=float(number)) for number in range(4)]
+    message = {"header": to_header(TYPES, now, "camera"), "detections": [detection, other, far]}
     robot.send("/tags", "apriltag_msgs/msg/AprilTagDetectionArray", **message)
     assert driver.readings() is None and driver.tally.counts["tags before the first CameraInfo"] == 1
     info = to_camera_info(TYPES, now, "camera", INTRINSICS)
