@@ -13,7 +13,7 @@ from agents.ros_bridge.bridge.config import RosBridgeConfig
 from agents.ros_bridge.bridge.core import SENSOR, BridgeCore
 from agents.ros_bridge.bridge.stamping import usable_stamp
 from agents.ros_bridge.errors import RosMessageError
-from agents.ros_bridge.mapping.clouds import CLOUD, read_cloud
+from agents.ros_bridge.mapping.clouds import CLOUD, check_fields, read_cloud
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_seconds
 from dsr.errors import DsrError
@@ -89,6 +89,7 @@ class CloudsIn:
         for node, inbox in self._inboxes.items():
             for message in inbox.take():
                 try:
+                    check_fields(message.cdr)
                     cloud = self._core.types.decode(CLOUD, message.cdr)
                     points, colors = read_cloud(cloud)
                     told = to_seconds(cloud.header.stamp)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping import images
 from agents.ros_bridge.mapping.cameras import read_camera_info, read_lens, to_camera_info
-from agents.ros_bridge.mapping.clouds import CLOUD, read_cloud, to_cloud
+from agents.ros_bridge.mapping.clouds import CLOUD, check_fields, read_cloud, to_cloud
 from agents.ros_bridge.messages.types import types_of
 from dsr.vocabulary.intrinsics import Distortion, Intrinsics
 
@@ -269,6 +269,14 @@ def test_a_cloud_of_very_many_fields_is_refused() -> None:
     message.fields = message.fields * 60
     with pytest.raises(RosMessageError, match="300 fields"):
         read_cloud(message)
+    for frame in ("", "lidar", "lidar_link"):
+        message.header.frame_id = frame
+        cdr = TYPES.encode(CLOUD, message)
+        with pytest.raises(RosMessageError, match="300 fields"):
+            check_fields(cdr)
+    few = TYPES.encode(CLOUD, cloud("f4", False, 0))
+    for end in range(len(few) + 1):
+        check_fields(few[:end])  # the decoder tells what is wrong with it
 
 
 @pytest.mark.parametrize(
