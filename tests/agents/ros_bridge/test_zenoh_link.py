@@ -153,7 +153,9 @@ def test_a_request_without_attachment_is_refused(connect: Connect, topic: str) -
     assert reply.err is not None and "no attachment" in reply.err.payload.to_string() and served.refused == 1
 
 
-def test_messages_without_attachment_are_counted_and_dropped(connect: Connect, topic: str) -> None:
+def test_messages_without_attachment_are_counted_and_dropped(
+    connect: Connect, topic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     link, got = connect("/listener"), []
     subscription = link.subscribe(Topic(topic, STRING), got.append)
     stranger = connect("/stranger")
@@ -166,6 +168,10 @@ def test_messages_without_attachment_are_counted_and_dropped(connect: Connect, t
     assert (read(got[0]), got[0].sent, got[0].writer) == ("right", 5.0, b"g" * 16)
     assert subscription.malformed == 4
     assert any("4 messages" in problem and topic in problem for problem in link.problems())
+    monkeypatch.setattr("agents.ros_bridge.link.telling._SHOWN", 0.2)
+    eventually(lambda: link.problems() == [])
+    stranger._session.put(key, b"\0\1\0\0", attachment=b"")
+    eventually(lambda: any("5 messages" in problem for problem in link.problems()))
 
 
 def test_messages_of_an_old_rmw_zenoh_are_told_as_such(connect: Connect, topic: str) -> None:
@@ -283,7 +289,7 @@ def test_what_is_told_of_announcements_is_bounded(connect: Connect, topic: str) 
 def test_numbers_that_no_publisher_has_are_no_loss(connect: Connect, topic: str) -> None:
     """A few messages would else make counts of more than 64 bits, which no status can hold."""
     link, got = connect("/listener"), []
-    link.subscribe(Topic(topic, STRING), got.append)
+    link.subscribe(Topic(topic, STRING, Qos(depth=100)), got.append)
     stranger = connect("/stranger")
     eventually(lambda: [one for one in stranger.endpoints() if one.kind == "subscriber"])
     key = f"0{topic}/std_msgs::msg::dds_::String_/{TYPES.hash(STRING)}"
