@@ -6,22 +6,29 @@ import math
 import secrets
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from agents.ros_bridge.mapping.apriltags import APRILTAGS
+from agents.ros_bridge.mapping.images import read_color
+from agents.ros_bridge.mapping.stamps import to_header
 from agents.ros_bridge.services.arm import FOLLOW
+from agents.scene_estimator.detection import TagDetector
 from dsr import Pose, connect
 from dsr.memory import Memory
 from tests.agents.ros_bridge.conftest import Router
 from tests.agents.ros_bridge.live import READY, Run
-from tests.agents.ros_bridge.sdk_types import serve_action
-from tests.agents.ros_bridge.simulated import COLOR, DEPTH, JOINTS, OPTICAL, Simulated, play, simulate
+from tests.agents.ros_bridge.samples import TYPES
+from tests.agents.ros_bridge.sdk_types import advertise, serve_action
+from tests.agents.ros_bridge.simulated import COLOR, DEPTH, INFO, JOINTS, OPTICAL, Simulated, nested, play, simulate
 from tests.agents.ros_bridge.told import Told, eventually
 
 TRAJECTORY = "/joint_trajectory_controller/follow_joint_trajectory"
-NEAR = 0.01
-"""m between a cube and where it is seen: its tag is some 20 px wide"""
+TAGS = "/detections"
+NEAR, NEAR_BY_CORNERS = 0.01, 0.04
+"""m between a cube and where it is seen, with depth and without: its tag is some 20 px wide"""
 SYSTEM = """graph = "{graph}"
 [[agent]]
 name = "arm_controller"
@@ -43,6 +50,16 @@ class = "agents.scene_estimator:SceneEstimator"
 [agent.config]
 cameras = ["camera"]
 """
+DETECTOR = """graph = "{graph}"
+[[agent]]
+name = "scene_estimator"
+class = "agents.scene_estimator:SceneEstimator"
+[agent.config]
+cameras = []
+[agent.config.tag_sensors.camera]
+driver = "agents.ros_bridge:RosTags"
+options = {{ detections = "{tags}", info = "{info}", link = {{ router = "{router}" }} }}
+"""
 pytestmark = pytest.mark.timeout(400)  # a whole system on a busy machine
 
 
@@ -60,16 +77,16 @@ def camera_pose(robot: Simulated) -> Pose:
     return Pose((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
 
 
-@pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
-    folder = tmp_path_factory.mktemp("live_drivers")
+@contextmanager
+def started(folder: Path, system: str) -> Iterator[Live]:
+    """A robot, and a system beside it once it is ready; `system` is formatted with what belongs to the robot."""
     runtime = folder / "runtime"
     runtime.mkdir(mode=0o700)
     robot, router, graph = simulate(), Router(), f"ros_{secrets.token_hex(4)}"
     camera, file = camera_pose(robot), folder / "drivers.toml"
-    text = SYSTEM.format(
+    text = system.format(
         graph=graph, router=router.endpoint, joints=list(robot.messages[JOINTS].name), trajectory=TRAJECTORY,
-        color=COLOR, depth=DEPTH, translation=list(camera.t), rotation=list(camera.q),
+        color=COLOR, depth=DEPTH, info=INFO, tags=TAGS, translation=list(camera.t), rotation=list(camera.q),
     )  # fmt: skip
     file.write_text(text.replace("'", '"'))
     with pytest.MonkeyPatch.context() as patch:
@@ -80,8 +97,6 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
         run = Run(["run", str(file), "--folder", str(folder / "run")], folder)
         try:
             play(sdk, robot, folder)
-            serve_action(sdk, TRAJECTORY, FOLLOW)
-            sdk.move(name=TRAJECTORY, joints=JOINTS)
             run.wait_for(READY)
             with connect(graph, agent="observer") as memory:
                 yield Live(robot, sdk, run, memory)
@@ -90,6 +105,14 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
             run.kill()
             sdk.close()
             router.stop()
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
+    with started(tmp_path_factory.mktemp("live_drivers"), SYSTEM) as found:
+        serve_action(found.sdk, TRAJECTORY, FOLLOW)
+        found.sdk.move(name=TRAJECTORY, joints=JOINTS)
+        yield found
 
 
 def test_the_arm_is_where_its_joints_in_ros_say(live: Live) -> None:
@@ -121,3 +144,30 @@ def test_a_target_in_the_memory_moves_the_arm_in_ros(live: Live) -> None:
     (goal,) = live.sdk.asked(name=TRAJECTORY)["goals"]
     assert goal["trajectory"]["joint_names"] == list(live.robot.messages[JOINTS].name)
     assert goal["trajectory"]["points"][-1]["positions"] == pytest.approx(target)
+
+
+def test_tags_that_a_detector_in_ros_finds_are_percepts(tmp_path: Path) -> None:
+    """It tells corners as the AprilTag library has them: others first, and half a pixel further."""
+    with started(tmp_path, DETECTOR) as live:
+        found = TagDetector().detect(read_color(live.robot.messages[COLOR]))
+        point = "apriltag_msgs/msg/Point"
+        detections = [
+            TYPES.new(
+                "apriltag_msgs/msg/AprilTagDetection", family="tag36h11", id=tag.marker_id,
+                corners=[TYPES.new(point, x=x + 0.5, y=y + 0.5) for x, y in tag.corners[[1, 0, 3, 2]].tolist()],
+            )
+            for tag in found
+        ]  # fmt: skip
+        message = TYPES.new(APRILTAGS, header=to_header(TYPES, 0.0, OPTICAL), detections=detections)
+        advertise(live.sdk, TAGS, APRILTAGS)
+        live.sdk.repeat(messages={TAGS: nested(message, tmp_path)}, hz=10.0)
+        live.memory.add_node("world", "world")
+        live.memory.add_node("camera", "camera")
+        live.memory.add_edge("world", "camera", "RT", pose=camera_pose(live.robot))
+        for name, pose in live.robot.objects.items():
+
+            def is_near(name: str = name, pose: Pose = pose) -> bool:
+                seen = live.memory.get_transform("world", name, types=("RT",))
+                return seen is not None and bool(seen.distance(pose)[0] < NEAR_BY_CORNERS)
+
+            eventually(is_near, 60.0)
