@@ -118,7 +118,8 @@ class Commands:
     def call(self, name, type, hash, request, response, values, timeout=5.0):
         client = ROS2ServiceClient(name, type, request, response, type_hash=hash, timeout=timeout, **self.place)
         try:
-            return plain(client.call(**values))
+            asked = self.build(client.request_store_type, values)
+            return plain(client.call(**{name: getattr(asked, name) for name in names(asked)}))
         finally:
             client.close()
 
