@@ -81,7 +81,7 @@ class BagCamera:
         self.tally = Tally(self.clock, _log)
         """What is counted and told."""
         ros = LocalRos(self.clock)
-        player, hearer = LocalLink(ros, "/bag"), LocalLink(ros, "/camera")
+        player, hearer = (LocalLink(ros, node, any_names=True) for node in ("/bag", "/camera"))
 
         def inbox(name: str, type: str, most: int, qos: Qos) -> RosInbox:
             return RosInbox(hearer, Topic(name, type, qos), most, self.clock, self.tally, (), _nothing)

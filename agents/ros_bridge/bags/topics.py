@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from itertools import takewhile
 from typing import Any, NamedTuple
 
@@ -10,7 +11,7 @@ import msgspec
 from agents.ros_bridge.bags.reader import Bag
 from agents.ros_bridge.bridge.config import Receive, RosBridgeConfig, RosCameraTopics, Send
 from agents.ros_bridge.bridge.in_tf import TF, TF_STATIC
-from agents.ros_bridge.bridge.topics import RECEIVED, receive
+from agents.ros_bridge.bridge.topics import RECEIVED, camera_node, receive, topic_node
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE, encoded_size
 from agents.ros_bridge.mapping.names import node_of
@@ -107,8 +108,11 @@ def _readable(bag: Bag) -> dict[str, str]:
 
 def _node(view: _View, taken: dict[str, Any]) -> str:
     """The node of a camera: of ours the one that it had, of others the first part of the topic, or all of it."""
-    first = node_of(view.frame) if view.topic.startswith(_OURS) and view.frame else view.topic.split("/")[1]
-    return first if first not in taken else view.topic.strip("/").replace("/", "_")
+    first = camera_node(view.topic)
+    if view.topic.startswith(_OURS) and view.frame:
+        with contextlib.suppress(RosMessageError):  # a name that no node can have: not one of ours
+            first = node_of(view.frame)
+    return first if first not in taken else topic_node(view.topic)
 
 
 def _info_beside(topic: str, readable: dict[str, str]) -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from agents.pairing import Pairing
@@ -14,7 +15,7 @@ from agents.ros_bridge.bridge.inbox import Arrived, RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
-from agents.ros_bridge.mapping.cameras import CAMERA_INFO, read_camera_info
+from agents.ros_bridge.mapping.cameras import CAMERA_INFO, read_lens, read_pinhole
 from agents.ros_bridge.mapping.images import (
     COMPRESSED,
     IMAGE,
@@ -108,9 +109,16 @@ class CameraSource:
             name = self._info.topic.name
             try:
                 decoded = self._types.decode(CAMERA_INFO, message.cdr)
-                self.intrinsics = read_camera_info(decoded, rectified=self._topics.rectified)
+                pinhole = read_pinhole(decoded, rectified=self._topics.rectified)
             except RosMessageError as error:
                 self._tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
+                continue
+            try:
+                lens = None if self._topics.rectified else read_lens(decoded)
+                self.intrinsics = replace(pinhole, distortion=lens)
+            except RosMessageError as error:
+                self.intrinsics = pinhole
+                self._tally.tell("malformed", f"{name} lens", f"the distortion on {name} was left out: {error}")
 
     def _images(self, inbox: RosInbox | None) -> list[_Image]:
         """What came since the last call and can be decoded."""

@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         table.append(",".join([f"{row}.png", *map(repr, (*hand.t, *hand.q))]))
     (place / "poses.json").write_text(json.dumps(rows), encoding="utf-8")
     (place / "poses.csv").write_text("\n".join(table) + "\n", encoding="utf-8")
-    lens = "".join(f"{name} = {getattr(PINHOLE, name)}\n" for name in ("fx", "fy", "cx", "cy"))
+    lens = "".join(f"{name} = {getattr(PINHOLE, name)}\n" for name in ("fx", "fy", "cx", "cy", "width", "height"))
     (place / "lens.toml").write_text(lens, encoding="utf-8")
     return place
 
