@@ -13,7 +13,7 @@ from agents.ros_bridge.mapping.detections import Believed, to_detections
 from agents.ros_bridge.mapping.images import to_image
 from agents.ros_bridge.messages.transforms import StampedTransform, encode_transforms
 from dsr import Pose
-from dsr.vocabulary.intrinsics import read_distortion, read_intrinsics
+from dsr.vocabulary.intrinsics import read_intrinsics
 from tests.agents.ros_bridge.bridge.test_sensors import (
     CAMERA,
     COLOR,
@@ -136,7 +136,7 @@ def test_a_lens_that_is_none_costs_only_itself() -> None:
         look(system)
         system.run()
         node = system.memory.node("eye")
-        assert read_intrinsics(node) == INTRINSICS and read_distortion(node) is None
+        assert read_intrinsics(node) == INTRINSICS
         assert "the distortion on /cam/color/camera_info was left out" in system.trouble
 
 
