@@ -15,7 +15,8 @@ EXTRAS = {
     "trimesh": "sim",
     "rerun": "view",
     "up_fast_downward": "planning",
-    "mediapipe": "hands",
+    "ai_edge_litert": "hands",
+    "mediapipe": "mediapipe",
     "rosbags": "ros", "xxhash": "ros",
     "cyclonedds": "ros-dds",
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The model's file, `hand_landmarker.task`: a zip archive of two networks; where the fetched one is, and whether it is whole."""
+"""The model's file, `hand_landmarker.task`, a zip archive of two networks: where it is, and whether it is whole."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ SHA256 = {
 }
 """Of the networks in that wheel, the same on every platform."""
 HOW_TO_GET = "`dsr hands fetch` gets it (docs/how-to/hands.md)"
+UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, *FAILURES)
+"""Exceptions of an archive that is none, or is damaged."""
 _NAME = "hand_landmarker.task"
 _MOST_BYTES = 64 << 20  # of a network: that of the model is 5 MB
-_UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, *FAILURES)
 
 
 class ModelFiles(NamedTuple):
@@ -62,7 +63,7 @@ def read_model(file: Path) -> ModelFiles:
             missing = [entry for entry in SHA256 if entry not in entries]
             large = [entry for entry in SHA256 if entries.get(entry, 0) > _MOST_BYTES]
             contents = {} if missing or large else {entry: archive.read(entry) for entry in SHA256}
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         raise ConfigError(f"model file {name!r} is corrupt ({error}); {HOW_TO_GET}") from error
     if missing or large:
         wrong = f"lacks {', '.join(missing)}" if missing else f"is too large at {', '.join(large)}"

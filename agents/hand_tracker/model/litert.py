@@ -1,7 +1,7 @@
 """Runs the model with LiteRT, as MediaPipe's published graph `hand_landmark_tracking` does.
 
-Palms are detected in the whole image; landmarks are read in a turned square about each. In the next image that square is
-laid about the landmarks, and palms are looked for only while fewer than two hands are followed.
+Palms are detected in the whole image; landmarks are read in a turned square about each. In the next image that square
+is laid about the landmarks, and palms are looked for only while fewer than two hands are followed.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from agents.hand_tracker.model.palms import ANCHORS, PIXELS, VALUES, read_palms
 from agents.hand_tracker.model.regions import Region, about_hand, about_palm, cut_out, overlap, whole_image
 from agents.hand_tracker.sighting import LANDMARKS, PALM
 from dsr.errors import ConfigError
+from dsr.runtime.native_output import silenced
 
 HANDS = 2
 """Hands that are followed at most."""
@@ -155,8 +156,9 @@ def _interpreter(files: ModelFiles, name: str) -> Any:
             "pip install 'dsr-memory[hands]'"
         ) from error
     try:
-        made = Interpreter(model_content=files.contents[name], num_threads=1)
-        made.allocate_tensors()
+        with silenced():  # it tells which instructions the processor has
+            made = Interpreter(model_content=files.contents[name], num_threads=1)
+            made.allocate_tensors()
     except FAILURES as error:
         raise ConfigError(f"{files.where}: LiteRT cannot use {name}: {error}") from error
     return made

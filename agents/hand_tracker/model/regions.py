@@ -47,8 +47,8 @@ class Region(NamedTuple):
 def cut_out(color: Color, region: Region, pixels: int, border: int) -> NDArray[np.float32]:
     """(1, pixels, pixels, 3) the picture of a region, 0 to 1; `border` is OpenCV's way to go on outside the image.
 
-    As in MediaPipe, the centres of the upper left pixels are laid on the region's corner, not half a pixel inside: where
-    pixels are shrunk that is another picture, and landmarks differ by 2 % of a palm's length.
+    As in MediaPipe, the centres of the upper left pixels are laid on the region's corner, not half a pixel inside:
+    where pixels are shrunk that is another picture, and landmarks differ by 2 % of a palm's length.
     """
     first, right, below = region.in_image(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) / pixels)
     matrix = np.column_stack([right - first, below - first, first])
