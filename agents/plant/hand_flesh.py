@@ -31,7 +31,7 @@ _PALM = 0  # the bone that all that is rigid in the palm goes with
 _WRIST_HALF = 0.012  # m, from the wrist's middle to that of each of the two pieces that make it broader than deep
 _RADII = np.array([
     0.013,
-    0.0145, 0.0115, 0.0098, 0.0080,
+    0.0140, 0.0105, 0.0088, 0.0078,
     0.0115, 0.0090, 0.0083, 0.0072,
     0.0118, 0.0092, 0.0085, 0.0073,
     0.0112, 0.0088, 0.0080, 0.0070,
