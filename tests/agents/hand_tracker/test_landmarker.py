@@ -168,7 +168,8 @@ def test_a_wrong_model_file_is_told_once_and_skin_colour_must_do(
 def test_without_its_package_a_runner_says_which_extra_brings_it(
     runner: Any, package: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
+    for module in (package, "ai_edge_litert.interpreter"):
+        monkeypatch.setitem(sys.modules, module, None)
     config = HandTrackerConfig(model=str(archive(tmp_path / "good.task", *ENTRIES)), runner=runner)
     with pytest.raises(ConfigError, match=f"extra `{extra}`"):
         load_landmarker(config)()
