@@ -1,9 +1,9 @@
 """dsr: the working memory that robots think with.
 
-    with dsr.connect("tabletop", agent="counter") as memory:
-        for change in memory.watch(node_type="cube"):
-            pose = memory.transform("world", change.name)
-            memory.update_node("table", seen=len(memory.nodes(type="cube")))
+with dsr.connect("tabletop", agent="counter") as memory:
+    for change in memory.watch(node_type="cube"):
+        pose = memory.transform("world", change.name)
+        memory.update_node("table", seen=len(memory.nodes(type="cube")))
 """
 
 from importlib import import_module

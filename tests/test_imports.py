@@ -18,7 +18,7 @@ ONE_PLACE = {
     "ai_edge_litert": ("agents/hand_tracker/model/litert.py",),
     "mediapipe": ("agents/hand_tracker/model/tasks.py", "benchmarks/real/"),
     "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
-    "rosbags": ("agents/ros_bridge/",),
+    "rosbags": ("agents/ros_bridge/", "benchmarks/real/"),
     "cyclonedds": ("agents/ros_bridge/link/dds/",),
     "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
     "collada": ("dsr/geometry/collada_file.py",),

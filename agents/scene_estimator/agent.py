@@ -56,7 +56,10 @@ class SceneEstimator(Agent):
         take = self._closing.enter_context
         self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
         self._colored = take(closing(ColoredObjects(self.memory)))
-        self._frame_reader = FrameSource(self._objects.size, config.tag_ratio, config.noise)
+        self._tag_readers = {
+            camera: FrameSource(self._objects.size, config.tag_ratio, config.noise)
+            for camera in (*config.cameras, *config.tag_sensors)
+        }
         self._color_reader = ColorReader(config.noise)
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
         self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.tag_sensors.items()}
@@ -90,7 +93,7 @@ class SceneEstimator(Agent):
             if readings is not None:
                 self._describe(camera, readings.intrinsics)
                 try:
-                    tags = read_sensor(readings, self.config.noise) + self._frame_reader.read_corners(readings)
+                    tags = read_sensor(readings, self.config.noise) + self._tag_readers[camera].read_corners(readings)
                     yield camera, readings.stamp, (tags, self._sensed_colors(camera, readings))
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
@@ -109,7 +112,7 @@ class SceneEstimator(Agent):
 
     def _read(self, camera: str, frame: Frame) -> Seen | None:
         try:
-            sightings, outlines = self._frame_reader.read(frame)
+            sightings, outlines = self._tag_readers[camera].read(frame)
         except WireError as error:
             self._skip("malformed", f"{camera}: {error}")
             return None

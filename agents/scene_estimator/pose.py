@@ -29,6 +29,10 @@ _SIZE_RATIO = 1.5
 """Seen over true size of a tag; outside 1/1.5 to 1.5 the depth is that of something else."""
 _WRONG_SIZE = 0.02
 """Probability that somebody told a wrong size; all sizes up to `_SIZE_RATIO` are alike then."""
+_NO_SQUARE = 27.6
+"""Sum of squares over their variances of what corners miss the best square by: exceeded by one in 1e6 (chi^2, 2)"""
+_FINEST = 0.2
+"""px, least standard deviation of a corner when outliers are told: errors of detectors have long tails"""
 _CERTAIN = 50.0  # log odds
 _STEPS = 20  # of Gauss-Newton; four or five do
 _SETTLED = 1e-2  # standard deviations of the result, of the last step
@@ -38,8 +42,8 @@ _SAME = 0.1  # standard deviations, between starts that end at one pose
 class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A model of the sensor's errors."""
 
-    corner_std: NotNegative = 0.2
-    """px, standard deviation of a tag's corners in sharp images of a real lens, beside the detector's own error."""
+    corner_std: NotNegative = 0.15
+    """px, of corners in sharp images of a real lens, beside the detector's own 0.1: together 0.18, as measured."""
     depth_bias_std: NotNegative = 0.01
     """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""
     depth_ripple_std: NotNegative = 5e-4
@@ -50,6 +54,10 @@ class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1/m, standard deviation of a pixel's inverse depth, by which a shape fits or not"""
     depth_correlation: NotNegative = 4.0
     """px, over which neighbouring depth errors are alike: stereo compares patches."""
+    blur: NotNegative = 7.5e-4
+    """s: a moving tag's edges are found inside by so much times their speed, and are as uncertain: part of exposure."""
+    size_below: NotNegative = 0.5
+    """m, distance beyond which depth alone tells the distance: its bias is common to all tags, wrong sizes are not."""
     size_std: Positive = 0.01
     """Standard deviation of a tag's side over the side that it should have: half a millimetre of a tag of 50 mm."""
 
@@ -63,7 +71,7 @@ class _Plane(NamedTuple):
     """(3, 3) inverse of its covariance, m^2"""
 
 
-class _Fit(NamedTuple):
+class TagFit(NamedTuple):
     """A most likely pose."""
 
     pose: Pose
@@ -71,8 +79,10 @@ class _Fit(NamedTuple):
     """(6, 6) of a right perturbation"""
     cost: float
     """Twice the negative logarithm of the likelihood, up to a constant"""
+    missed: float
+    """Sum of the squares over their variances by which the corners miss the pose"""
 
-    def is_apart(self, other: _Fit) -> bool:
+    def is_apart(self, other: TagFit) -> bool:
         """Whether it is another pose than the other one."""
         apart = log(self.pose.inverse() @ other.pose)
         return bool(apart @ np.linalg.solve(self.covariance, apart) > _SAME**2)
@@ -92,50 +102,65 @@ def estimate_tag_pose(
         tag_size: side of the black square, m.
         noise: error model of the sensor.
     """
+    return most_likely(possible_tag_poses(tag, depth, intrinsics, tag_size, noise))
+
+
+def possible_tag_poses(
+    tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
+) -> list[TagFit]:
+    """All poses that fit best among their neighbours, the most likely one first; arguments as above.
+
+    There is none for corners that no square could have: part of the tag is hidden, or a motion blurred it.
+    """
     rays = intrinsics.rays(tag.corners)
     if not np.isfinite(rays).all():
-        return None
+        return []
     plane = None if depth is None else _plane(tag, rays, depth, intrinsics, tag_size, noise)
     starts = [(start, 0.0) for start in _perspective_starts(rays, tag_size)]
-    told = None
+    told, far = None, False
     if plane is not None:
         starts.append((_pose_on_plane(rays, plane, tag_size), math.log(_side(plane, rays) / tag_size)))
         told = _Plane(plane.p, np.asarray(np.linalg.inv(_plane_covariance(plane, rays, tag_size, noise)), np.float64))
-    problem = _TagFit(tag, intrinsics, tag_size, noise.size_std, told)
-    fits = [fit for start in starts if (fit := problem.solve(*start)) is not None]
-    return _combined(fits) if fits else None
+        far = float(plane.points(rays)[:, 2].mean()) > noise.size_below
+    problem = _TagProblem(tag, intrinsics, tag_size, None if far else noise.size_std, told)
+    solved = (fit for start in starts if (fit := problem.solve(*start)) is not None)
+    found: list[TagFit] = []
+    for fit in sorted((fit for fit in solved if fit.missed < _NO_SQUARE), key=lambda fit: fit.cost):
+        if all(fit.is_apart(other) for other in found):
+            found.append(fit)
+    return found
 
 
-def _combined(fits: list[_Fit]) -> Pose:
-    """The best of several, with a covariance that spans the others as far as they are likely."""
-    best, *others = sorted(fits, key=lambda fit: fit.cost)
-    covariance, counted = best.covariance.copy(), [best]
-    for other in others:
-        if all(fit.is_apart(other) for fit in counted):
-            counted.append(other)
+def most_likely(fits: list[TagFit]) -> Pose | None:
+    """The best of several, with a covariance that spans the others as far as they are likely; None if there is none."""
+    if not fits:
+        return None
+    best = min(fits, key=lambda fit: fit.cost)
+    covariance = best.covariance.copy()
+    for other in fits:
+        if other is not best:
             doubt = 1.0 / (1.0 + math.exp(min(0.5 * (other.cost - best.cost), _CERTAIN)))
             apart = log(best.pose.inverse() @ other.pose)
             covariance += doubt * np.outer(apart, apart)
     return best.pose.with_covariance(covariance)
 
 
-class _TagFit:
+class _TagProblem:
     """Corners, depth and size of one tag as a least squares problem in the pose and the logarithm of the scale."""
 
     def __init__(
-        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float, plane: _Plane | None
+        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float | None, plane: _Plane | None
     ) -> None:
         self._tag, self._intrinsics, self._plane = tag, intrinsics, plane
         self._square, self._size_std = tag_corners(tag_size), size_std
-        self._wrong = _WRONG_SIZE * size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
 
-    def solve(self, pose: Pose, scale: float) -> _Fit | None:
+    def solve(self, pose: Pose, scale: float) -> TagFit | None:
         """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
         for _ in range(_STEPS):
             linear = self._linear(pose, scale)
             if linear is None:
                 return None
-            information, gradient, cost = linear
+            information, gradient, cost, missed = linear
             try:
                 covariance = np.linalg.inv(information)
             except np.linalg.LinAlgError:
@@ -144,10 +169,10 @@ class _TagFit:
             pose, scale = pose @ exp(step[:6]), scale + float(step[6])
             if gradient @ step < _SETTLED**2:
                 break
-        return _Fit(pose, np.asarray(covariance[:6, :6], np.float64), cost)
+        return TagFit(pose, np.asarray(covariance[:6, :6], np.float64), cost, missed)
 
-    def _linear(self, pose: Pose, scale: float) -> tuple[Array, Array, float] | None:
-        """Information (7, 7), gradient (7,) and cost at a pose and a scale."""
+    def _linear(self, pose: Pose, scale: float) -> tuple[Array, Array, float, float] | None:
+        """Information (7, 7), gradient (7,), cost and what the corners miss, at a pose and a scale."""
         square = math.exp(scale) * self._square
         points = pose.apply(square)
         if not (np.isfinite(points).all() and points[:, 2].min() > 0.0):
@@ -159,6 +184,7 @@ class _TagFit:
         if not np.isfinite(residual).all():
             return None
         information, gradient, cost = jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual)
+        missed = cost * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
         if self._plane is not None:
             p, by_pose = _plane_of(pose)
             off = self._plane.p - p
@@ -166,11 +192,14 @@ class _TagFit:
             information[:6, :6] += weighted @ by_pose
             gradient[:6] += weighted @ off
             cost += float(off @ self._plane.information @ off)
-        right = math.exp(-0.5 * (scale / self._size_std) ** 2)
-        weight = right / (right + self._wrong) / self._size_std**2  # none if the size that was told is plainly wrong
-        information[6, 6] += weight
-        gradient[6] -= weight * scale
-        return information, gradient, cost - 2.0 * math.log(right + self._wrong)
+        if self._size_std is not None:
+            wrong = _WRONG_SIZE * self._size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
+            right = math.exp(-0.5 * (scale / self._size_std) ** 2)
+            weight = right / (right + wrong) / self._size_std**2  # none if the size that was told is plainly wrong
+            information[6, 6] += weight
+            gradient[6] -= weight * scale
+            cost -= 2.0 * math.log(right + wrong)
+        return information, gradient, cost, missed
 
 
 def _plane_of(pose: Pose) -> tuple[Array, Array]:

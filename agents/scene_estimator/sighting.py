@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from agents.drivers import TagCorners, TagReading, TagReadings
 from agents.frame_images import images
 from agents.scene_estimator.detection import Tag, TagDetector
-from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
+from agents.scene_estimator.following import TagFollower
+from agents.scene_estimator.pose import NoiseModel
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
@@ -41,7 +42,7 @@ class Outlines(NamedTuple):
 
 
 class FrameSource:
-    """Finds tagged objects in camera frames.
+    """Finds tagged objects in the frames of one camera, and follows them.
 
     Args:
         object_size: extent along x, y, z (m) of the object that carries a tag on its +z face, by marker id.
@@ -54,6 +55,7 @@ class FrameSource:
         self._tag_ratio = tag_ratio
         self._noise = noise
         self._detector = TagDetector()
+        self._follower = TagFollower(noise)
 
     def read(self, frame: Frame) -> tuple[list[Sighting], Outlines]:
         """Sightings in the frame, and the outlines of all tags found. Raises `WireError` for an unusable frame."""
@@ -82,7 +84,7 @@ class FrameSource:
         for tag in tags:
             width, length, height = self._object_size(tag.marker_id)
             tag_size = self._tag_ratio * min(width, length)
-            camera_from_tag = estimate_tag_pose(tag, depth, intrinsics, tag_size, self._noise)
+            camera_from_tag = self._follower.pose(tag, depth, intrinsics, tag_size, stamp)
             if camera_from_tag is not None:
                 camera_from_object = camera_from_tag @ Pose((0.0, 0.0, -0.5 * height))
                 sightings.append(Sighting(tag.marker_id, camera_from_object.with_stamp(stamp)))

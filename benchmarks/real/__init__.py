@@ -1,1 +1,1 @@
-"""Measurements on recordings of others: real images, beside others' programs on the same files."""
+"""How accurate is perception on recordings of others? Ours beside its peers, in the same run."""

@@ -46,6 +46,8 @@ from agents.hand_tracker.model.regions import Region
 from agents.hand_tracker.sighting import Side
 from dsr.errors import ConfigError
 
+NAME = "hands"
+"""What this is called on the command line of `python -m benchmarks.real`."""
 FIXTURES = Path(__file__).parents[2] / "tests" / "agents" / "hand_tracker" / "photos"
 SAME = 1.0
 """Palm lengths between landmarks of two hands, on average, up to which they are one hand."""

@@ -34,9 +34,7 @@ from dsr.runtime.logs import printable
 
 def _graph_option(default: str) -> Any:
     help = f"Name of the graph; {default}."
-    return typer.Option(
-        "--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=help, autocompletion=complete_graph
-    )
+    return typer.Option("--graph", "-g", metavar="NAME", envvar="DSR_GRAPH", help=help, autocompletion=complete_graph)
 
 
 GraphOption = Annotated[str | None, _graph_option("default: the only one that runs on this machine")]
@@ -88,9 +86,7 @@ def naming() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def reading(
-    graph: str | None, router: str | None, security: Path | None, world: str = BASE
-) -> Iterator[Memory]:
+def reading(graph: str | None, router: str | None, security: Path | None, world: str = BASE) -> Iterator[Memory]:
     """A replica of a world of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
     name = joinable(graph, router)
     guard = WriteGuard("dsr", Access())

@@ -1,0 +1,125 @@
+"""Follows the tags of one camera from frame to frame: what moves is blurred, and nothing flips over in 25 ms.
+
+A tag that moves is drawn with soft edges, which a detector finds further inside: its corners are moved out again.
+A square seen from afar fits two poses; which of them is right is decided by the frames before as well.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.scene_estimator.detection import Tag
+from agents.scene_estimator.pose import NoiseModel, TagFit, most_likely, possible_tag_poses
+from dsr.math3d.transforms import Array, Pose, log
+from dsr.vocabulary.intrinsics import Intrinsics
+
+_LOST_AFTER = 0.5
+"""s without a tag after which nothing that was known of it counts"""
+_SPEED = 1.0
+"""m/s, standard deviation of a tag's velocity in the camera frame: hands and arms are seldom faster"""
+_TURNING = 10.0
+"""rad/s, standard deviation of its angular velocity, likewise"""
+_ALIKE = 0.1
+"""s within which errors of a tag's corners are alike, so that a second frame tells little news"""
+_UNLIKELY = 40.0
+"""Twice the log of odds beyond which a pose is given up: one in 5e8"""
+
+
+class Sharpener:
+    """Takes motion blur off the corners of the tags of one camera.
+
+    Args:
+        blur: s; edges of what moves are found inside by so much times their speed.
+    """
+
+    def __init__(self, blur: float) -> None:
+        self._blur = blur
+        self._seen: dict[int, tuple[float, Array]] = {}
+
+    def sharpened(self, tag: Tag, stamp: float) -> Tag:
+        """The tag (px) without the blur of its motion since the last frame (stamps in s), with what that leaves unsure.
+
+        How much white outshines black differs from place to place, so that the shift is as uncertain as it is large.
+        """
+        centre = tag.corners.mean(axis=0)
+        before = self._seen.get(tag.marker_id)
+        self._seen[tag.marker_id] = stamp, centre
+        if self._blur == 0.0 or before is None or not 0.0 < stamp - before[0] <= _LOST_AFTER:
+            return tag
+        return _drawn_out(tag, self._blur * (centre - before[1]) / (stamp - before[0]))
+
+
+class _Seen(NamedTuple):
+    """A tag in the last frame that showed it."""
+
+    stamp: float
+    """s"""
+    fits: list[TagFit]
+    """With the cost of all frames so far, that of the most likely one 0"""
+
+
+class TagFollower:
+    """Poses of the tags of one camera, each with what its last frames told."""
+
+    def __init__(self, noise: NoiseModel) -> None:
+        self._noise = noise
+        self._sharpener = Sharpener(noise.blur)
+        self._seen: dict[int, _Seen] = {}
+
+    def pose(
+        self, tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, stamp: float
+    ) -> Pose | None:
+        """`camera_from_tag` with covariance, as `estimate_tag_pose` gives it, in view of earlier frames.
+
+        Args:
+            tag: its corners, px.
+            depth: (h, w) m, of the same exposure and intrinsics; None without a depth camera.
+            intrinsics: px, and the distortion of the lens.
+            tag_size: side of the black square, m.
+            stamp: s, of the exposure; a frame that is older than the last one is judged by itself.
+        """
+        tag = self._sharpener.sharpened(tag, stamp)
+        fits = possible_tag_poses(tag, depth, intrinsics, tag_size, self._noise)
+        last = self._seen.get(tag.marker_id)
+        if last is not None and 0.0 < stamp - last.stamp <= _LOST_AFTER:
+            fits = [fit._replace(cost=_cost(fit, last, stamp)) for fit in fits]
+        best = min((fit.cost for fit in fits), default=0.0)
+        fits = [fit._replace(cost=fit.cost - best) for fit in fits if fit.cost - best < _UNLIKELY]
+        if fits:
+            self._seen[tag.marker_id] = _Seen(stamp, fits)
+        return most_likely(fits)
+
+
+def _cost(fit: TagFit, last: _Seen, stamp: float) -> float:
+    """Twice the negative log likelihood of a pose now and of the way to it from one of the last frame."""
+    seconds = stamp - last.stamp
+    moved = np.diag(np.repeat([_SPEED * seconds, _TURNING * seconds], 3) ** 2)
+    costs = [_UNLIKELY]  # at most: whatever was seen, it may have been wrong
+    for before in last.fits:
+        apart = log(before.pose.inverse() @ fit.pose)
+        costs.append(before.cost + float(apart @ np.linalg.solve(moved + before.covariance + fit.covariance, apart)))
+    return min(1.0, seconds / _ALIKE) * fit.cost + min(costs)
+
+
+def _drawn_out(tag: Tag, shift: Array) -> Tag:
+    """The tag with each edge moved out along its normal, as far as `shift` (2,) px goes along that; corners follow."""
+    corners, length = tag.corners, float(np.hypot(*shift))
+    along = np.roll(corners, -1, axis=0) - corners
+    sides = np.linalg.norm(along, axis=1)
+    unsure = replace(tag, corner_std=math.hypot(tag.corner_std, length))
+    if sides.min() <= 2.0 * length:
+        return unsure
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / sides[:, None]
+    outward *= np.sign(np.einsum("ij,ij->i", outward, corners - corners.mean(axis=0)))[:, None]
+    by_edge = np.abs(outward @ shift)
+    normals = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)  # of both edges at each corner
+    moves = np.stack([np.roll(by_edge, 1), by_edge], axis=1)
+    try:
+        return replace(unsure, corners=corners + np.linalg.solve(normals, moves[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        return unsure
