@@ -5,11 +5,11 @@
 
 Each trial: two hands come from random sides without crossing, one grasps a cube and carries it, the other lays two
 fingertips on a box and drags it; an overhead camera at 0.65 m with the errors of a RealSense at 640 x 480 sees them
-ten times a second. `poses` are the plant's landmarks with noise instead of images, `skin colour` goes without a
-model, `mediapipe` is the model that `dsr hands fetch` got, or that `--model` names. Errors are those after tracking and smoothing, in the world, median
-and 95 %: of the palm's centre, of fingertips by name, and of fingertips from the nearest true one (the degraded mode
-does not know which finger is which). `tips` is how many of those in view were seen; `false` how many are more than 25
-mm from any true one; `ms` the median time of a frame.
+ten times a second. `poses` are the plant's landmarks with noise instead of images, `skin colour` goes without a model,
+`mediapipe` is the model that `dsr hands fetch` got, or that `--model` names. Errors are those after tracking and
+smoothing, in the world, median and 95 %: of the palm's centre, of fingertips by name, and of fingertips from the
+nearest true one (colour does not tell which finger is which). `tips` is how many of those in view were seen; `false`
+how many are more than 25 mm from any true one; `ms` the median time of a frame.
 """
 
 from __future__ import annotations

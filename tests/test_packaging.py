@@ -28,8 +28,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 PACKAGES = {"dsr", "agents", "simulation_handler", "surprise", "planner", "benchmarks"}
 SOURCES = (*PACKAGES, "etc", "docs", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE")
 MODULES = {
-    "ai_edge_litert": "ai-edge-litert", "collada": "pycollada", "cv2": "opencv-python-headless", "pybullet_data": "pybullet", "rerun": "rerun-sdk",
-    "up_fast_downward": "up-fast-downward",
+    "ai_edge_litert": "ai-edge-litert", "collada": "pycollada", "cv2": "opencv-python-headless",
+    "pybullet_data": "pybullet", "rerun": "rerun-sdk", "up_fast_downward": "up-fast-downward",
 }  # fmt: skip
 """The distributions of modules that have another name."""
 ALONE = """
