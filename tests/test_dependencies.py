@@ -19,6 +19,7 @@ SYSTEM = ("dsr", "agents", "simulation_handler", "surprise", "planner")
 OWN = {*SYSTEM, "benchmarks", "tests", "toy_agents"}
 """`toy_agents` lies beside the systems that tests start."""
 DISTRIBUTIONS = {
+    "ai_edge_litert": "ai-edge-litert",
     "collada": "pycollada",
     "cv2": "opencv-python-headless",
     "mcap_ros2": "mcap-ros2-support",
@@ -67,12 +68,12 @@ def imported_below(folder: str) -> set[str]:
 
 
 MEMORY = names(PROJECT["dependencies"])
-OF_SYSTEM = ("cli", "sim", "view", "realsense", "ros", "ros-dds")
+OF_SYSTEM = ("cli", "sim", "view", "hands", "realsense", "ros", "ros-dds")
 """Extras whose libraries the system imports, and which can be installed together."""
 DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in OF_SYSTEM)) - TOOLS
 ALLOWED = {
-    **dict.fromkeys(SYSTEM, DECLARED | names(EXTRAS["hands"])),
-    "benchmarks": DECLARED | names(EXTRAS["bench"]) | names(EXTRAS["hands"]) | {"pytest"},
+    **dict.fromkeys(SYSTEM, DECLARED | names(EXTRAS["mediapipe"])),
+    "benchmarks": DECLARED | names(EXTRAS["bench"]) | names(EXTRAS["mediapipe"]) | {"pytest"},
     "tests": DECLARED.union(REAL_ROS, *map(names, EXTRAS.values())),
 }
 """What each package may import: the system has one extra of its own, the measurements another; `benchmarks/mutants`

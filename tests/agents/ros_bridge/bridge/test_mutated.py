@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
@@ -21,7 +22,8 @@ from agents.ros_bridge.mapping.stamps import CLOCK, to_clock
 from agents.ros_bridge.mapping.transforms import to_stamped
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, encode_transforms
 from dsr import Pose
-from dsr.vocabulary.intrinsics import Distortion, Intrinsics
+from dsr.vocabulary.distortion import Distortion
+from dsr.vocabulary.intrinsics import Intrinsics
 from tests.agents.ros_bridge.robot import LATCHED, TYPES, bridged
 
 TICKS = 150
@@ -57,7 +59,7 @@ def right(now: float, frames: int) -> Iterator[tuple[str, str, bytes]]:
     seen = [Believed("cup_1", "cup", POSE, (0.1, 0.1, 0.1), 0.9), Believed("cup_2", "cup", POSE, None, 0.9)]
     depth = to_compressed(TYPES, now, "b_eye", np.concatenate([np.zeros(12, np.uint8), png]), "png")
     depth.format = "32FC1; compressedDepth" if frames > 1 else "16UC1; compressedDepth png"
-    info = to_camera_info(TYPES, now, "a_eye", INTRINSICS, Distortion("plumb_bob", (0.1,) * 5))
+    info = to_camera_info(TYPES, now, "a_eye", replace(INTRINSICS, distortion=Distortion("plumb_bob", (0.1,) * 5)))
     for name, type, message in (
         ("/joint_states", JOINT_STATE, to_joint_state(TYPES, now, ["a", "b"], [1.0, 2.0], [1.0, 2.0])),
         ("/a/color", IMAGE, to_image(TYPES, now, "a_eye", COLOR)),
