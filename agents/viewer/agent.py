@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from agents.inbox import Inbox
-from agents.segments import next_segment
 from agents.viewer.config import ViewerConfig
+from agents.viewer.files import ViewFiles
 from agents.viewer.window import ServedView, ViewerWindow, WindowError
 from dsr.agent import Access, Agent
 from dsr.files.private_files import FOLDER_MODE
@@ -19,7 +19,6 @@ from dsr.vocabulary.scenario_start import start_key
 if TYPE_CHECKING:
     import rerun as rr
 
-FILE_NAME = "recording.rrd"
 _MOST_WAITING = 2_000
 _PATIENCE = 2.0  # s for the end of the recording to reach the window or the server
 
@@ -38,9 +37,11 @@ class Viewer(Agent):
         """Open the file, and the window if one is wanted, and begin to listen."""
         self._resources = contextlib.ExitStack()
         self._window: ViewerWindow | ServedView | None = None
+        self._files = ViewFiles(Path(self.config.folder), self.config.keep_mb)
         from agents.viewer.views import AllViews  # takes half a second, for which a launcher need not wait
 
-        self._views = AllViews(self._open(), self.memory, self.config, self.log)
+        self._recording = self._open()
+        self._views = AllViews(self._recording, self.memory, self.config, self.log)
         self._elapsed = self._views.elapsed
         self._looks_from: float | None = None
         self._watch = self.memory.watch()
@@ -58,8 +59,12 @@ class Viewer(Agent):
             self._elapsed.note_replayed(message)
         if not self._looks(now):
             return
+        is_full = self._files.is_full(now)
         now = self._elapsed.now(now)
         self._elapsed.set(now)
+        if is_full:
+            self._recording.set_sinks(*self._sinks())
+            self._views.begin_anew()
         self._views.arrange()
         self._views.draw_messages(self._truths.take(), self._statuses.take(), self._logs.take())
         self._views.draw(self._watch.poll(), now)
@@ -84,11 +89,6 @@ class Viewer(Agent):
         config, folder = self.config, Path(self.config.folder)
         folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         recording = rr.RecordingStream(APPLICATION, recording_id=f"{self.keys.graph} {folder.resolve().name}")
-        sinks: list[rr.FileSink | rr.GrpcSink] = []
-        if config.record:
-            path = next_segment(folder, FILE_NAME)
-            sinks.append(rr.FileSink(path))
-            self.log.info("recording to %s", path)
         ending = threading.Thread(target=recording.disconnect, daemon=True)
         self._resources.callback(_await, ending)  # after the end of a window that held it up
         try:
@@ -96,12 +96,23 @@ class Viewer(Agent):
         except WindowError as error:
             if not config.record:
                 raise
-            self.log.warning("no window (%s); recording to %s only", error, path)
+            self.log.warning("no window (%s); only the file is written", error)
         self._resources.callback(_end_soon, ending)
+        recording.set_sinks(*self._sinks())
+        return recording
+
+    def _sinks(self) -> list[rr.FileSink | rr.GrpcSink]:
+        """Where the recording goes from now on: the next file, and the window or the server, as wanted."""
+        import rerun as rr
+
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
+        if self.config.record:
+            path = self._files.begin()
+            sinks.append(rr.FileSink(path))
+            self.log.info("recording to %s", path)
         if self._window is not None:
             sinks.append(rr.GrpcSink(self._window.url))
-        recording.set_sinks(*sinks)
-        return recording
+        return sinks
 
     def _open_window(self, log_file: Path) -> ViewerWindow | ServedView | None:
         config = self.config
