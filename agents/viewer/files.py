@@ -11,7 +11,7 @@ from agents.segments import KEPT_PARTS, next_segment, segments, total_size
 FILE_NAME = "recording.rrd"
 _MB = 1e6  # bytes
 _BEGINNING = 2.0
-"""s in which a file has got all that was there already: rerun writes within 0.2 s, and some views draw once a second"""
+"""s in which a file has got all that was there already: it is written once a second, as some views draw"""
 
 
 class ViewFiles:
