@@ -36,6 +36,7 @@ _DETACHED = "DSR_DETACHED"
 """Environment variable of the run that goes on in the background: its folder."""
 _HEADLINE = re.compile(r"^graph (?P<graph>\S+), logs and recordings in (?P<folder>.+), Ctrl-C stops$", re.MULTILINE)
 """Line in which `dsr run` says which graph it works on, and where its files are. Warnings stand before it."""
+_WRONG_INPUT = 2  # exit code of a command
 _PERIOD = 0.1  # s between two looks
 _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before they are killed
 
@@ -43,7 +44,11 @@ _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before the
 def start_in_background(folder: Path) -> None:
     """Run this command again in a session of its own, where it does not detach, and wait until its agents are ready.
 
-    Ctrl-C until then ends what was started. Raises `AgentError` if the agents do not become ready, with what was said.
+    Ctrl-C until then ends what was started.
+
+    Raises:
+        ConfigError: if the input is wrong, with what was said.
+        AgentError: if the agents do not become ready, likewise.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
@@ -58,7 +63,8 @@ def start_in_background(folder: Path) -> None:
             if (code := process.poll()) is not None:
                 said = log.read_text(encoding="utf-8", errors="replace").strip()
                 reason = said or f"it ended with {exit_text(code)}, and nothing could be written to {log}"
-                raise AgentError(f"the system did not start:\n{printable(reason)}")
+                kind = ConfigError if code == _WRONG_INPUT else AgentError
+                raise kind(f"the system did not start:\n{printable(reason)}")
             _wait()
     except KeyboardInterrupt:
         process.terminate()

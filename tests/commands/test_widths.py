@@ -78,12 +78,15 @@ def test_what_is_cut_is_noticed() -> None:
 
 @pytest.mark.parametrize(("command", "name"), [("ls", CUBE), ("worlds", WORLD)])
 def test_in_a_pipe_a_name_stands_on_one_line(memory: Memory, command: str, name: str) -> None:
-    narrow = {**os.environ, "COLUMNS": "80"}
-    assert name in printed(command, env=None)
-    assert name not in printed(command, env=narrow)
+    wide = dict(os.environ)
+    assert name in printed(command, env=wide)
+    assert name not in printed(command, env=wide | {"COLUMNS": "80"})
 
 
-def printed(command: str, env: dict[str, str] | None) -> str:
-    """The output of `dsr` as a process, into a pipe."""
+def printed(command: str, env: dict[str, str]) -> str:
+    """The output of `dsr` as a process with this environment, into a pipe.
+
+    A process inherits `COLUMNS` from pytest otherwise: readline sets it behind the back of `os.environ`.
+    """
     program = [sys.executable, "-m", "dsr.cli", command]
     return subprocess.run(program, env=env, capture_output=True, text=True, timeout=60, check=True).stdout
