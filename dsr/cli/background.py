@@ -17,6 +17,7 @@ import msgspec
 import typer
 
 from dsr.cli.common import GraphOption, JsonOption, check_runs, console, errors, last_run, shown
+from dsr.cli.completion import complete_log
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
 from dsr.network.rendezvous import Claim, graphs, read_claim, running_graph
@@ -102,7 +103,9 @@ def stop(graph: GraphOption = None) -> None:
 
 @app.command()
 def logs(
-    agents: Annotated[list[str] | None, typer.Argument(help="Names of agents; default: all.")] = None,
+    agents: Annotated[
+        list[str] | None, typer.Argument(help="Names of agents; default: all.", autocompletion=complete_log)
+    ] = None,
     lines: Annotated[int, typer.Option("--lines", "-n", min=0, help="How many of each log, from its end.")] = 20,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on with new lines until Ctrl-C.")] = False,
     graph: GraphOption = None,

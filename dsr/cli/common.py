@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from dsr.cli.completion import complete_graph
+from dsr.cli.completion import complete_graph, complete_world
 from dsr.cli.streams import make_console
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
@@ -50,7 +50,10 @@ SecurityOption = Annotated[
     typer.Option("--security", metavar="FOLDER", envvar=SECURITY, help="With its certificates (dsr security init)."),
 ]
 WorldOption = Annotated[
-    str, typer.Option("--world", "-w", metavar="NAME", help="Which world of the graph (dsr worlds).")
+    str,
+    typer.Option(
+        "--world", "-w", metavar="NAME", help="Which world of the graph (dsr worlds).", autocompletion=complete_world
+    ),
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print JSON instead of text; of what goes on, an object a line.")

@@ -26,6 +26,7 @@ from dsr.cli.common import (
     shown,
     with_unit,
 )
+from dsr.cli.completion import complete_node
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import Schema
@@ -116,7 +117,7 @@ def _place(position: list[float] | None) -> str:
 
 @app.command()
 def show(
-    name: Annotated[str, typer.Argument(help="Name of a node.")],
+    name: Annotated[str, typer.Argument(help="Name of a node.", autocompletion=complete_node)],
     graph: GraphOption = None,
     world: WorldOption = BASE,
     as_json: JsonOption = False,
