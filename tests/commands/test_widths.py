@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import subprocess
 import sys
@@ -14,8 +15,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 from rich.table import Table
+from typer.testing import CliRunner
 
 from dsr.cli.common import add_names, console, errors
+from dsr.cli.main import app
 from dsr.memory import Memory
 from tests.command_tree import leaves
 from tests.commands.conftest import CUBE, WORLD
@@ -61,6 +64,18 @@ def test_nothing_is_cut(
         monkeypatch.setattr(one, "print", paper.print)
     PRINTED[command](Place(memory, cli, tmp_path, monkeypatch))
     assert paper.calls
+
+
+@pytest.mark.parametrize("path", leaves())
+def test_help_fills_its_lines(path: str) -> None:
+    """No line ends before the next word would not fit any more, as where a docstring breaks its lines."""
+    printed = CliRunner().invoke(app, [*path.split(), "--help"], env={"COLUMNS": "80"}).output
+    lines = [line.rstrip() for line in itertools.takewhile(lambda line: "╭" not in line, printed.splitlines())]
+    text = [line for line in lines if "Usage:" not in line]
+    assert any(text)
+    for line, following in itertools.pairwise(text):
+        if line and following:
+            assert len(line) + 1 + len(following.split()[0]) > 78, f"{line}\n{following}"
 
 
 def test_every_command_is_looked_at() -> None:
