@@ -15,7 +15,16 @@ import typer
 from agents.viewer.agent import Viewer
 from agents.viewer.config import ViewerConfig
 from agents.viewer.window import LOOPBACK, WindowError, check_free, page_url, viewer_url
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, joinable, shown
+from dsr.cli.common import (
+    CompanyNotice,
+    GraphOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    errors,
+    joinable,
+    shown,
+)
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
 from dsr.runtime.agent_process import StopSignal, run_agent
@@ -73,6 +82,11 @@ def view(
             console.print(f"showing graph {shown(self.keys.graph)}; Ctrl-C ends it", soft_wrap=True)
             if serve:
                 _tell_addresses(bind, port, web_port)
+            self._company = CompanyNotice(self.memory)
+
+        def tick(self, now: float) -> None:
+            super().tick(now)
+            self._company.look()
 
         def window_closed(self, log_file: Path) -> None:
             said.append(log_file.read_text(errors="replace").strip())
