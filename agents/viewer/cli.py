@@ -56,6 +56,7 @@ def view(
 
     Without a display, as on a robot, use --serve: then open the page that is told in a browser on another machine.
     The view shows what happens from now on, with what the graph holds at the beginning. Nothing is recorded.
+    A recording is shown by `dsr replay RECORDING --view`.
 
     Example: dsr view --serve, and on your desk: ssh -L 9090:127.0.0.1:9090 -L 9876:127.0.0.1:9876 ROBOT
     """

@@ -58,12 +58,19 @@ def load_command(name: str) -> Any:
         return _flowing(group.commands.get(name, group))
     plugin = plugins()[name]
     try:
-        command = typer.main.get_group(plugin.load())
+        command: Any = typer.main.get_group(plugin.load())
     except (ImportError, AttributeError) as error:
         reason = stranger(plugin.module) or missing_extra(error) or f"{plugin.value}: {error}"
         raise ConfigError(f"the command {name!r} cannot be loaded: {reason}") from error
     command.name = name
+    if not command.commands:
+        command.resolve_command = _refuse
     return _flowing(command)
+
+
+def _refuse(context: Any, words: list[str]) -> None:
+    """Say that a command without others below it takes no such words. Raises `UsageError`."""
+    context.fail(f"Got unexpected extra argument{'s' * (len(words) > 1)} ({' '.join(words)})")
 
 
 def _flowing(command: Any) -> Any:
