@@ -34,6 +34,7 @@ MODULES = {
 """The distributions of modules that have another name."""
 ALONE = """
 import dsr
+assert dsr.__version__
 with dsr.connect("kitchen", agent="me") as memory:
     print(memory.add_node("cup_1", "cup").name)
 """

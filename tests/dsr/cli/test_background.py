@@ -67,7 +67,7 @@ def test_a_system_that_does_not_start_says_why(tmp_path: Path, private_runtime_d
     file = tmp_path / "broken.toml"
     file.write_text('graph = "g"\n[[agent]]\nname = "a"\nclass = "nowhere"\n')
     result = dsr("run", str(file), "-dg", "kitchen", "--folder", str(tmp_path / "run"))
-    assert result.returncode == 1
+    assert result.returncode == dsr("run", str(file)).returncode == 2
     assert "the system did not start" in result.stderr and "class 'nowhere' cannot be loaded" in result.stderr
 
 
