@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from agents.calibrator.hand_eye.report import HandEyeReport
 
 _LENSES = ("pinhole", "plumb_bob", "rational_polynomial", "equidistant")
-_TARGETS = "circles:10x10:0.01, chessboard:8x6:0.025 (inner corners), tag36h11:ID:0.05, tags:FILE or square:0.2; in m."
+_TARGETS = "circles:10x10:0.01, chessboard:8x6:0.025 (inner corners), tag36h11:7:0.05 (id 7), tags:FILE, square:0.2; m."
 
 
 def hand_eye(

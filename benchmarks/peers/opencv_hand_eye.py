@@ -47,7 +47,7 @@ class OpenCv:
                     raise OSError(f"{PACKAGE} cannot be fetched")
 
     def mounts(self, hands: Array, targets: Array) -> dict[str, tuple[Array, Array]]:
-        """hand_from_camera and base_from_target (4, 4) by each method.
+        """hand_from_camera and base_from_target (4, 4) by each method that does not fail.
 
         Args:
             hands: (v, 4, 4) base_from_hand.
@@ -55,7 +55,7 @@ class OpenCv:
         """
         text = json.dumps({"hands": hands.tolist(), "targets": targets.tolist()})
         command = [sys.executable, str(Path(__file__).resolve()), "run"]
-        done = subprocess.run(command, input=text, env=self._environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(command, input=text, env=self._environment, stdout=subprocess.PIPE, text=True, check=True)
         found = json.loads(done.stdout.splitlines()[-1])
         return {name: (np.array(camera), np.array(target)) for name, (camera, target) in found.items()}
 
@@ -82,9 +82,12 @@ def _main() -> None:
     inverse = np.linalg.inv(hands)
     for name in _WITH_BASE:
         method = getattr(vision, f"CALIB_ROBOT_WORLD_HAND_EYE_{name}")
-        base_turn, base_shift, turn, shift = vision.calibrateRobotWorldHandEye(
-            targets[:, :3, :3], targets[:, :3, 3], inverse[:, :3, :3], inverse[:, :3, 3], method=method
-        )
+        try:
+            base_turn, base_shift, turn, shift = vision.calibrateRobotWorldHandEye(
+                targets[:, :3, :3], targets[:, :3, 3], inverse[:, :3, :3], inverse[:, :3, 3], method=method
+            )
+        except cv2.error:  # its rotations came out singular
+            continue
         camera, target = (_inverse(_matrix(*pair)) for pair in ((turn, shift), (base_turn, base_shift)))
         found[name] = (camera.tolist(), target.tolist())
     sys.stdout.write(json.dumps(found) + "\n")

@@ -27,7 +27,7 @@ from dsr.math3d.transforms import Array, Pose
 FORMS = (
     "circles:COLUMNSxROWS:SPACING",
     "chessboard:COLUMNSxROWS:SPACING",
-    "tag36h11:ID:SIDE",
+    "tag36h11:NUMBER:SIDE",
     "tags:FILE",
     "square:SIDE",
 )
