@@ -111,8 +111,7 @@ def try_driver(
 
     No graph needs to run, but for pictures that come over one (plant). The exit code is 1 if no picture comes.
 
-    Examples: dsr drivers try webcam device=2 fov=60
-              dsr drivers try video file=film.mp4 calibration=camera.yaml --save picture.png
+    For example: dsr drivers try webcam device=2 fov=60
     """
     entry = None if ":" in name else camera_entry(name)
     given = dict(map(_option, options or ()))

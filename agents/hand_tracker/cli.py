@@ -113,16 +113,20 @@ def try_images(
     if as_json:
         print_json(rows)
     else:
-        table = Table(box=SIMPLE_HEAD, pad_edge=False)
-        add_names(table, "picture", "hand")
-        add_numbers(table, "sure", "index fingertip")
-        for row in rows:
-            for hand in row["hands"] or [None]:
-                place = "" if hand is None else "{:.0f}, {:.0f} px".format(*hand["landmarks_px"][8])
-                sure = "" if hand is None else f"{hand['side_score']:.0%}"
-                table.add_row(shown(row["picture"]), "none" if hand is None else hand["side"], sure, place)
-        console.print(table)
+        console.print(_table(rows))
     raise typer.Exit(0 if all(row["hands"] for row in rows) else 1)
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    add_names(table, "picture", "hand")
+    add_numbers(table, "sure", "index fingertip")
+    for row in rows:
+        for hand in row["hands"] or [None]:
+            place = "" if hand is None else "{:.0f}, {:.0f} px".format(*hand["landmarks_px"][8])
+            sure = "" if hand is None else f"{hand['side_score']:.0%}"
+            table.add_row(shown(row["picture"]), "none" if hand is None else hand["side"], sure, place)
+    return table
 
 
 def _look(image: Path, out: Path | None, model: str, runner: RunnerChoice) -> dict[str, Any]:

@@ -40,7 +40,9 @@ def relations(
     viewpoint: Annotated[
         str | None,
         typer.Option(
-            "--from", metavar="NAME", help="Camera or frame from which left, behind, ... are seen.",
+            "--from",
+            metavar="NAME",
+            help="Camera or frame from which left, behind, ... are seen.",
             autocompletion=complete_node,
         ),
     ] = None,

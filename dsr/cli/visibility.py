@@ -30,9 +30,7 @@ app = typer.Typer()
 
 @app.command("visibility")
 def show_visibility(
-    world: Annotated[
-        str, typer.Argument(metavar="WORLD", help="Which world.", autocompletion=complete_world)
-    ] = BASE,
+    world: Annotated[str, typer.Argument(metavar="WORLD", help="Which world.", autocompletion=complete_world)] = BASE,
     perspective: Annotated[
         list[str] | None,
         typer.Option("--from", metavar="NAME", help="Only this camera or person.", autocompletion=complete_node),

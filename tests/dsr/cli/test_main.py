@@ -34,7 +34,7 @@ def test_help_names_the_commands() -> None:
     assert all(f" {command} " in result.stdout for command in ("run", "ls", "show", "tree", "watch", "top", "doctor"))
 
 
-@pytest.mark.parametrize("line", ["view runs/mine", "calibrate camera_1", "replay runs/mine more", "demo towers twice"])
+@pytest.mark.parametrize("line", ["view runs/mine", "replay runs/mine more", "demo towers twice"])
 def test_words_that_a_command_does_not_take_are_no_commands(line: str) -> None:
     result = dsr(*line.split())
     assert result.returncode == 2

@@ -102,9 +102,7 @@ def test_names_of_the_agents_that_come_along_are_whole_at_80_columns() -> None:
     assert len(lines) == 3
 
 
-def test_it_says_when_all_have_left(
-    memory: Memory, cli: Callable[..., str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_says_when_all_have_left(memory: Memory, cli: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert "nobody else" not in cli("top")
     monkeypatch.setattr("dsr.cli.common.ONLOOKERS", {"owner"})
     assert "nobody else is in the graph any more" in cli("top")
