@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -54,12 +54,13 @@ def start_in_background(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
     command = [sys.executable, "-P", "-m", "dsr.cli", *sys.argv[1:]]
-    with log.open("wb") as output:
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
-            env={**os.environ, _DETACHED: str(folder)},
-        )  # fmt: skip
+    process: subprocess.Popen[bytes] | None = None
     try:
+        with log.open("wb") as output, _interrupts_held():
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, _DETACHED: str(folder)},
+            )  # fmt: skip
         while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
             if (code := process.poll()) is not None:
                 said = log.read_text(encoding="utf-8", errors="replace").strip()
@@ -68,8 +69,9 @@ def start_in_background(folder: Path) -> None:
                 raise kind(f"the system did not start:\n{printable(reason)}")
             _wait()
     except KeyboardInterrupt:
-        process.terminate()
-        process.wait(_PATIENCE)
+        if process is not None:
+            process.terminate()
+            process.wait(_PATIENCE)
         raise
     headline = _HEADLINE.search(said)
     assert headline is not None, "a run says it before its agents are ready"
@@ -78,6 +80,19 @@ def start_in_background(folder: Path) -> None:
     graph = headline["graph"]
     place = f"graph {graph}, logs and recordings in {headline['folder']}"
     console.print(shown(f"{place}; dsr logs -g {graph}, dsr stop -g {graph}"), soft_wrap=True)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Raise KeyboardInterrupt for a Ctrl-C only when the block is done: what it starts is known by then."""
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
 
 
 def folder_in_background() -> Path | None:
