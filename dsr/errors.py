@@ -1,30 +1,30 @@
 """Every error that `dsr` raises, in one tree.
 
-DsrError
-├── SchemaError             a name, type or value that the schema does not allow
-│   └── RegistrationError   a name that cannot be registered so (a ConfigError, too)
-├── GraphError              the graph does not hold what was asked for
-│   ├── NoRoomError         no stamp is left above that of an attribute's value
-│   ├── NodeNotFoundError
-│   ├── NodeTypeError       a node keeps the type under which it was made
-│   ├── EdgeNotFoundError
-│   └── WorldNotFoundError
-├── WorldError              a world cannot be made, followed or deleted
-├── TransformError          a frame chain cannot be evaluated
-│   ├── NoPathError
-│   ├── ExtrapolationError
-│   └── CycleError          frames hang below one another in a circle, or would
-├── MeshError               vertices and triangles of which no mesh can be made
-│   └── MeshNotFoundError   nobody within reach has the mesh
-├── ImaginationError        what was to be imagined cannot be, by physics or for want of room
-├── WireError               bytes that are no valid message (the peer's fault)
-├── TransportError          the network refuses what was asked (no such endpoint, closed session)
-│   └── ListenError         the endpoint to listen on cannot be had (port in use)
-├── ClockDriftError         this process's clock is too far from its peers' to write
-├── ConfigError             a wrong file or option: says which file, line and what was expected
-│   └── GoalError           a text that is no goal: shows the place
-└── AgentError              an agent broke its declaration or life cycle
-    └── UndeclaredError     an agent writes what it does not declare (a ConfigError, too)
+    DsrError
+    ├── SchemaError             a name, type or value that the schema does not allow
+    │   └── RegistrationError   a name that cannot be registered so (a ConfigError, too)
+    ├── GraphError              the graph does not hold what was asked for
+    │   ├── NoRoomError         no stamp is left above that of an attribute's value
+    │   ├── NodeNotFoundError
+    │   ├── NodeTypeError       a node keeps the type under which it was made
+    │   ├── EdgeNotFoundError
+    │   └── WorldNotFoundError
+    ├── WorldError              a world cannot be made, followed or deleted
+    ├── TransformError          a frame chain cannot be evaluated
+    │   ├── NoPathError
+    │   ├── ExtrapolationError
+    │   └── CycleError          frames hang below one another in a circle, or would
+    ├── MeshError               vertices and triangles of which no mesh can be made
+    │   └── MeshNotFoundError   nobody within reach has the mesh
+    ├── ImaginationError        what was to be imagined cannot be, by physics or for want of room
+    ├── WireError               bytes that are no valid message (the peer's fault)
+    ├── TransportError          the network refuses what was asked (no such endpoint, closed session)
+    │   └── ListenError         the endpoint to listen on cannot be had (port in use)
+    ├── ClockDriftError         this process's clock is too far from its peers' to write
+    ├── ConfigError             a wrong file or option: says which file, line and what was expected
+    │   └── GoalError           a text that is no goal: shows the place
+    └── AgentError              an agent broke its declaration or life cycle
+        └── UndeclaredError     an agent writes what it does not declare (a ConfigError, too)
 """
 
 from __future__ import annotations

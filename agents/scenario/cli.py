@@ -186,7 +186,9 @@ def run(
 
 
 @demo.callback()
-def run_demo(seed: Seed = 0, view: View = None, as_json: JsonOption = False, json_file: JsonFileOption = None) -> None:
+def run_demo(
+    seed: Seed = 0, view: View = None, as_json: JsonOption = False, json_file: JsonFileOption = None
+) -> None:
     """Show what this is about: the robot builds two towers, one is moved as a whole, and the robot knows.
 
     Starts plant, arm controller, scene estimator, simulation handler, surprise

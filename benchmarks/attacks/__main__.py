@@ -44,7 +44,9 @@ def main() -> None:
         raise SystemExit(f"no attack {', '.join(unknown)}; there are: {', '.join(known)}")
     logging.getLogger("dsr").addHandler(logging.NullHandler())  # what the victims say is not the result
     rows = [
-        _run(attack, graph) for attack in (known[name] for name in options.names or known) for graph in attack.settings
+        _run(attack, graph)
+        for attack in (known[name] for name in options.names or known)
+        for graph in attack.settings
     ]
     Console().print(_table(rows))
     if options.json:

@@ -65,9 +65,7 @@ class Tally:
             "faults": {name: tally.summary() for name, tally in self.faults.items()},
             "statistics": {
                 name: sum(counts[name] for counts in self.statistics.values()) for name in Statistics._fields
-            }
-            if self.statistics
-            else {},
+            } if self.statistics else {},
             "findings": self.lost,
         }
 

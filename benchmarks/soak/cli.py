@@ -39,7 +39,9 @@ def soak(
     shortest: Annotated[float, typer.Option(min=0.0, help="s that a fault goes on at least.")] = 1.0,
     longest: Annotated[float, typer.Option(min=1.0, help="s that a fault may go on.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the order and length of faults.")] = 0,
-    races: Annotated[int, typer.Option(min=0, help="Instead: so many rounds of each race of two processes.")] = 0,
+    races: Annotated[
+        int, typer.Option(min=0, help="Instead: so many rounds of each race of two processes.")
+    ] = 0,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
 ) -> None:

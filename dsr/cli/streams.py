@@ -75,7 +75,9 @@ def _text(raw: _Pipe, like: io.TextIOWrapper) -> io.TextIOWrapper:
     """A text stream that writes to `raw` as `like` did."""
     at_once = like.write_through
     below: Any = raw if at_once else io.BufferedWriter(raw)
-    return io.TextIOWrapper(below, like.encoding, _HANDLER, line_buffering=like.line_buffering, write_through=at_once)
+    return io.TextIOWrapper(
+        below, like.encoding, _HANDLER, line_buffering=like.line_buffering, write_through=at_once
+    )
 
 
 def make_console(**options: Any) -> Console:

@@ -282,7 +282,9 @@ class FrameTree:
                 return Link(type, candidates[0][0], None)
         return None
 
-    def _path(self, target: str, source: str, types: Types, find: Find) -> tuple[_Steps, _Steps]:
+    def _path(
+        self, target: str, source: str, types: Types, find: Find
+    ) -> tuple[_Steps, _Steps]:
         """The steps from the source, and from the target, up to the first frame that both chains share."""
         up = climb(source, find, until=(target,))
         down = climb(target, find, until=up)

@@ -194,7 +194,9 @@ class Graph(Stamping):
         self.counter += 1
         return self.rid, self.counter
 
-    def _commit(self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float) -> Delta:
+    def _commit(
+        self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float
+    ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
         delta = Delta(adds=[add] if add else [])
         rid, first = self.rid, self.counter + (0 if add else 1)
@@ -378,7 +380,9 @@ class Graph(Stamping):
     def _is_dead(self, entry: Incarnation) -> bool:
         """Whether an end was removed for good: then the edge can never be seen again."""
         live, seen = self.store.entries, self.store.context
-        return any(all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations))
+        return any(
+            all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
+        )
 
     def _detach_or_bury(self, entries: list[Incarnation]) -> None:
         """Look again at edges that have lost an end: another incarnation of it may be still to come."""

@@ -178,7 +178,9 @@ class Stamping(Sharing):
         """The addition of an element that is there; `made` begins with that of the node `renewed`, if it is one."""
         if isinstance(element, Node):
             return Add(self.new_dot(), element.name, element.type)
-        ends = [(made[0].dot,) if name == renewed else self._ends_at(name) for name in (element.src, element.dst)]
+        ends = [
+            (made[0].dot,) if name == renewed else self._ends_at(name) for name in (element.src, element.dst)
+        ]
         return Add(self.new_dot(), element.key, element.type, *ends)
 
 

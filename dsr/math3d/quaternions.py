@@ -129,4 +129,6 @@ def slerp(a: Quaternion, b: Quaternion, s: float) -> Quaternion:
         angle = math.acos(cosine)
         wa, wb = math.sin((1.0 - s) * angle), math.sin(s * angle)
     wb *= sign
-    return normalised((wa * a[0] + wb * b[0], wa * a[1] + wb * b[1], wa * a[2] + wb * b[2], wa * a[3] + wb * b[3]))
+    return normalised(
+        (wa * a[0] + wb * b[0], wa * a[1] + wb * b[1], wa * a[2] + wb * b[2], wa * a[3] + wb * b[3])
+    )

@@ -189,7 +189,9 @@ class LocalTransport:
         """Call `handler` in `deliver`; handlers here are never slow, so `newest` has no effect."""
         return self._declare(self._subscribers, (key, handler))
 
-    def serve(self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None) -> _Declaration:
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> _Declaration:
         """Answer requests on `key`; none ever waits here, so `asker` has no effect."""
         return self._declare(self._servers, (key, handler))
 

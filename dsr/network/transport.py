@@ -85,7 +85,9 @@ class Transport(Protocol):
         `notify` is called from the network's thread whenever one has come.
         """
 
-    def serve(self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None) -> Subscription:
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
         """Answer requests on `key`. The handler may be called from any thread.
 
         With `asker`, which tells who sent a request, only the newest request of each is answered of those that wait,

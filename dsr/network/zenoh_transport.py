@@ -213,7 +213,9 @@ class ZenohTransport:
 
         return self._kept(declare, self._renewable)
 
-    def serve(self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None) -> Subscription:
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
         """Answer requests on `key` from a thread of its own."""
 
         def answer(query: zenoh.Query) -> None:

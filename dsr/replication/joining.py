@@ -85,7 +85,9 @@ class Joining:
         """Choose the replica to ask, or None: the oldest first, for a younger one may be a newcomer, too."""
         settled = self._exhausted if self.insists else self._exhausted | self._unjoined.keys()
         age = {rid: number for number, rid in enumerate(self.others)}
-        by_turns = sorted(reachable, key=lambda rid: (asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid))
+        by_turns = sorted(
+            reachable, key=lambda rid: (asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid)
+        )
         fresh = [rid for rid in by_turns if rid not in settled]
         if fresh and not asked[fresh[0]]:
             return fresh[0]

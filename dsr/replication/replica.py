@@ -120,7 +120,9 @@ class Replica:
             self._receive(lambda: sync.receive_delta(_last(key), payload, self._clock.now()))
 
         def digest(key: str, payload: bytes) -> None:
-            self._receive(lambda: sync.receive_digest(_last(key), payload, self._clock.monotonic(), self._clock.now()))
+            self._receive(
+                lambda: sync.receive_digest(_last(key), payload, self._clock.monotonic(), self._clock.now())
+            )
 
         def presence(key: str, alive: bool) -> None:
             self._enqueue(lambda: self._peer_changed(_last(key), alive))

@@ -201,7 +201,9 @@ def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, 
         source.convert(kind.Config, (*path, "config"))
     with _located(source, (*path, "process")):
         process = check_name("process name", table.process) if table.process else ""
-    return AgentSpec(table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout, process)
+    return AgentSpec(
+        table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout, process
+    )
 
 
 @contextlib.contextmanager

@@ -60,7 +60,9 @@ class SilentTransport:
         """See `Transport.subscribe`."""
         return self._transport.subscribe(key, handler, newest=newest)
 
-    def serve(self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None) -> Subscription:
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
         """Do nothing: nobody would believe the answers."""
         return _Nothing()
 

@@ -120,7 +120,9 @@ class TimelineQuestion:
         )
 
 
-def _related(relation: str | Iterable[str] | None, of: Time | None) -> tuple[frozenset[AllenRelation], Interval] | None:
+def _related(
+    relation: str | Iterable[str] | None, of: Time | None
+) -> tuple[frozenset[AllenRelation], Interval] | None:
     if (relation is None) != (of is None):
         raise ConfigError("relation and of go together: relation='during', of=situation")
     if relation is None or of is None:

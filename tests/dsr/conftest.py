@@ -44,7 +44,9 @@ class Net:
 def reply_of(delta: Delta) -> bytes:
     """A reply in one piece that tells what a delta does: its live dots, of all that it accounts for."""
     kept = sorted((delta.live or frozenset()).difference(add.dot for add in delta.adds))
-    return encode_piece(Piece(START, None, delta.adds, delta.writes, kept, examined=delta.context, whole=delta.context))
+    return encode_piece(
+        Piece(START, None, delta.adds, delta.writes, kept, examined=delta.context, whole=delta.context)
+    )
 
 
 @pytest.fixture

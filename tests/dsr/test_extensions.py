@@ -131,7 +131,9 @@ def test_a_known_name_is_not_registered_with_another_unit(net: Net) -> None:
         '{"what": "attribute", "name": 3}',
     ],
 )
-def test_a_senseless_record_changes_nothing(net: Net, record: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_senseless_record_changes_nothing(
+    net: Net, record: str, caplog: pytest.LogCaptureFixture
+) -> None:
     attacker, reader = net.join("attacker"), net.join("reader")
     with caplog.at_level(logging.WARNING, "dsr.memory"):
         forge(attacker, lambda graph: graph.add_node(".schema.x", SCHEMA_RECORD, {"record": record}, 0.0))

@@ -31,7 +31,7 @@ GOLDEN_PIECE = bytes.fromhex(
     "c2" "91a163"  # joined, waits for
 )  # fmt: skip
 REQUEST = Request("b", CausalContext([("a", 1, 2)]), ("a", 3, ""), insists=True)
-GOLDEN_REQUEST = bytes.fromhex("9501a1629193a161010293a16103a0c3")
+GOLDEN_REQUEST = bytes.fromhex("9501" "a162" "9193a1610102" "93a16103a0" "c3")
 
 
 def test_golden_bytes() -> None:

@@ -59,8 +59,6 @@ GOLDEN = bytes.fromhex(
 
 def as_tuple(delta: Delta) -> tuple[object, ...]:
     return delta.adds, delta.writes, delta.removed, delta.context, delta.live
-
-
 GOLDEN_DIGEST = "9702a161cb40290000000000009292a16192010592a162920304cf5c54494706595159cf800000000000000191a163"
 
 

@@ -282,10 +282,9 @@ def test_a_queue_of_requests_answers_the_newest_of_each_and_ends_with_its_declar
         answered.append(payload)
         return payload
 
-    with (
-        contextlib.closing(ZenohTransport(endpoint)) as server,
-        contextlib.closing(ZenohTransport(f"tcp/127.0.0.1:{rendezvous.free_port()}", [endpoint])) as client,
-    ):
+    with contextlib.closing(ZenohTransport(endpoint)) as server, contextlib.closing(
+        ZenohTransport(f"tcp/127.0.0.1:{rendezvous.free_port()}", [endpoint])
+    ) as client:
         declared = server.serve("dsr/v1/g/sync/x", answer, asker=lambda payload: payload[:1].decode())
         done: list[int] = []
 

@@ -102,7 +102,9 @@ class Judge:
         live: whether time passes by itself. In lockstep no frame is late, and none is noted.
     """
 
-    def __init__(self, scenario: Scenario, memory: Memory, bus: Transport, keys: Keys, *, live: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, memory: Memory, bus: Transport, keys: Keys, *, live: bool = False
+    ) -> None:
         self.history = History(scenario)
         self.dropped = 0
         """Messages that were no valid truth or status."""

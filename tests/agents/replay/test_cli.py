@@ -68,11 +68,12 @@ def test_a_replay_is_followed_controlled_and_leaves_nothing_behind(counted: Path
 
 def test_a_replay_tells_the_time_in_the_recording(counted: Path) -> None:
     told: list[Replayed] = []
-    with (
-        replaying(str(counted), "--from", "2.5", "--pause-at", "3.5", "--speed", "max", "--stay"),
-        dsr.connect("replay", agent="audience") as memory,
-    ):
-        memory.transport.subscribe(replayed_key(memory.keys), lambda _, payload: told.append(decode_replayed(payload)))
+    with replaying(str(counted), "--from", "2.5", "--pause-at", "3.5", "--speed", "max", "--stay"), dsr.connect(
+        "replay", agent="audience"
+    ) as memory:
+        memory.transport.subscribe(
+            replayed_key(memory.keys), lambda _, payload: told.append(decode_replayed(payload))
+        )
         wait_until(lambda: told and told[-1].stamp - told[-1].begin == pytest.approx(3.5))
     assert told[-1].begin == ReplayedGraph(counted).index.begin
 

@@ -143,7 +143,7 @@ def test_what_may_be_meant_is_accepted(tmp_path: Path, lines: list[str]):
 
 
 def test_a_swap_with_something_larger_needs_room(tmp_path: Path):
-    cover = MORE.partition('\n[[object]]\nname = "under"')[0]
+    cover = MORE.partition("\n[[object]]\nname = \"under\"")[0]
     base = BASE.replace("position = [0.3, 0.0, 0.02]", "position = [0.33, 0.0, 0.02]") + cover
     code, text = check(tmp_path, "do = 'swap'; object = 'a'; other = 'cover'; at = 1", base=base)
     assert code == 1 and "event.1: swap: 'cover' would be" in text and "inside 'b' at 1.00 s" in text

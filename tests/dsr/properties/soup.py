@@ -51,9 +51,8 @@ class _Readers(Watches):
 
     def __init__(self) -> None:
         super().__init__()
-        self.all, self.cubes = (
-            Reader(Watch(ChangeFilter())),
-            Reader(Watch(ChangeFilter(node_types=frozenset({"cube"})))),
+        self.all, self.cubes = Reader(Watch(ChangeFilter())), Reader(
+            Watch(ChangeFilter(node_types=frozenset({"cube"})))
         )
         for reader in (self.all, self.cubes):
             self.follow(reader.watch, [])
@@ -141,7 +140,9 @@ class Soup:
         if key not in site.graph.nodes and key not in site.graph.edges:
             return
         is_set = attribute in element_of(site.graph, key)
-        delta = self._written(index, lambda: site.graph.remove_attribute(element_of(site.graph, key), attribute, now))
+        delta = self._written(
+            index, lambda: site.graph.remove_attribute(element_of(site.graph, key), attribute, now)
+        )
         self._sent(site, delta, None, self._written_by(site, key) if is_set else [], {attribute: TOMBSTONE})
 
     def add_edge(self, index: int, key: EdgeKey, values: dict[str, Any]) -> None:

@@ -9,11 +9,11 @@ import pytest
 from dsr.errors import ConfigError
 from dsr.runtime.system import load_class, load_system
 
-SYSTEM = """graph = "g"
+SYSTEM = '''graph = "g"
 [[agent]]
 name = "plant"
 class = "{module}:Plant"
-"""
+'''
 
 
 def write(folder: Path, module: str) -> Path:
