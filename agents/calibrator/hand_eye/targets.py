@@ -16,8 +16,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.calibrator.hand_eye.circles import find_circles
-from agents.calibrator.hand_eye.grids import upright
 from agents.calibrator.hand_eye.square import find_square
 from agents.scene_estimator.detection import TagDetector, tag_corners
 from dsr.config.toml import TomlFile
@@ -106,7 +104,15 @@ def tags_target(name: str, places: Sequence[TagPlace]) -> Target:
 
 def _circles(name: str, rest: str) -> Target:
     columns, rows, spacing = _grid(name, rest)
-    return _grid_target(name, columns, rows, spacing, lambda grey: find_circles(grey, columns, rows))
+
+    def find(grey: NDArray[np.uint8]) -> Array | None:
+        dots = cv2.SimpleBlobDetector.Params()
+        dots.maxArea = grey.size / (columns * rows)  # px^2; the default of 5000 is less than dots that fill a large image
+        detector = cv2.SimpleBlobDetector.create(dots)
+        is_found, centres = cv2.findCirclesGrid(grey, (columns, rows), blobDetector=detector)
+        return _grid_points(centres, columns, rows) if is_found else None
+
+    return _grid_target(name, columns, rows, spacing, find)
 
 
 def _chessboard(name: str, rest: str) -> Target:
@@ -115,11 +121,17 @@ def _chessboard(name: str, rest: str) -> Target:
     def find(grey: NDArray[np.uint8]) -> Array | None:
         flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
         is_found, corners = cv2.findChessboardCornersSB(grey, (columns, rows), flags=flags)
-        if not is_found:
-            return None
-        return upright(np.asarray(corners, np.float64).reshape(rows, columns, 2)).reshape(-1, 2)
+        return _grid_points(corners, columns, rows) if is_found else None
 
     return _grid_target(name, columns, rows, spacing, find)
+
+
+def _grid_points(found: cv2.typing.MatLike, columns: int, rows: int) -> Array:
+    """(rows * columns, 2) px of what OpenCV found, as it looks from the front: rows follow columns clockwise."""
+    grid = np.asarray(found, np.float64).reshape(rows, columns, 2)
+    along, down = np.diff(grid, axis=1).mean(axis=(0, 1)), np.diff(grid, axis=0).mean(axis=(0, 1))
+    is_mirrored = along[0] * down[1] - along[1] * down[0] < 0.0
+    return (grid[::-1] if is_mirrored else grid).reshape(-1, 2)
 
 
 def _grid_target(

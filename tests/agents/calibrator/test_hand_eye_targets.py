@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from agents.calibrator.hand_eye.circles import find_circles
 from agents.calibrator.hand_eye.square import find_square
 from agents.calibrator.hand_eye.targets import FORMS, TagPlace, Target, read_target, tags_target
 from dsr.errors import ConfigError
@@ -41,24 +40,40 @@ def test_nothing_is_found_where_nothing_is(name: str) -> None:
     assert read_target(name).find(noise) is None and read_target(name).find(plain) is None
 
 
-def test_a_larger_dot_a_hidden_one_and_dots_beside_the_grid_do_no_harm() -> None:
+def test_a_larger_dot_and_dots_beside_the_grid_do_no_harm() -> None:
     target = read_target("circles:7x6:0.03")
     pose = looks(1, 4, target)[0]
     image, truth = picture(target, pose), true_pixels(target, pose)
-    first, hidden = truth[0], truth[17]
-    cv2.circle(image, np.round(first).astype(int).tolist(), 13, 20, -1, cv2.LINE_AA)
-    cv2.circle(image, np.round(hidden).astype(int).tolist(), 14, 235, -1)
+    cv2.circle(image, np.round(truth[0]).astype(int).tolist(), 13, 20, -1, cv2.LINE_AA)
     for place in ((15, 15), (620, 30), (30, 400)):
         cv2.circle(image, place, 7, 20, -1, cv2.LINE_AA)
-    found = find_circles(image, 7, 6)
-    assert found is not None and np.isnan(found[:, 0]).sum() == 1
-    off = min(np.nanmax(np.linalg.norm(found - truth[order], axis=1)) for order in target.symmetries)
-    assert off < 1.0
+    found = target.find(image)
+    assert found is not None
+    assert min(np.linalg.norm(found - truth[order], axis=1).max() for order in target.symmetries) < 1.0
+
+
+def test_a_grid_with_a_hidden_dot_is_not_found() -> None:
+    target = read_target("circles:7x6:0.03")
+    pose = looks(1, 4, target)[0]
+    image = picture(target, pose)
+    cv2.circle(image, np.round(true_pixels(target, pose)[17]).astype(int).tolist(), 14, 235, -1)
+    assert target.find(image) is None
+
+
+def test_dots_that_fill_a_large_image_are_found() -> None:
+    """Each has 11 000 px^2."""
+    image = np.full((1200, 1600), 235, np.uint8)
+    truth = np.stack(np.meshgrid(np.linspace(200.0, 1400.0, 5), np.linspace(200.0, 1000.0, 4)), axis=2).reshape(-1, 2)
+    for place in truth:
+        cv2.circle(image, place.astype(int).tolist(), 60, 20, -1, cv2.LINE_AA)
+    found = read_target("circles:5x4:0.03").find(image)
+    assert found is not None
+    assert min(np.abs(found - order).max() for order in (truth, truth[::-1])) < 1.0
 
 
 def test_a_grid_of_another_size_is_not_found() -> None:
     target = read_target("circles:7x5:0.03")
-    assert find_circles(picture(target, looks(1, 4, target)[0]), 9, 7) is None
+    assert read_target("circles:9x7:0.03").find(picture(target, looks(1, 4, target)[0])) is None
 
 
 def test_a_frame_with_gaps_is_found() -> None:
