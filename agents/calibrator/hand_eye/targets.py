@@ -107,7 +107,7 @@ def _circles(name: str, rest: str) -> Target:
 
     def find(grey: NDArray[np.uint8]) -> Array | None:
         dots = cv2.SimpleBlobDetector.Params()
-        dots.maxArea = grey.size / (columns * rows)  # px^2; the default of 5000 is less than dots that fill a large image
+        dots.maxArea = grey.size / (columns * rows)  # px^2; the default, 5000, is less than large dots
         detector = cv2.SimpleBlobDetector.create(dots)
         is_found, centres = cv2.findCirclesGrid(grey, (columns, rows), blobDetector=detector)
         return _grid_points(centres, columns, rows) if is_found else None
