@@ -23,6 +23,7 @@ _JUMP = 0.015  # m between the depths of neighbours that do not belong together
 _NEARER = 0.01  # m by which something must be nearer to hide what is behind it
 _SMALLEST = 60  # px, of a piece
 _BEYOND = 3  # px at an edge of which depth is missing
+_NEAR_CUT = 4  # px from where something hides the rest, in which a piece tells nothing of an edge there
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
 _NEAR_SUPPORT = 0.03  # m around the believed height in which the support is looked for
 _SPARSE = 3  # px apart, and
@@ -126,6 +127,8 @@ class Relief:
 
     def clusters(self) -> list[Cluster]:
         """The pieces, but for those that are too small."""
+        if not self._raised.any():
+            return []
         labels = self._labels()
         sizes = np.bincount(labels.ravel())
         large = [label for label in range(1, len(sizes)) if sizes[label] >= _SMALLEST]
@@ -155,17 +158,22 @@ class Relief:
         own = labels[part] == label
         image = self._silhouette(own, part, color)
         pixels = _outermost(image)
-        kept = np.nonzero(cv2.erode(own.astype(np.uint8), _SMALL))
-        if len(pixels) == 0 or len(kept[0]) < _SMALLEST // 4:
+        if len(pixels) == 0:
             return None
         row, column = pixels[:, 1] + top, pixels[:, 0] + left
         at_border = (row <= 1) | (column <= 1) | (row >= height - 2) | (column >= width - 2)
         hidden = at_border | self._covered(part, own, image)[pixels[:, 1], pixels[:, 0]]
+        cut = np.zeros(own.shape, np.uint8)
+        cut[pixels[hidden, 1], pixels[hidden, 0]] = 1
+        near_cut = cv2.dilate(cut, _square(_NEAR_CUT)) > 0
+        kept = np.nonzero((cv2.erode(own.astype(np.uint8), _SMALL) > 0) & ~near_cut)
+        if len(kept[0]) < _SMALLEST // 4:
+            return None
+        contour = np.column_stack([column, row]).astype(np.float64)[~near_cut[pixels[:, 1], pixels[:, 0]]]
         rays = self._rays(kept[0] + top, kept[1] + left)
         depths = self._depth[part][kept].astype(np.float64)
-        contour = np.column_stack([column, row]).astype(np.float64)
         points = rays * depths[:, None] + self._eye
-        return Cluster(points, rays, depths, color / 255.0, contour[~hidden], float(hidden.mean()), self._base)
+        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base)
 
     def _silhouette(self, own: Mask, part: tuple[slice, slice], color: Array) -> Mask:
         """The pixels of a piece with those at its edge that have its colour, if what is around has another one."""
