@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -33,6 +33,8 @@ from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.math3d import transforms
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, from_numbers
+
+from .conftest import AGE, PERIOD, Bench
 
 BOX: Vector3 = (0.06, 0.04, 0.05)
 CAN: Vector3 = (0.05, 0.05, 0.08)
@@ -262,3 +264,23 @@ def test_a_removed_node_is_forgotten_and_found_anew(scene: ColorScene, finder: F
     assert finder.look() == {}
     finder.look(finder.config.blocks_after + 1)
     assert [node.name for node in finder.memory.nodes("box")] == ["box_1"]
+
+
+def test_the_agent_writes_percepts_of_blocks_only_if_it_is_asked_to(
+    scene: ColorScene, make_bench: Callable[..., Bench]
+) -> None:
+    truth = stand(scene, "red", 0.3, 0.1, 0.3)
+    frame = scene.frame(CAMERA)
+    for blocks in (False, True):
+        bench = make_bench(blocks=blocks, cameras=["camera_fixed"])
+        bench.add_camera("camera_fixed", CAMERA)
+        bench.memory.add_node("table", "table", size=TableSpec().size)
+        bench.memory.add_edge("world", "table", "RT", pose=Pose(TableSpec().position))
+        bench.show(frame, "camera_fixed", ticks=bench.agent.config.blocks_after + 4)
+        assert bench.perceived("box_1") is (True if blocks else None)
+    percept = bench.memory.edge("camera_fixed", "box_1", "RT").pose
+    error = (CAMERA @ percept).translation - truth.centre
+    assert np.linalg.norm(error) < 0.005
+    assert percept.covariance is not None
+    bench.run(AGE + 2 * PERIOD)
+    assert bench.perceived("box_1") is False
