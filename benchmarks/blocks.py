@@ -28,11 +28,12 @@ from dsr.math3d.transforms import Pose
 BLOCKS = {
     "cube": (0.04, 0.04, 0.04),
     "box": (0.06, 0.04, 0.05),
-    "tall box": (0.05, 0.12, 0.2),
+    "tall_box": (0.05, 0.12, 0.2),
+    "pale_box": (0.06, 0.04, 0.05),
     "can": (0.05, 0.05, 0.08),
 }
-"""Extents of the blocks, m; the can is a cylinder."""
-_COLOR = (0.8, 0.32, 0.28)
+"""Extents of the blocks, m; the can is a cylinder, and the pale box has nearly the colour of the table."""
+_COLOR, _PALE = (0.8, 0.32, 0.28), (0.7, 0.6, 0.5)
 
 
 class BlockResult(NamedTuple):
@@ -54,7 +55,9 @@ def shape_rows(distances: list[float], trials: int, seed: int) -> Iterator[dict[
     """A row for each shape and distance (m), in SI units."""
     rng = np.random.default_rng(seed)
     specs = [
-        ObjectSpec(name=name, type="box", size=size, color=_COLOR, position=(0.0, 0.0, -9.0), shape=_shape(name, size))
+        ObjectSpec(
+            name=name, type="box", size=size, color=_color(name), position=(0.0, 0.0, -9.0), shape=_shape(name, size)
+        )
         for name, size in BLOCKS.items()
     ]
     scene = ColorScene([], rng, specs)
@@ -84,6 +87,10 @@ def shape_table(rows: list[dict[str, Any]]) -> Table:
             f"{pieces:.0f} + {new:.0f}, {known:.0f}",
         )  # fmt: skip
     return table
+
+
+def _color(name: str) -> tuple[float, float, float]:
+    return _PALE if name == "pale_box" else _COLOR
 
 
 def _shape(name: str, size: tuple[float, float, float]) -> tuple[Part, ...]:

@@ -19,10 +19,12 @@ HIGHEST = 0.4
 
 _LEAST_RISE = 0.008  # m above the support, from which something is not the support itself
 _NOISE = 3.0  # standard deviations of the depth: the same
-_JUMP = 0.015  # m between the depths of neighbours that do not belong together
+_JUMP = 0.015  # m between the depths of neighbours that do not belong together, beside noise: steep faces have less
 _NEARER = 0.01  # m by which something must be nearer to hide what is behind it
 _SMALLEST = 60  # px, of a piece
 _BEYOND = 3  # px at an edge of which depth is missing
+_BY_COLOR = 0.5  # px, standard deviation of an edge that colours tell
+_BY_DEPTH = 0.5  # of the pixels around a piece in which its edge may be: likewise, if colours do not tell it
 _NEAR_CUT = 4  # px from where something hides the rest, in which a piece tells nothing of an edge there
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
 _NEAR_SUPPORT = 0.03  # m around the believed height in which the support is looked for
@@ -61,6 +63,8 @@ class Cluster(NamedTuple):
     """Share of its outermost pixels where something hides it, or the image ends."""
     base: float
     """m, height in the world of the support"""
+    edge_std: float
+    """px, standard deviation of where it ends: less if its colour tells that than if depth alone does"""
 
 
 class Relief:
@@ -74,7 +78,7 @@ class Relief:
     """
 
     def __init__(self, view: FrameView, color: NDArray[np.uint8], support: Support, noise: float) -> None:
-        self._view, self._color = view, color
+        self._view, self._color, self._noise = view, color, noise
         self._depth = np.where(np.isfinite(view.depth) & (view.depth > 0.0), view.depth, np.float32(0.0))
         self._turn = view.world_from_camera.rotation_matrix.astype(np.float32)
         self._eye = view.world_from_camera.translation
@@ -143,7 +147,8 @@ class Relief:
         depth, raised, directions = self._depth[part], inner[part] > 0, _directions(self._color[part])
         for now, before in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:, :], np.s_[:-1, :])):
             alike = np.einsum("hwc,hwc->hw", directions[now], directions[before]) > np.cos(TOLERANCE)
-            jumps = np.abs(depth[now] - depth[before]) > _JUMP
+            most = np.float32(_JUMP) + np.float32(_NOISE * self._noise) * depth[now] ** 2
+            jumps = np.abs(depth[now] - depth[before]) > most
             inner[part][now] &= ~(raised[now] & raised[before] & (jumps | ~alike))
         _, labels = cv2.connectedComponents(inner, connectivity=4)
         return np.asarray(labels, np.int32)
@@ -157,6 +162,8 @@ class Relief:
         part = np.s_[top : int(rows.max()) + margin + 1, left : int(columns.max()) + margin + 1]
         own = labels[part] == label
         image = self._silhouette(own, part, color)
+        edge_std = _BY_COLOR if image is not None else _BY_DEPTH * self._reach
+        image = own if image is None else image
         pixels = _outermost(image)
         if len(pixels) == 0:
             return None
@@ -173,19 +180,19 @@ class Relief:
         rays = self._rays(kept[0] + top, kept[1] + left)
         depths = self._depth[part][kept].astype(np.float64)
         points = rays * depths[:, None] + self._eye
-        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base)
+        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge_std)
 
-    def _silhouette(self, own: Mask, part: tuple[slice, slice], color: Array) -> Mask:
-        """The pixels of a piece with those at its edge that have its colour, if what is around has another one."""
+    def _silhouette(self, own: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
+        """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too."""
         near, far = (cv2.dilate(own.astype(np.uint8), _square(reach)) > 0 for reach in (self._reach, 2 * self._reach))
         image = self._color[part]
         ground = image[far & ~near].astype(np.float64)
         if len(ground) == 0 or np.linalg.norm(color) < 255.0 * DARKEST:
-            return own
+            return None
         direction = color / np.linalg.norm(color)
         around = np.median(ground, axis=0)
         if direction @ around > np.cos(2.0 * TOLERANCE) * max(float(np.linalg.norm(around)), 1.0):
-            return own
+            return None
         alike = _directions(image) @ direction.astype(np.float32) > np.cos(TOLERANCE)
         before = self._standing[part] & ~own & (self._depth[part] < self._far(part, own))
         grown = own | (near & alike & ~before)

@@ -29,7 +29,7 @@ MOSTLY_SEEN = 0.15
 """Share of a block's edge in the image up to which something may hide it, for its extents to be seen."""
 
 _POINTS, _EDGE_POINTS = 200, 80  # that are used of a piece
-_EDGE = 0.5  # px, by which a piece ends outside the middle of its outermost pixels, and the standard deviation of that
+_EDGE = 0.5  # px, by which a piece ends outside the middle of its outermost pixels
 _SURFACE = 0.001  # m, standard deviation of a surface: real ones are not flat, edges are round
 _LEVEL = (
     0.002  # m, standard deviation of the height of the support: tables are not flat, cameras not quite where they seem
@@ -38,12 +38,12 @@ _UNSEEN = 0.05  # m, standard deviation of an extent before anything was seen of
 _ANYWHERE = 1.0  # m, likewise, of the place
 _LEAST_BIAS = 1e-5  # m, standard deviation of the error of all depths where there is none
 _ANY_YAW = 0.8  # rad, likewise, of the yaw: half a quarter turn
-_TAIL = 3.0  # standard deviations, beyond which what fits not counts less and less
-_STEPS = 12
-_SETTLED = 0.02  # standard deviations, of the last step
+_TAILS = (30.0, 3.0)  # standard deviations, beyond which what fits not counts less and less: at first, and then
+_STEPS = 8  # with each of these
+_SETTLED = 0.05  # standard deviations, of the last step
 _OFF = 1e-4  # m, rad, for difference quotients
 _DAMPING = 1e-3  # of the information: what keeps steps short
-_TOP = 0.9  # quantile of the heights that is at the upper side, at first
+_TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
 _LEAST_EDGE = 12  # outermost pixels that nothing hides, by which a block is known
 _Z = np.array([0.0, 0.0, 1.0])
@@ -161,7 +161,7 @@ class _Problem:
         news = len(cluster.points) / max(noise.depth_correlation, 1.0) ** 2  # depths that are wrong independently
         self._depth_weight = min(1.0, news / len(chosen))
         edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
-        self._contour = cluster.contour[edge]
+        self._contour, self._edge_std = cluster.contour[edge], cluster.edge_std
         seen = upright_box(cluster)
         self._others, others_std = [cluster.base, 0.0], [_LEVEL, max(noise.depth_bias_std, _LEAST_BIAS)]
         counts = known is not None and cluster.hidden > MOSTLY_SEEN
@@ -171,7 +171,8 @@ class _Problem:
         self._prior_std = np.array([*free, *others_std])
         self._weight = np.concatenate([np.full(len(chosen), self._depth_weight), np.ones(len(self._contour))])
         starts = [self._parameters(block) for block in (seen, *(() if known is None else (known.block,)))]
-        self._start = min(starts, key=self._cost)
+        self._tails = _TAILS if known is None else _TAILS[-1:]
+        self._start = min(starts, key=lambda start: self._cost(start, self._tails[0]))
 
     def _parameters(self, block: Block) -> Array:
         length, width, height = block.size
@@ -193,37 +194,42 @@ class _Problem:
         distances, normals = block.distances(self._points + shift * self._along)
         cosines = np.einsum("ij,ij->i", normals, self._along)
         by_depth = distances / np.hypot(self._depth_std * cosines, _SURFACE)
-        by_edge = (inside(block.outline(self._view), self._contour) - _EDGE) / _EDGE
+        by_edge = (inside(block.outline(self._view), self._contour) - _EDGE) / self._edge_std
         return np.concatenate([by_depth, by_edge])
 
     def solve(self) -> _Solved | None:
-        """Gauss-Newton with damping; None if it ends at no block."""
-        p = self._start.copy()
+        """Gauss-Newton with damping, from a start that may be far off; None if it ends at no block."""
+        p = self._start
+        for tail in self._tails:
+            p, information, cost = self._settled(p, tail)
+        return self._judged(p, information, cost, float(self._weight.sum()))
+
+    def _settled(self, p: Array, tail: float) -> tuple[Array, Array, float]:
+        """The best parameters near `p`, their information, and the cost, if what misses by `tail` counts less."""
         precision = np.diag(self._prior_std**-2)
-        damping, cost, weight = _DAMPING, self._cost(p), self._weight
-        information = precision
+        information, cost, damping = precision, self._cost(p, tail), _DAMPING
         for _ in range(_STEPS):
             missed = self._missed(p)
             slopes = np.stack([(self._missed(p + step) - missed) / _OFF for step in _OFF * np.eye(len(p))], axis=1)
-            robust = weight / (1.0 + (missed / _TAIL) ** 2)
+            robust = self._weight / (1.0 + (missed / tail) ** 2)
             information = (slopes * robust[:, None]).T @ slopes + precision
             pull = (slopes * robust[:, None]).T @ missed + precision @ (p - self._prior)
             step = np.linalg.solve(information + damping * np.diag(np.diag(information)), pull)
             tried = p - step
-            tried_cost = self._cost(tried)
+            tried_cost = self._cost(tried, tail)
             if tried_cost < cost:
                 p, cost, damping = tried, tried_cost, 0.2 * damping
                 if step @ information @ step < _SETTLED**2:
                     break
             else:
                 damping = 10.0 * max(damping, _DAMPING)
-        return self._judged(p, information, cost, float(weight.sum()))
+        return p, information, cost
 
-    def _cost(self, p: Array) -> float:
+    def _cost(self, p: Array, tail: float) -> float:
         """Twice the negative logarithm of the posterior; infinite for what is no block."""
         if min(self._block(p).size) < 0.5 * SHORTEST:
             return math.inf
-        robust = _TAIL**2 * np.log1p((self._missed(p) / _TAIL) ** 2)
+        robust = tail**2 * np.log1p((self._missed(p) / tail) ** 2)
         return float(self._weight @ robust) + float((((p - self._prior) / self._prior_std) ** 2).sum())
 
     def _judged(self, p: Array, information: Array, cost: float, count: float) -> _Solved | None:
