@@ -25,6 +25,7 @@ _SMALLEST = 60  # px, of a piece
 _BEYOND = 3  # px at an edge of which depth is missing
 _BY_COLOR = 0.5  # px, standard deviation of an edge that colours tell
 _BY_DEPTH = 0.5  # of the pixels around a piece in which its edge may be: likewise, if colours do not tell it
+_STEEP = 5  # times that: steep faces have no depth, so that colour alone tells how far they go
 _NEAR_CUT = 4  # px from where something hides the rest, in which a piece tells nothing of an edge there
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
 _NEAR_SUPPORT = 0.03  # m around the believed height in which the support is looked for
@@ -157,11 +158,11 @@ class Relief:
         rows, columns = np.nonzero(labels == label)
         color = np.median(self._color[rows, columns], axis=0)
         height, width = labels.shape
-        margin = 2 * self._reach
+        margin = (_STEEP + 1) * self._reach
         top, left = max(int(rows.min()) - margin, 0), max(int(columns.min()) - margin, 0)
         part = np.s_[top : int(rows.max()) + margin + 1, left : int(columns.max()) + margin + 1]
         own = labels[part] == label
-        image = self._silhouette(own, part, color)
+        image = self._silhouette(own, labels[part] > 0, part, color)
         edge_std = _BY_COLOR if image is not None else _BY_DEPTH * self._reach
         image = own if image is None else image
         pixels = _outermost(image)
@@ -182,9 +183,10 @@ class Relief:
         points = rays * depths[:, None] + self._eye
         return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge_std)
 
-    def _silhouette(self, own: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
+    def _silhouette(self, own: Mask, pieces: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
         """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too."""
-        near, far = (cv2.dilate(own.astype(np.uint8), _square(reach)) > 0 for reach in (self._reach, 2 * self._reach))
+        reaches = (_STEEP * self._reach, (_STEEP + 1) * self._reach)
+        near, far = (cv2.dilate(own.astype(np.uint8), _square(reach)) > 0 for reach in reaches)
         image = self._color[part]
         ground = image[far & ~near].astype(np.float64)
         if len(ground) == 0 or np.linalg.norm(color) < 255.0 * DARKEST:
@@ -195,8 +197,10 @@ class Relief:
             return None
         alike = _directions(image) @ direction.astype(np.float32) > np.cos(TOLERANCE)
         before = self._standing[part] & ~own & (self._depth[part] < self._far(part, own))
-        grown = own | (near & alike & ~before)
-        return cv2.morphologyEx(grown.astype(np.uint8), cv2.MORPH_CLOSE, _SMALL) > 0
+        grown = own | (near & alike & ~before & ~pieces)
+        closed = cv2.morphologyEx(grown.astype(np.uint8), cv2.MORPH_CLOSE, _SMALL)
+        _, joined = cv2.connectedComponents(closed, connectivity=4)
+        return np.asarray(np.isin(joined, np.unique(joined[own])) & (closed > 0))
 
     def _far(self, part: tuple[slice, slice], own: Mask) -> float:
         """m, the depth of the nearest pixel of a piece, less what a thing before it must be nearer by."""
