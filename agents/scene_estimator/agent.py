@@ -28,7 +28,7 @@ from dsr.vocabulary.relations import THINGS
 _OF_BLOCKS = ("size_sigma", "source")  # attributes of what is found by depth
 
 
-class Seen(NamedTuple):
+class ExposureSightings(NamedTuple):
     """Sightings of one exposure."""
 
     tags: list[Sighting]
@@ -95,7 +95,7 @@ class SceneEstimator(Agent):
                 self._publish(camera, stamp, sightings)
         self._age(now)
 
-    def _look(self) -> Iterator[tuple[str, float, Seen]]:
+    def _look(self) -> Iterator[tuple[str, float, ExposureSightings]]:
         """(camera, stamp, sightings) of everything new."""
         for camera, stream in self._streams.items():
             frame = stream.latest()
@@ -107,7 +107,7 @@ class SceneEstimator(Agent):
                 self._describe(camera, readings.intrinsics)
                 try:
                     tags = read_sensor(readings, self.config.noise) + self._tag_readers[camera].read_corners(readings)
-                    yield camera, readings.stamp, Seen(tags, self._sensed_colors(camera, readings), [])
+                    yield camera, readings.stamp, ExposureSightings(tags, self._sensed_colors(camera, readings), [])
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
 
@@ -123,14 +123,16 @@ class SceneEstimator(Agent):
         if node is not None and any(node.get(name) != value for name, value in values.items()):
             self.memory.update_node(camera, **values)
 
-    def _read(self, camera: str, frame: Frame) -> Seen | None:
+    def _read(self, camera: str, frame: Frame) -> ExposureSightings | None:
         try:
             sightings, outlines = self._tag_readers[camera].read(frame)
         except WireError as error:
             self._skip("malformed", f"{camera}: {error}")
             return None
         self._show(camera, frame.stamp, outlines)
-        return Seen(sightings, self._read_colors(camera, frame), self._read_blocks(camera, frame, sightings))
+        return ExposureSightings(
+            sightings, self._read_colors(camera, frame), self._read_blocks(camera, frame, sightings)
+        )
 
     def _read_colors(self, camera: str, frame: Frame) -> list[ColorSighting]:
         world_from_camera = self._world_from_camera(camera, frame.stamp) if self._colored.known else None
@@ -163,7 +165,7 @@ class SceneEstimator(Agent):
     def _camera_stood_still(self, camera: str, stamp: float) -> bool:
         return stood_still(self.memory, camera, stamp, self.config.max_camera_speed, self.config.max_camera_turn)
 
-    def _publish(self, camera: str, stamp: float, seen: Seen) -> None:
+    def _publish(self, camera: str, stamp: float, seen: ExposureSightings) -> None:
         tags, colors, blocks = seen
         with self.memory.batch():
             self._objects.consider(camera, tags)
