@@ -31,6 +31,8 @@ _WRONG_SIZE = 0.02
 """Probability that somebody told a wrong size; all sizes up to `_SIZE_RATIO` are alike then."""
 _NO_SQUARE = 27.6
 """Sum of squares over their variances of what corners miss the best square by: exceeded by one in 1e6 (chi^2, 2)"""
+_LONG_TAIL = 2.45
+"""Standard deviations from which a corner weighs less (Huber 1964): 95 % of normal errors in two dimensions are less"""
 _FINEST = 0.2
 """px, least standard deviation of a corner when outliers are told: errors of detectors have long tails"""
 _CERTAIN = 50.0  # log odds
@@ -56,6 +58,8 @@ class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """px, over which neighbouring depth errors are alike: stereo compares patches."""
     blur: NotNegative = 7.5e-4
     """s: a moving tag's edges are found inside by so much times their speed, and are as uncertain: part of exposure."""
+    size_below: NotNegative = 0.5
+    """m, distance beyond which depth alone tells the distance: its bias is common to all tags, wrong sizes are not."""
     size_std: Positive = 0.01
     """Standard deviation of a tag's side over the side that it should have: half a millimetre of a tag of 50 mm."""
 
@@ -115,11 +119,12 @@ def possible_tag_poses(
         return []
     plane = None if depth is None else _plane(tag, rays, depth, intrinsics, tag_size, noise)
     starts = [(start, 0.0) for start in _perspective_starts(rays, tag_size)]
-    told = None
+    told, far = None, False
     if plane is not None:
         starts.append((_pose_on_plane(rays, plane, tag_size), math.log(_side(plane, rays) / tag_size)))
         told = _Plane(plane.p, np.asarray(np.linalg.inv(_plane_covariance(plane, rays, tag_size, noise)), np.float64))
-    problem = _TagProblem(tag, intrinsics, tag_size, noise.size_std, told)
+        far = float(plane.points(rays)[:, 2].mean()) > noise.size_below
+    problem = _TagProblem(tag, intrinsics, tag_size, None if far else noise.size_std, told)
     solved = (fit for start in starts if (fit := problem.solve(*start)) is not None)
     found: list[TagFit] = []
     for fit in sorted((fit for fit in solved if fit.missed < _NO_SQUARE), key=lambda fit: fit.cost):
@@ -146,11 +151,10 @@ class _TagProblem:
     """Corners, depth and size of one tag as a least squares problem in the pose and the logarithm of the scale."""
 
     def __init__(
-        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float, plane: _Plane | None
+        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float | None, plane: _Plane | None
     ) -> None:
         self._tag, self._intrinsics, self._plane = tag, intrinsics, plane
         self._square, self._size_std = tag_corners(tag_size), size_std
-        self._wrong = _WRONG_SIZE * size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
 
     def solve(self, pose: Pose, scale: float) -> TagFit | None:
         """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
@@ -177,24 +181,31 @@ class _TagProblem:
             return None
         pixels, by_point = self._intrinsics.project_with_derivative(points)
         by_twist = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), -skew(square), square[:, :, None]], axis=-1)
-        jacobian = (by_point @ (pose.rotation_matrix @ by_twist)).reshape(8, 7) / self._tag.corner_std
-        residual = (self._tag.corners - pixels).ravel() / self._tag.corner_std
+        jacobian = (by_point @ (pose.rotation_matrix @ by_twist)) / self._tag.corner_std
+        residual = (self._tag.corners - pixels) / self._tag.corner_std
         if not np.isfinite(residual).all():
             return None
-        information, gradient, cost = jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual)
-        missed = cost * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
+        off = np.linalg.norm(residual, axis=1)
+        weights = np.minimum(1.0, _LONG_TAIL / np.maximum(off, 1e-12))
+        information = np.einsum("n,nki,nkj->ij", weights, jacobian, jacobian)
+        gradient = np.einsum("n,nki,nk->i", weights, jacobian, residual)
+        cost = float(np.where(off < _LONG_TAIL, off**2, _LONG_TAIL * (2.0 * off - _LONG_TAIL)).sum())
+        missed = float(off @ off) * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
         if self._plane is not None:
             p, by_pose = _plane_of(pose)
-            off = self._plane.p - p
+            apart = self._plane.p - p
             weighted = by_pose.T @ self._plane.information
             information[:6, :6] += weighted @ by_pose
-            gradient[:6] += weighted @ off
-            cost += float(off @ self._plane.information @ off)
-        right = math.exp(-0.5 * (scale / self._size_std) ** 2)
-        weight = right / (right + self._wrong) / self._size_std**2  # none if the size that was told is plainly wrong
-        information[6, 6] += weight
-        gradient[6] -= weight * scale
-        return information, gradient, cost - 2.0 * math.log(right + self._wrong), missed
+            gradient[:6] += weighted @ apart
+            cost += float(apart @ self._plane.information @ apart)
+        if self._size_std is not None:
+            wrong = _WRONG_SIZE * self._size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
+            right = math.exp(-0.5 * (scale / self._size_std) ** 2)
+            weight = right / (right + wrong) / self._size_std**2  # none if the size that was told is plainly wrong
+            information[6, 6] += weight
+            gradient[6] -= weight * scale
+            cost -= 2.0 * math.log(right + wrong)
+        return information, gradient, cost, missed
 
 
 def _plane_of(pose: Pose) -> tuple[Array, Array]:
