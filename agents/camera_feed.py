@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import Any
 
-from agents.drivers import CameraDriver
+from agents.drivers import CameraDriver, Diagnosed
 from dsr import Frame, Memory
 from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
 
@@ -22,7 +23,8 @@ class CameraFeed:
 
     def __init__(self, memory: Memory, node: str, driver: CameraDriver, log: logging.Logger) -> None:
         self._memory = memory
-        self._node = node
+        self.node = node
+        """Name of the camera's node."""
         self._driver = driver
         self._log = log
         self._described: dict[str, Any] = {}
@@ -34,7 +36,18 @@ class CameraFeed:
         if frame is None:
             return
         self._describe(frame)
-        self._memory.put_frame(self._node, frame)
+        self._memory.put_frame(self.node, frame)
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the camera now, as its driver tells it, with its name; empty if nothing is."""
+        told = self._driver.trouble if isinstance(self._driver, Diagnosed) else ""
+        return f"camera {self.node!r}: {told}" if told else ""
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What its driver counts, by name."""
+        return self._driver.counts if isinstance(self._driver, Diagnosed) else {}
 
     def close(self) -> None:
         """Release the device."""
@@ -46,10 +59,10 @@ class CameraFeed:
         if description is None:
             if not self._complained:
                 lacking = ", ".join(INTRINSICS[:4])
-                self._log.warning("camera %r: frames lack an image or some of %s", self._node, lacking)
+                self._log.warning("camera %r: frames lack an image or some of %s", self.node, lacking)
             self._complained = True
-        elif description != self._described or self._node not in self._memory:
-            self._memory.add_node(self._node, "camera", stream=self._node, **description)
+        elif description != self._described or self.node not in self._memory:
+            self._memory.add_node(self.node, "camera", stream=self.node, **description)
             self._described = description
 
 

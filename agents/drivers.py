@@ -1,22 +1,29 @@
 """The interface of drivers for arms, cameras and sensors, real or simulated.
 
 The simulated plant is one driver (`agents.plant.driver`); a RealSense, a Kinova Kortex or ROS 2 topics
-plug in at the same place. Drivers are named in a system file as `module:Class` and are made with
-`Class(bus, keys)`.
+plug in at the same place. Drivers are named in a system file as `module:Class`, or as `dsr drivers list` names them,
+and are made with `Class(bus, keys)`.
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import Any, Literal, Protocol
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 
+from dsr.config.extras import missing_extra
+from dsr.config.plugins import DRIVERS, load
 from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.vocabulary.intrinsics import Intrinsics
+
+SILENCE = 3.0
+"""s without a usable picture after which a camera counts as gone: no camera is that slow, and people still wait"""
 
 
 class ArmState(msgspec.Struct, frozen=True):
@@ -168,6 +175,19 @@ class CameraDriver(Protocol):
         """Release the device."""
 
 
+@runtime_checkable
+class Diagnosed(Protocol):
+    """A driver that also tells how its device does, for the status of the agent that uses it."""
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong now, in words; empty if nothing is."""
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What went wrong or was passed over since the start, by name."""
+
+
 class TagDriver(Protocol):
     """A camera that detects tags by itself, or a simulated one that skips the images."""
 
@@ -198,11 +218,54 @@ class PersonDriver(Protocol):
         """Release the device."""
 
 
+class CameraEntry(msgspec.Struct, frozen=True):
+    """What `dsr drivers` knows of a driver of cameras; packages name theirs in the entry point group `dsr.drivers`."""
+
+    driver: str
+    """`module:Class` of a `CameraDriver`"""
+    what: str
+    """Whose pictures it gives"""
+    gives: str
+    """What is in its frames: `colour`, `colour and depth`"""
+    needs: str
+    """What must be there, beside the software"""
+    missing: Callable[[], list[str]]
+    """What of that, and of the software, is not there now, each with the remedy; empty if all is"""
+    extra: str = ""
+    """The extra of the distribution that brings the software; empty for none"""
+    example: tuple[str, ...] = ()
+    """Options as `KEY=VALUE` without which it cannot be made"""
+    on_bus: bool = False
+    """Whether its pictures come over the network of a running graph"""
+
+
+def camera_entry(name: str) -> CameraEntry:
+    """The entry of the driver of that name. Raises `ConfigError` if there is none."""
+    entry = load(DRIVERS, name, "driver")
+    if not isinstance(entry, CameraEntry):
+        raise ConfigError(f"driver {name!r}: its package gives a {type(entry).__name__}, expected a CameraEntry")
+    return entry
+
+
 def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any:
-    """Make the driver `module:Class`; `options` are passed on. Raises `ConfigError` for an unknown name."""
-    module, _, cls = name.partition(":")
+    """Make the driver `module:Class`, or that of an entry; `options` are passed on.
+
+    Raises `ConfigError` for an unknown name, or options that it does not have.
+    """
+    place = name if ":" in name else camera_entry(name).driver
+    module, _, cls = place.partition(":")
     try:
         factory = getattr(importlib.import_module(module), cls)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigError(f"driver {name!r} cannot be loaded ({error}); expected 'module:Class'") from error
+        reason = missing_extra(error) or error
+        raise ConfigError(f"driver {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
+    try:
+        inspect.signature(factory).bind(bus, keys, **options)
+    except TypeError as error:
+        raise ConfigError(f"driver {name!r}: {error}; its options: {', '.join(_options(factory)) or 'none'}") from error
     return factory(bus, keys, **options)
+
+
+def _options(factory: Any) -> list[str]:
+    """The options of a driver by name, without `bus` and `keys`, which come first."""
+    return list(inspect.signature(factory).parameters)[2:]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from dsr.files.private_files import FOLDER_MODE
+
+KEPT_PARTS = 8
+"""Files in which a recording of a limited size is kept, if nothing is said: removing one leaves most of it."""
 
 
 def segments(folder: Path, name: str) -> list[Path]:
@@ -19,6 +24,15 @@ def next_segment(folder: Path, name: str) -> Path:
     number = max(_numbered(folder, name), default=0) + 1
     stem, suffix = Path(name).stem, Path(name).suffix
     return folder / (name if number == 1 else f"{stem}-{number}{suffix}")
+
+
+def total_size(files: Iterable[Path]) -> int:
+    """Bytes that these files take together; one that is gone takes none."""
+    total = 0
+    for file in files:
+        with contextlib.suppress(OSError):
+            total += file.stat().st_size
+    return total
 
 
 def _numbered(folder: Path, name: str) -> dict[int, Path]:

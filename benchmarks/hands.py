@@ -1,15 +1,15 @@
 """How well are hands seen? Errors of palms and fingertips of each source, on hands that the plant renders.
 
     python -m benchmarks.hands --trials 5
-    python -m benchmarks.hands --model hand_landmarker.task --json hands.json
+    python -m benchmarks.hands --json hands.json
 
 Each trial: two hands come from random sides without crossing, one grasps a cube and carries it, the other lays two
 fingertips on a box and drags it; an overhead camera at 0.65 m with the errors of a RealSense at 640 x 480 sees them
-ten times a second. `poses` are the plant's landmarks with noise instead of images, `skin colour` is the degraded
-mode, `mediapipe` needs `--model` and the package. Errors are those after tracking and smoothing, in the world, median
-and 95 %: of the palm's centre, of fingertips by name, and of fingertips from the nearest true one (the degraded mode
-does not know which finger is which). `tips` is how many of those in view were seen; `false` how many are more than 25
-mm from any true one; `ms` the median time of a frame.
+ten times a second. `poses` are the plant's landmarks with noise instead of images, `skin colour` goes without a model,
+`mediapipe` is the model that `dsr hands fetch` got, or that `--model` names. Errors are those after tracking and
+smoothing, in the world, median and 95 %: of the palm's centre, of fingertips by name, and of fingertips from the
+nearest true one (colour does not tell which finger is which). `tips` is how many of those in view were seen; `false`
+how many are more than 25 mm from any true one; `ms` the median time of a frame.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from rich.table import Table
 
 from agents.hand_tracker.agent import in_world, read_sensor
 from agents.hand_tracker.config import HandTrackerConfig
-from agents.hand_tracker.landmarker import MediaPipeFinder, load_landmarker
+from agents.hand_tracker.landmarker import ModelFinder
+from agents.hand_tracker.model.loading import load_landmarker, wants_model
 from agents.hand_tracker.sighting import PALM, TIPS, Finder, SeenHand, Source
 from agents.hand_tracker.skin import SkinFinder
 from agents.hand_tracker.tracks import Tracks
@@ -68,11 +69,11 @@ class Sample(NamedTuple):
 def main() -> None:
     """Measure what the command line asks for and print a row for each source."""
     options = _parser().parse_args()
-    config = HandTrackerConfig()
+    config = HandTrackerConfig(model=options.model)
     results: dict[str, list[Sample]] = {}
     trials = range(options.seed, options.seed + options.trials)
     for seed in track(trials, "trials", console=Console(stderr=True), transient=True):
-        for source, samples in _measure(seed, config, options.model).items():
+        for source, samples in _measure(seed, config).items():
             results.setdefault(source, []).extend(samples)
     rows = [_row(source, samples) for source, samples in results.items()]
     Console().print(_table(rows))
@@ -87,16 +88,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--trials", type=int, default=5, help="runs of 8 s (default: 5)")
     parser.add_argument("--seed", type=int, default=0, help="of the first trial (default: 0)")
-    parser.add_argument("--model", default="", metavar="FILE", help="also measure MediaPipe with this model")
+    parser.add_argument("--model", default="", metavar="FILE", help="of hands; default: the fetched one")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser
 
 
-def _measure(seed: int, config: HandTrackerConfig, model: str) -> dict[str, list[Sample]]:
+def _measure(seed: int, config: HandTrackerConfig) -> dict[str, list[Sample]]:
     with closing(Reality(_scenario(seed), PlantConfig(sensor="pixels"), seed)) as reality:
         finders: list[Finder] = [SkinFinder(config)]
-        if model:
-            finders.append(MediaPipeFinder(config, load_landmarker(model)()))
+        if wants_model(config):
+            finders.append(ModelFinder(config, load_landmarker(config)()))
         looks: dict[Source, Look] = {"poses": _poses}
         looks.update((finder.source, _pixels(finder)) for finder in finders)
         tracks = {source: Tracks(config) for source in looks}

@@ -136,7 +136,13 @@ _MODULE_OF |= {name: module for module, names in _MODULES.items() for name in na
 
 
 def __getattr__(name: str) -> Any:
-    """Import the module that defines a public name. Raises `AttributeError` for other names."""
+    """Import the module that defines a public name, or read the version. Raises `AttributeError` for other names."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        from dsr.config.extras import DISTRIBUTION
+
+        return version(DISTRIBUTION)
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'dsr' has no attribute {name!r}")
     found = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)

@@ -23,6 +23,8 @@ from typing import Any, NamedTuple
 import typer
 from typer.testing import CliRunner
 
+from agents.calibrator.hand_eye.reading import intrinsics_for
+from agents.calibrator.hand_eye.targets import read_target
 from agents.object_models import parse_model
 from agents.ros_bridge.messages.types import types_of
 from agents.scenario.format.scenario import parse_scenario
@@ -47,13 +49,13 @@ QUICK = re.compile(
     r"|timeline( (-k|-p|--kind|--since|--type|--relation|--of) [\w:-]+| --json| --open)*|timeline recording\.mcap .*"
     r"|record (info|export) recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
-    r"|save scene\.json|mission --list|bench --list|new \w+|scenario (list|(check|truth) \S+)"
+    r"|save scene\.json|mission --list|bench --list|drivers list|new \w+|scenario (list|(check|truth) \S+)"
     r"|security (init|add|show)(?!.*--renew) .*"
 )
 """Commands of `dsr` that end by themselves within about a second; all others are only parsed."""
 LOOKS = {"ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "what-if", "stamps"}
 """Quick commands that change nothing: running one of them once is enough."""
-ALONE = re.compile(r"(new|scenario|security|bench)\b.*")
+ALONE = re.compile(r"(new|scenario|security|bench|drivers)\b.*")
 """Quick commands that need no running system."""
 _EXCERPT = 'name = "excerpt"\ntitle = "An excerpt"\nduration = 20.0\n'
 _CUP = '\n[[object]]\nname = "cup_1"\nmodel = "cup"\nknown = true\nposition = [0.30, 0.10, 0.045]\n'
@@ -198,6 +200,12 @@ class Attempt:
             file = Path(block.name or "excerpt.toml")
             file.write_text(text if "graph =" in text else f'graph = "excerpt"\n{text}', encoding="utf-8")
             assert load_system(file).agents
+        elif block.name == "layout.toml":
+            Path(block.name).write_text(text, encoding="utf-8")
+            assert len(read_target(f"tags:{block.name}").points)
+        elif block.name == "lens.toml":
+            Path(block.name).write_text(text, encoding="utf-8")
+            assert intrinsics_for(Path(block.name), (640, 480)).distortion
         elif text.startswith("# excerpt"):
             parse_scenario(_EXCERPT + text + ("" if 'name = "cup_1"' in text else _CUP))
         else:

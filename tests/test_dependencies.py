@@ -19,6 +19,7 @@ SYSTEM = ("dsr", "agents", "simulation_handler", "surprise", "planner")
 OWN = {*SYSTEM, "benchmarks", "tests", "toy_agents"}
 """`toy_agents` lies beside the systems that tests start."""
 DISTRIBUTIONS = {
+    "ai_edge_litert": "ai-edge-litert",
     "collada": "pycollada",
     "cv2": "opencv-python-headless",
     "mcap_ros2": "mcap-ros2-support",
@@ -67,10 +68,12 @@ def imported_below(folder: str) -> set[str]:
 
 
 MEMORY = names(PROJECT["dependencies"])
-DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in ("cli", "sim", "view", "ros", "ros-dds"))) - TOOLS
+OF_SYSTEM = ("cli", "sim", "view", "hands", "realsense", "ros", "ros-dds")
+"""Extras whose libraries the system imports, and which can be installed together."""
+DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in OF_SYSTEM)) - TOOLS
 ALLOWED = {
-    **dict.fromkeys(SYSTEM, DECLARED | names(EXTRAS["hands"])),
-    "benchmarks": DECLARED | names(EXTRAS["bench"]) | names(EXTRAS["hands"]) | {"pytest"},
+    **dict.fromkeys(SYSTEM, DECLARED | names(EXTRAS["mediapipe"])),
+    "benchmarks": DECLARED | names(EXTRAS["bench"]) | names(EXTRAS["mediapipe"]) | {"pytest"},
     "tests": DECLARED.union(REAL_ROS, *map(names, EXTRAS.values())),
 }
 """What each package may import: the system has one extra of its own, the measurements another; `benchmarks/mutants`
@@ -107,8 +110,7 @@ def test_what_changes_results_has_an_upper_bound_below_the_next_minor_version(na
 
 def test_the_lock_is_within_the_bounds() -> None:
     lock = locked()
-    locked_extras = ("cli", "sim", "view", "ros", "ros-dds", "dev")
-    declared = [*PROJECT["dependencies"], *(text for extra in locked_extras for text in EXTRAS[extra])]
+    declared = [*PROJECT["dependencies"], *(text for extra in (*OF_SYSTEM, "dev") for text in EXTRAS[extra])]
     for requirement in map(Requirement, declared):
         if requirement.name != PROJECT["name"]:
             version = lock[canonicalize_name(requirement.name)]

@@ -15,6 +15,8 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 """Not part of the system: these may import all of it, but keep its other rules."""
 
 ONE_PLACE = {
+    "ai_edge_litert": ("agents/hand_tracker/model/litert.py",),
+    "mediapipe": ("agents/hand_tracker/model/tasks.py", "benchmarks/real/"),
     "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
     "rosbags": ("agents/ros_bridge/", "benchmarks/real/"),
     "cyclonedds": ("agents/ros_bridge/link/dds/",),
@@ -23,22 +25,30 @@ ONE_PLACE = {
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
+    "pyrealsense2": ("agents/cameras/realsense.py",),
     "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
+    "agents.arm_controller.kinematics",
+    "agents.arm_controller.urdf",
     "agents.camera_feed",
     "agents.colors",
+    "agents.depth_alignment",
     "agents.drivers",
     "agents.frame_images",
     "agents.inbox",
+    "agents.intrinsics_file",
     "agents.object_models",
+    "agents.pairing",
     "agents.recorder",
     "agents.replay.source",
     "agents.scenario.format.scenario",
+    "agents.scene_estimator.detection",
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",
+    "agents.viewer.camera_window",
 )
 """Modules within `agents` that all its packages may import."""
 LAYERS = (

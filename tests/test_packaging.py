@@ -28,12 +28,13 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 PACKAGES = {"dsr", "agents", "simulation_handler", "surprise", "planner", "benchmarks"}
 SOURCES = (*PACKAGES, "etc", "docs", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE")
 MODULES = {
-    "collada": "pycollada", "cv2": "opencv-python-headless", "pybullet_data": "pybullet", "rerun": "rerun-sdk",
-    "up_fast_downward": "up-fast-downward",
+    "ai_edge_litert": "ai-edge-litert", "collada": "pycollada", "cv2": "opencv-python-headless",
+    "pybullet_data": "pybullet", "rerun": "rerun-sdk", "up_fast_downward": "up-fast-downward",
 }  # fmt: skip
 """The distributions of modules that have another name."""
 ALONE = """
 import dsr
+assert dsr.__version__
 with dsr.connect("kitchen", agent="me") as memory:
     print(memory.add_node("cup_1", "cup").name)
 """
@@ -190,7 +191,7 @@ def test_another_package_of_the_same_name_is_told_apart(install: Callable[..., R
 def test_extras_are_those_of_the_project() -> None:
     declared = {
         canonicalize_name(Requirement(text).name): extra
-        for extra in ("cli", "sim", "view", "planning", "hands", "ros", "ros-dds")
+        for extra in ("cli", "sim", "view", "planning", "hands", "mediapipe", "realsense", "ros", "ros-dds")
         for text in PROJECT["optional-dependencies"][extra]
     }
     assert all(declared[MODULES.get(module, module)] == extra for module, extra in EXTRAS.items())

@@ -86,10 +86,13 @@ class ArmController(Agent):
         self._body = RobotNodes(self.memory, robot, config)
         self._body.build()
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
-        self._feeds = self._make_feeds()
+        self._feeds: list[CameraFeed] = []
+        self._make_feeds()
         self._state: ArmState | None = None
         self._heard = self._ticked = self.clock.now()
         """s, when the last sample came, later by the time in which nobody looked; when the last tick was."""
+        self._gone = ""
+        """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
         self._motion = MotionControl(
             self.memory,
@@ -117,13 +120,15 @@ class ArmController(Agent):
             self._body.write(joints)
             self._holding.tick(joints)
             self._follow_targets(joints)
-        elif now - self._heard > (SILENCE if self._state else START_UP) and not self.degraded:
-            self.degraded = f"no sample of the arm for {now - self._heard:.1f} s"
-            self._motion.report.say(NO_DRIVER, self.degraded)
-        if self.degraded:
-            self._actions.refuse(self.degraded)
+        elif now - self._heard > (SILENCE if self._state else START_UP) and not self._gone:
+            self._gone = f"no sample of the arm for {now - self._heard:.1f} s"
+            self._motion.report.say(NO_DRIVER, self._gone)
+        if self._gone:
+            self._actions.refuse(self._gone)
         for feed in self._feeds:
             feed.forward()
+        self.degraded = "; ".join(filter(None, (self._gone, *(feed.trouble for feed in self._feeds))))
+        self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""
@@ -139,13 +144,11 @@ class ArmController(Agent):
         if config.posture and len(config.posture) != joints:
             raise ConfigError(f"posture of {len(config.posture)} positions: expected {joints} or none")
 
-    def _make_feeds(self) -> list[CameraFeed]:
-        feeds = []
+    def _make_feeds(self) -> None:
         for node, camera in self.config.cameras.items():
             options = {"name": camera.name or node, **camera.options}
             driver = make_driver(camera.driver, self.bus, self.keys, **options)
-            feeds.append(CameraFeed(self.memory, node, driver, self.log))
-        return feeds
+            self._feeds.append(CameraFeed(self.memory, node, driver, self.log))
 
     def _make_manipulator(self, robot: Robot) -> Manipulator:
         config = self.config
@@ -171,8 +174,8 @@ class ArmController(Agent):
         return joints
 
     def _follow_targets(self, joints: Joints) -> None:
-        if self.degraded:
-            self.degraded = ""
+        if self._gone:
+            self._gone = ""
             self.log.info("samples of the arm arrive again")
             self._motion.resume(joints)
             self._grip.resume()

@@ -12,6 +12,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from agents.calibrator.hand_eye_cli import hand_eye
 from agents.calibrator.recorded import calibrate_recorded
 from agents.replay.source import ReplayedGraph
 from dsr.cli.common import (
@@ -47,16 +48,15 @@ _UNANSWERED = 5.0  # s after which nobody seems to calibrate
 _SILENT = 180.0  # s without news after which it has ended; it waits for views for 120 s by default
 _WITHOUT_REPORT = "the request was removed by somebody"
 
-app = typer.Typer(
-    name="calibrate",
-    invoke_without_command=True,
-    subcommand_metavar="",
-    context_settings={"allow_interspersed_args": True},
-)
+app = typer.Typer(name="calibrate", invoke_without_command=True, subcommand_metavar="[hand-eye ...]")
+
+
+app.command("hand-eye")(hand_eye)
 
 
 @app.callback()
 def calibrate(
+    context: typer.Context,
     camera: Annotated[
         str, typer.Option("--camera", metavar="NAME", help="Its node; default: the only one that sees objects.")
     ] = "",
@@ -86,8 +86,10 @@ def calibrate(
 
     The running system's agent calibrator looks for a second, then writes the camera's edge if the objects determine its
     pose and most agree with it. With --recording nothing is written. The exit code is 0 only if the pose is adopted, or
-    with --recording deserves to be.
+    with --recording deserves to be. `dsr calibrate hand-eye` needs no belief: it goes by images of a target.
     """
+    if context.invoked_subcommand is not None:
+        return
     checked_method(method)
     if until is not None and until <= begin:
         raise ConfigError(f"--until {until:g} is not after --from {begin:g}")

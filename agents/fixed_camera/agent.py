@@ -21,7 +21,7 @@ class FixedCameraConfig(msgspec.Struct, frozen=True):
     node: str = "camera_fixed"
     """Name of its node, which is also that of its stream of frames."""
     driver: str = "agents.plant.driver:PlantCamera"
-    """`module:Class` of a `CameraDriver`."""
+    """`module:Class` of a `CameraDriver`, or a name of `dsr drivers list`."""
     options: dict[str, Any] = {}
     """Passed to the driver."""
     mount: CameraSpec | None = None
@@ -58,8 +58,9 @@ class FixedCamera(Agent):
                 self.memory.add_edge(WORLD, config.node, "RT", pose=pose)
 
     def tick(self, now: float) -> None:
-        """Forward the newest frame."""
+        """Forward the newest frame, and tell how the camera does."""
         self._feed.forward()
+        self.degraded, self.counts = self._feed.trouble, self._feed.counts
 
     def teardown(self) -> None:
         """Release the camera."""

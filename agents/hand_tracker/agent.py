@@ -11,7 +11,10 @@ import numpy as np
 
 from agents.drivers import HandDriver, HandReading, HandReadings, make_driver
 from agents.hand_tracker.config import HandSensor, HandTrackerConfig
-from agents.hand_tracker.landmarker import FAILURES, Landmarker, MediaPipeFinder, load_landmarker
+from agents.hand_tracker.landmarker import ModelFinder
+from agents.hand_tracker.model.files import HOW_TO_GET
+from agents.hand_tracker.model.found import FAILURES, Landmarker
+from agents.hand_tracker.model.loading import load_landmarker, wants_model
 from agents.hand_tracker.nodes import HandNodes
 from agents.hand_tracker.sighting import Array, Finder, SeenHand, Source, hand_of_landmarks
 from agents.hand_tracker.skin import SkinFinder
@@ -35,8 +38,8 @@ class _Look(NamedTuple):
 class HandTracker(Agent):
     """Finds hands in the frames of all cameras that have any, follows two of them and writes them as nodes.
 
-    Without a configured model of MediaPipe, skin colour and depth do. If there is a model that cannot be used, the
-    tracker is `degraded` and does without.
+    The real model finds them if it was fetched, else skin colour and depth. If the model is wanted and cannot be used,
+    the tracker is `degraded` and does without.
     """
 
     name = "hand_tracker"
@@ -68,10 +71,12 @@ class HandTracker(Agent):
         self._finders: dict[str, Finder] = {}
         self._make_landmarker: Callable[[], Landmarker] | None = None
         self._why_not = ""
-        try:
-            self._make_landmarker = load_landmarker(config.model) if config.model else None
-        except ConfigError as error:
-            self._why_not = str(error)
+        if wants_model(config):
+            try:
+                self._make_landmarker = load_landmarker(config)
+            except ConfigError as error:
+                self._why_not = str(error)
+        self._say_how()
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
         self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.hand_sensors.items()}
 
@@ -123,9 +128,9 @@ class HandTracker(Agent):
             try:
                 hands = finder.find(frame, self._table(camera, frame.stamp))
             except FAILURES as error:
-                if not isinstance(finder, MediaPipeFinder):
+                if not isinstance(finder, ModelFinder):
                     raise
-                self._degrade(f"MediaPipe failed: {error}")
+                self._degrade(f"the model failed: {error}")
                 finder = self._finder(camera)
                 hands = finder.find(frame, self._table(camera, frame.stamp))
         except WireError as error:
@@ -134,7 +139,7 @@ class HandTracker(Agent):
         return _Look(camera, frame.stamp, finder.source, hands)
 
     def _finder(self, camera: str) -> Finder:
-        """That of a camera: MediaPipe's video mode follows one stream of images each."""
+        """That of a camera: the model follows one stream of images each."""
         if camera not in self._finders:
             self._finders[camera] = self._make_finder()
         return self._finders[camera]
@@ -142,12 +147,20 @@ class HandTracker(Agent):
     def _make_finder(self) -> Finder:
         if self._make_landmarker is not None:
             try:
-                return MediaPipeFinder(self.config, self._make_landmarker())
+                return ModelFinder(self.config, self._make_landmarker())
             except ConfigError as error:
                 self._why_not = str(error)
         if self._why_not:
             self._degrade(self._why_not)
         return SkinFinder(self.config)
+
+    def _say_how(self) -> None:
+        """Tell in the log how hands are found in images; what is wrong is told when images come."""
+        if self._make_landmarker is not None:
+            self.log.info("hands are found by the model, run by %s", self.config.runner)
+        elif not self._why_not:
+            why = "as configured" if self.config.finder == "colour" else f"the model was not fetched; {HOW_TO_GET}"
+            self.log.info("hands are found by skin colour and depth: %s", why)
 
     def _degrade(self, why: str) -> None:
         """Go on with skin colour and depth, and say so once."""
@@ -156,7 +169,7 @@ class HandTracker(Agent):
         self.degraded = f"skin colour and depth only: {why}"
         self._make_landmarker, self._why_not = None, why
         for camera, finder in list(self._finders.items()):
-            if isinstance(finder, MediaPipeFinder):
+            if isinstance(finder, ModelFinder):
                 finder.close()
                 del self._finders[camera]
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+FinderName = Literal["auto", "model", "colour"]
+RunnerName = Literal["litert", "mediapipe"]
 
 
 class HandSensor(msgspec.Struct, frozen=True):
@@ -56,12 +58,19 @@ class HandTrackerConfig(msgspec.Struct, frozen=True):
     """Camera nodes whose frames are looked at, when there are any."""
     hand_sensors: dict[str, HandSensor] = {}
     """Hand sensors by camera node."""
+    finder: FinderName = "auto"
+    """`model`: MediaPipe's, and where it cannot be used, by skin colour, `degraded`; `colour`: by skin colour and
+    depth, for gloves (set `skin`) and little light; `auto`: the model if it was fetched or is named, else colour"""
     model: str = ""
-    """MediaPipe's `hand_landmarker.task`; without it skin colour and depth must do (degraded)."""
+    """A `hand_landmarker.task` to use; else the one that `dsr hands fetch` got."""
+    runner: RunnerName = "litert"
+    """What runs the model: LiteRT, or MediaPipe's own program, which needs the extra `mediapipe`."""
     swap_sides: bool = False
-    """MediaPipe says left for right: models before 0.10.15 on images that are not mirrored."""
+    """The model says left for right, as on mirrored images."""
     least_score: Share = 0.5
-    """Least score of MediaPipe for a hand."""
+    """Of the model: for a palm, and for a hand in the square about one, to count."""
+    least_side_score: Share = 0.7
+    """Of the model, below which it is left open whether a hand is a right or a left one."""
     max_camera_speed: NotNegative = 0.02
     """m/s; while a camera moves faster, what it shows is not used."""
     max_camera_turn: NotNegative = 0.05

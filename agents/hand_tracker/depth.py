@@ -21,7 +21,7 @@ def images_with_depth(frame: Frame) -> tuple[Color, Depth, Intrinsics]:
     """Colour, depth (0 where it is not known) and lens of a frame. Raises `WireError` if something is wrong."""
     color, depth, intrinsics = images(frame)
     if depth is None:
-        raise WireError(f"frame at {frame.stamp}: expected a depth image {color.shape[:2]} of float32")
+        raise WireError(f"frame at {frame.stamp}: the camera gives no depth, without which hands have no place")
     if not depth.min() >= 0.0 or not np.isfinite(depth.max()):
         depth = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
     return color, depth, intrinsics

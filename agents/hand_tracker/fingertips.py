@@ -1,8 +1,8 @@
 """The middle of the palm and the fingertips in the outline of a hand.
 
 A fingertip is a place of the outline that is pointed (k-curvature: the angle between the vectors to the points a fixed
-way before and after it), as thin as a finger, and away from the middle of the palm, which is where the largest circle
-fits into the outline.
+way before and after it), as thin as a finger, and away from the middle of the palm, which is the mean of where nearly
+the largest circles fit into the outline.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ _BACKWARDS = -0.2  # of the direction to a tip along the sum of all
 _APART = 1.8  # fingertip radii, between the tips of two fingers
 _THINNEST, _THICKEST = 0.45, 1.5  # of a fingertip's radius, of the circles that fit in behind a tip
 _BEHIND = 2.0  # fingertip radii, how far into the finger its thickness is looked for
+_NEARLY = 0.9  # of the largest circle: a palm is longer than wide, and the very largest one lies at either end of it
 _OFF_PALM = 1.25  # palm radii, from its middle
 
 
@@ -57,9 +58,8 @@ def fingertips(patch: Patch, focal: float, radius: float) -> tuple[Array, list[T
     tip_radius = radius * focal / patch.distance
     padded = np.pad(patch.inside.astype(np.uint8), 1)
     thickness = cv2.distanceTransform(padded, cv2.DIST_L2, 5)
-    row, column = np.unravel_index(int(thickness.argmax()), thickness.shape)
-    middle = np.array([column, row], dtype=float)
-    palm_radius = float(thickness[row, column])
+    palm_radius = float(thickness.max())
+    middle = np.argwhere(thickness >= _NEARLY * palm_radius).mean(axis=0)[::-1]
     outline = _outline(padded)
     corner = np.array(patch.corner, dtype=float) - 1.0
     found: list[Tip] = []

@@ -110,7 +110,7 @@ PALM_SIGMA = 0.013
 """m, likewise of the middle of the palm: the widest place of an outline that may be seen from the side"""
 MOST_HANDS = 4
 """Patches of skin that are looked at, the largest first."""
-_TO_THE_FINGERS = 0.012
+_TO_THE_FINGERS = 0.019
 """m, from the middle of the widest place of a hand to the mean of wrist and knuckles"""
 _BY_WRIST, _VAGUE = 0.15, 1.0
 """rad, standard deviations of a palm's rotation if the wrist tells it, and if nothing does"""

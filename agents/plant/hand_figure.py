@@ -42,6 +42,8 @@ _LENGTHS = ((0.045, 0.034, 0.028), (0.042, 0.026, 0.022), (0.043, 0.028, 0.022),
             (0.034, 0.021, 0.019))  # fmt: skip
 _RELAXED = ((0.112, 0.072, -0.020), (0.175, 0.040, -0.009), (0.181, 0.006, -0.010), (0.173, -0.028, -0.009),
             (0.144, -0.054, -0.007))  # fmt: skip
+_STRAIGHT = ((0.60, 0.77, -0.22), (0.985, 0.17, 0.0), (1.0, 0.02, 0.0), (0.98, -0.17, 0.0), (0.93, -0.36, 0.0))
+"""Directions in which straight fingers point that do not touch each other."""
 _CENTRE = np.mean([_WRIST, *_BASES[1:]], axis=0)
 _BULGES = ((0.3, 0.7, 0.6), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
 _LAST_SHARE = 0.67  # of the bend of the middle joint, by which the last joint bends
@@ -52,6 +54,15 @@ _HALVINGS = 24
 def relaxed(side: Side) -> Array:
     """(5, 3) fingertips in the palm's frame of a hand that does nothing, m."""
     return _mirrored(np.array(_RELAXED) - _CENTRE, side)
+
+
+def outstretched(side: Side) -> Array:
+    """(21, 3) joints in the palm's frame, m, of a hand whose fingers are straight and apart."""
+    found = [np.array(_WRIST)]
+    for base, lengths, direction in zip(_BASES, _LENGTHS, _STRAIGHT, strict=True):
+        along = np.array(direction) / np.linalg.norm(direction)
+        found += [np.array(base) + far * along for far in np.cumsum((0.0, *lengths))]
+    return _mirrored(np.array(found) - _CENTRE, side)
 
 
 def joints(tips: Array, side: Side) -> Array:

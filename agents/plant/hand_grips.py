@@ -15,10 +15,12 @@ from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 
-REACH = 0.112
-"""m, from the palm's centre to the middle between the fingertips of a pinch"""
-ASIDE = {"pinch": 0.038, "touch": 0.0185}
+REACH = {"pinch": 0.078, "touch": 0.112}
+"""m, from the palm's centre along its axis to the middle between the fingertips: a thumb reaches no further"""
+ASIDE = {"pinch": 0.072, "touch": 0.0185}
 """m, of that middle towards the thumb from the palm's axis: fingers go straight ahead and hide little"""
+TURNED = {"pinch": 0.8, "touch": 0.0}
+"""rad, by which the palm is turned away from the thumb's side: thumb and index finger are of different lengths"""
 PITCH = 0.6
 """rad, angle below the horizontal of the fingers of a hand that takes something"""
 OPENED = 0.025
@@ -56,8 +58,7 @@ def pinch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float
     thumb = surface(world, name, centre, across) + TIP_RADIUS * across
     index = surface(world, name, centre, -across) - TIP_RADIUS * across
     moved = {0: (thumb, across), 1: (index, -across)}
-    middle = 0.5 * (thumb + index) - ASIDE["pinch"] * across
-    return _grip(hand, middle, side, moved)
+    return _grip(hand, "pinch", 0.5 * (thumb + index), side, moved)
 
 
 def touch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float], above: float | None) -> HandGrip:
@@ -69,8 +70,7 @@ def touch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float
     for finger, offset in ((1, 0.5 * SPREAD), (2, -0.5 * SPREAD)):
         point = surface(world, name, centre + offset * across, towards)
         moved[finger] = (point + TIP_RADIUS * towards, towards)
-    middle = 0.5 * (moved[1][0] + moved[2][0]) - ASIDE["touch"] * across
-    return _grip(hand, middle, side, moved)
+    return _grip(hand, "touch", 0.5 * (moved[1][0] + moved[2][0]), side, moved)
 
 
 def take(
@@ -111,17 +111,23 @@ def _contact_height(world: World, name: str, above: float | None) -> Array:
 
 
 def _grip(
-    hand: SimulatedHand, middle: Array, side: tuple[float, float], moved: dict[int, tuple[Array, Array]]
+    hand: SimulatedHand, style: Style, middle: Array, side: tuple[float, float], moved: dict[int, tuple[Array, Array]]
 ) -> HandGrip:
     """The palm `REACH` from `middle`; `moved` gives place and outward direction (world) of fingertips that touch."""
-    towards = _unit(np.array([*side, 0.0]))
-    palm = middle + REACH * (math.cos(PITCH) * towards + math.sin(PITCH) * np.array([0.0, 0.0, 1.0]))
-    pose = palm_pose((float(palm[0]), float(palm[1]), float(palm[2])), side, PITCH)
+    mirror = -1.0 if hand.side == "left" else 1.0
+    turn = -mirror * TURNED[style]
+    back = _unit(np.array([*side, 0.0])) @ [
+        [math.cos(turn), math.sin(turn), 0.0], [-math.sin(turn), math.cos(turn), 0.0], [0.0, 0.0, 1.0]
+    ]  # fmt: skip
+    across = mirror * np.array([back[1], -back[0], 0.0])
+    slope = math.cos(PITCH) * back + math.sin(PITCH) * np.array([0.0, 0.0, 1.0])
+    palm = middle + REACH[style] * slope - ASIDE[style] * across
+    pose = palm_pose((float(palm[0]), float(palm[1]), float(palm[2])), (float(back[0]), float(back[1])), PITCH)
     palm_from_world = pose.inverse()
     closed = relaxed(hand.side)
     for finger, (tip, _) in moved.items():
         closed[finger] = palm_from_world.apply(tip)
-    _spread(closed, max(moved), -1.0 if hand.side == "left" else 1.0)
+    _spread(closed, max(moved), mirror)
     opened = closed.copy()
     for finger, (tip, outwards) in moved.items():
         opened[finger] = palm_from_world.apply(tip + OPENED * outwards)

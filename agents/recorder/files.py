@@ -11,13 +11,11 @@ from typing import NamedTuple
 from agents.recorder.config import MB, RecorderConfig
 from agents.recorder.mcap_file import RecordingFile, RecordingWriter
 from agents.recorder.reader import FILE_NAME
-from agents.segments import next_segment, segments
+from agents.segments import KEPT_PARTS, next_segment, segments, total_size
 from dsr.errors import ConfigError
 
 LIMITED = "limited"
 """Name in the metadata of files that may be removed by who writes further ones: they were written within limits."""
-_PARTS = 8
-"""Files in which a recording of a limited size is kept, if nothing is said: removing one leaves most of it."""
 
 
 class FileLimits(NamedTuple):
@@ -35,7 +33,7 @@ class FileLimits(NamedTuple):
     def of(cls, config: RecorderConfig) -> FileLimits:
         """The limits that a configuration asks for."""
         keep = config.keep_mb * MB or math.inf
-        size = config.rotate_mb * MB or keep / _PARTS
+        size = config.rotate_mb * MB or keep / KEPT_PARTS
         return cls(size, config.rotate_period or math.inf, config.keep_files or math.inf, keep)
 
     @property
@@ -95,7 +93,7 @@ class RecordingFiles:
         self._removable = [path for path in self._removable if path.exists()]
         while len(self._removable) > self.limits.keep_files and self.drop_oldest():
             pass
-        while _total(self._removable) > self.limits.keep_bytes and self.drop_oldest():
+        while total_size(self._removable) > self.limits.keep_bytes and self.drop_oldest():
             pass
 
     def drop_oldest(self) -> bool:
@@ -109,14 +107,6 @@ class RecordingFiles:
             oldest.unlink()
             self.removed += 1
         return True
-
-
-def _total(paths: list[Path]) -> int:
-    total = 0
-    for path in paths:
-        with contextlib.suppress(OSError):
-            total += path.stat().st_size
-    return total
 
 
 def _is_limited(path: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -39,6 +40,7 @@ _REST = 10
 """Times as long as a tick took, until a message wakes the agent again: so that a flood takes a tenth of a core"""
 _LOOK = 1.0
 """s between two looks at what may be wrong with the connection"""
+_NUMBER = re.compile(r"[0-9]+")
 
 
 def _writes(config: RosBridgeConfig) -> Access:
@@ -100,6 +102,9 @@ class RosBridge(Agent):
         self._looked = self._rested = -math.inf
         self._woken = False
         self._problem = self._hint = ""
+        self._lasting: set[str] = set()
+        """Problems of the last look, without numbers; and of these, those that are logged"""
+        self._logged: set[str] = set()
         self._lost: dict[str, int] = {}
         link = type(self).connect(config.link, config.node)
         self._closing.callback(link.close)
@@ -185,9 +190,23 @@ class RosBridge(Agent):
         now = self.clock.monotonic()
         if now - self._looked >= _LOOK:
             self._looked = now
-            self._problem, self._hint = "; ".join(self._core.link.problems()), self._unattached()
+            problems, self._hint = self._core.link.problems(), self._unattached()
+            self._problem = "; ".join(problems)
+            self._log_lasting([*problems, *filter(None, [self._hint])])
             self._tell_lost()
         self.degraded = self._problem or self._tally.trouble or self._hint
+
+    def _log_lasting(self, problems: list[str]) -> None:
+        """Log each problem that is there for the second time in a row, once until it is gone; numbers in it may change.
+
+        The first look comes before there can be a connection.
+        """
+        kinds = {_NUMBER.sub("", problem): problem for problem in problems}
+        for kind, problem in kinds.items():
+            if kind in self._lasting and kind not in self._logged:
+                self.log.warning("%s", problem)
+        self._logged = {kind for kind in kinds if kind in self._lasting}
+        self._lasting = set(kinds)
 
     def _tell_lost(self) -> None:
         """What did not arrive since the last look: each once in the log, and in the status for a while."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import closing
-from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -13,44 +12,27 @@ from rich.table import Table
 from agents.ros_bridge.link.link import LinkConfig
 from agents.ros_bridge.link.opening import open_link
 from agents.ros_bridge.messages.types import types_of
+from agents.ros_bridge.options import (
+    ROUTER,
+    BeyondOption,
+    DistroOption,
+    DomainOption,
+    RosRouterOption,
+    TransportName,
+    TransportOption,
+)
 from agents.ros_bridge.watching import TopicSeen, look
 from agents.ros_bridge.watching import check as find_problems
 from dsr.cli.common import JsonOption, console, print_json, shown
 
 _NODE = "/dsr/looking"
-_ROUTER = LinkConfig().router
-
-
-class TransportName(StrEnum):
-    """How ROS 2 is reached."""
-
-    zenoh = "zenoh"
-    dds = "dds"
-
-
-TransportOption = Annotated[
-    TransportName, typer.Option(help="zenoh for nodes under rmw_zenoh_cpp, dds for those under any DDS.")
-]
-DomainOption = Annotated[
-    int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, max=232, metavar="N", help="ROS_DOMAIN_ID of the robot.")
-]
-DistroOption = Annotated[
-    str, typer.Option(envvar="ROS_DISTRO", metavar="NAME", help="Release of ROS 2: humble, jazzy, kilted, ...")
-]
-RosRouterOption = Annotated[str, typer.Option("--ros-router", metavar="ENDPOINT", help="Zenoh router of the robot.")]
-TopicsArgument = Annotated[
-    list[str] | None, typer.Argument(metavar="[TOPIC]...", help="Topics to listen to, such as /tf.")
-]
-BeyondOption = Annotated[
-    bool, typer.Option("--beyond-loopback", help="Reach other machines. What comes from ROS is not authenticated.")
-]
 
 
 def list_topics(
     transport: TransportOption = TransportName.zenoh,
     domain: DomainOption = 0,
     distro: DistroOption = "jazzy",
-    ros_router: RosRouterOption = _ROUTER,
+    ros_router: RosRouterOption = ROUTER,
     beyond_loopback: BeyondOption = False,
     seconds: Annotated[float, typer.Option("--for", min=0.0, metavar="S", help="Listen so long; 0: no rates.")] = 2.0,
     as_json: JsonOption = False,
@@ -77,7 +59,7 @@ def check(
     transport: TransportOption = TransportName.zenoh,
     domain: DomainOption = 0,
     distro: DistroOption = "jazzy",
-    ros_router: RosRouterOption = _ROUTER,
+    ros_router: RosRouterOption = ROUTER,
     beyond_loopback: BeyondOption = False,
     seconds: Annotated[float, typer.Option("--for", min=0.1, metavar="S", help="Listen so long.")] = 2.0,
     as_json: JsonOption = False,
@@ -103,7 +85,7 @@ def check(
 
 def _table(found: list[TopicSeen]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for heading in ("topic", "type", "from", "to"):
+    for heading in ("topic and type", "from", "to"):
         table.add_column(heading, overflow="fold")
     table.add_column("/s", justify="right", no_wrap=True)
     table.add_column("MB/s", justify="right", no_wrap=True)
@@ -111,10 +93,10 @@ def _table(found: list[TopicSeen]) -> Table:
         name = f"{shown(one.name)} [dim](service)[/]" if one.service else shown(one.name)
         hz = "" if one.hz is None else f"{one.hz:.1f}"
         amount = "" if one.bytes_per_s is None else f"{one.bytes_per_s / 1e6:.2f}"
-        type = "\n".join(map(shown, one.types))
-        table.add_row(name, type, _who(one.publishers), _who(one.subscribers), hz, amount)
+        lines = [name, *(f"[dim]{shown(type)}[/]" for type in one.types)]
         if one.note:
-            table.add_row("", f"[yellow]{shown(one.note)}[/]", "", "", "", "")
+            lines.append(f"[yellow]{shown(one.note)}[/]")
+        table.add_row("\n".join(lines), _who(one.publishers), _who(one.subscribers), hz, amount)
     return table
 
 

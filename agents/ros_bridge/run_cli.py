@@ -11,6 +11,15 @@ import typer
 from agents.ros_bridge.agent import RosBridge
 from agents.ros_bridge.bridge.topics import receive
 from agents.ros_bridge.link.link import LinkConfig, RosLink
+from agents.ros_bridge.options import (
+    ROUTER,
+    BeyondOption,
+    DistroOption,
+    DomainOption,
+    RosRouterOption,
+    TransportName,
+    TransportOption,
+)
 from dsr.cli.common import GraphOption, console
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
@@ -30,14 +39,14 @@ def run(
     topics: Annotated[
         list[str] | None, typer.Option("--topics", metavar="TOPIC,...", help="Received topics; default: tf and joints.")
     ] = None,
-    transport: Annotated[str, typer.Option(help="zenoh (rmw_zenoh_cpp), or dds.")] = "zenoh",
-    domain: Annotated[int, typer.Option(min=0, max=232, help="ROS_DOMAIN_ID of the robot.")] = 0,
-    distro: Annotated[str, typer.Option(help="Release of ROS 2 of the robot.")] = "jazzy",
-    ros_router: Annotated[str, typer.Option(help="Zenoh router of the robot.")] = LinkConfig().router,
-    beyond_loopback: Annotated[
-        bool, typer.Option("--beyond-loopback", help="Speak with other machines; nothing there is authenticated.")
-    ] = False,
-    world_frame: Annotated[str, typer.Option(help="Frame of ROS that is the memory's world: map, odom, ...")] = "world",
+    transport: TransportOption = TransportName.zenoh,
+    domain: DomainOption = 0,
+    distro: DistroOption = "jazzy",
+    ros_router: RosRouterOption = ROUTER,
+    beyond_loopback: BeyondOption = False,
+    world_frame: Annotated[
+        str, typer.Option(metavar="FRAME", help="Frame of ROS that is the memory's world: map, odom, ...")
+    ] = "world",
     use_sim_time: Annotated[bool, typer.Option("--use-sim-time", help="Follow /clock of a simulation in ROS.")] = False,
     seconds: Annotated[
         float | None, typer.Option("--for", min=0.0, metavar="S", help="End after so long; default: with Ctrl-C.")
@@ -53,7 +62,7 @@ def run(
     running = graphs()
     name = graph or (running[0] if len(running) == 1 else _GRAPH)
     link = {
-        "transport": transport, "domain": domain, "distro": distro, "router": ros_router,
+        "transport": transport.value, "domain": domain, "distro": distro, "router": ros_router,
         "beyond_loopback": beyond_loopback,
     }  # fmt: skip
     config: dict[str, Any] = {
@@ -65,7 +74,7 @@ def run(
     stop = StopSignal()
     timer = threading.Timer(seconds, stop.set) if seconds is not None else None
     console.print(
-        f"bridging ROS (domain {domain}, {transport}) and graph {name}" + ("" if timer else "; Ctrl-C ends it"),
+        f"bridging ROS (domain {domain}, {transport.value}) and graph {name}" + ("" if timer else "; Ctrl-C ends it"),
         soft_wrap=True,
     )
     try:

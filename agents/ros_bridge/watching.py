@@ -15,7 +15,11 @@ from dsr.clock import WALL_CLOCK
 _ANY_PUBLISHER = Qos(reliable=False, depth=100)
 """Best effort and volatile hears all publishers; so many messages wait at most while they are counted"""
 _SETTLES = 1.0
-"""s until all that was there before is visible, on one machine or in a local network"""
+"""s without anything new after which all that was there before is visible, on one machine or in a local network"""
+_AT_MOST = 5.0
+"""s for which is waited while more comes to be seen, or nothing at all: on a busy machine it takes its time"""
+_LOOK = 0.1
+"""s between two looks"""
 _PACKAGES = ("rosbags", "eclipse-zenoh", "cyclonedds")
 
 
@@ -65,7 +69,7 @@ class _Count:
 
 def look(link: RosLink, types: RosTypes, seconds: float) -> list[TopicSeen]:
     """List all topics and services but our own; listen for `seconds` to those with publishers, if that is not 0."""
-    _pause(_SETTLES)
+    _wait_for_all(link)
     found = list(_listed(link.endpoints(), types))
     if seconds > 0:
         _measure(link, [one for one in found if one.publishers and not one.service and not one.note], seconds)
@@ -96,6 +100,19 @@ def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[s
     ]
     everything = [*link.problems(), *problems]
     return RosFindings(_versions(), _reached(config), sorted(nodes), everything, lost, link.unauthenticated())
+
+
+def _wait_for_all(link: RosLink) -> None:
+    """Wait until what there is to be seen is seen."""
+    began = changed = WALL_CLOCK.monotonic()
+    number = 0
+    while (now := WALL_CLOCK.monotonic()) - began < _AT_MOST and (not number or now - changed < _SETTLES):
+        seen = sum(not endpoint.mine for endpoint in link.endpoints())
+        if seen != number:
+            number, changed = seen, now
+        elif not number and now - began >= _SETTLES and link.problems():
+            return  # nobody can be seen
+        _pause(_LOOK)
 
 
 def _listed(endpoints: Iterable[Endpoint], types: RosTypes) -> Iterable[TopicSeen]:

@@ -76,6 +76,8 @@ class SceneEstimator(Agent):
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
         self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.tag_sensors.items()}
         self._last_seen: dict[str, float] = {}
+        self._without_depth: set[str] = set()
+        """Cameras in whose last images objects are looked for that only depth shows"""
 
     def _driver(self, sensor: TagSensor) -> TagDriver:
         driver: TagDriver = make_driver(sensor.driver, self.bus, self.keys, **sensor.options)
@@ -135,6 +137,7 @@ class SceneEstimator(Agent):
         )
 
     def _read_colors(self, camera: str, frame: Frame) -> list[ColorSighting]:
+        self._note_depth(camera, "depth" in frame.arrays or not self._colored.known)
         world_from_camera = self._world_from_camera(camera, frame.stamp) if self._colored.known else None
         if world_from_camera is None:
             return []
@@ -150,6 +153,16 @@ class SceneEstimator(Agent):
         tagged = [KnownVolume.box(world_from_camera @ tag.pose, self._objects.size(tag.marker_id)) for tag in tags]
         view = FrameView(depth, intrinsics, world_from_camera)
         return self._untagged.read(view, color, frame.stamp, self.clock.now(), tagged)
+
+    def _note_depth(self, camera: str, has_depth: bool) -> None:
+        """Tell, in the status too, which cameras lack the depth without which colours tell no place."""
+        if has_depth:
+            self._without_depth.discard(camera)
+        else:
+            self._skip("no depth", f"{camera} gives no depth: in its images only tags are recognised")
+            self._without_depth.add(camera)
+        cameras = ", ".join(sorted(self._without_depth))
+        self.degraded = f"no depth from {cameras}: only tags are recognised there" if cameras else ""
 
     def _world_from_camera(self, camera: str, stamp: float) -> Pose | None:
         """None, and counted, if it is not known."""

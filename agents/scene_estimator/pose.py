@@ -190,7 +190,7 @@ class _TagProblem:
         information = np.einsum("n,nki,nkj->ij", weights, jacobian, jacobian)
         gradient = np.einsum("n,nki,nk->i", weights, jacobian, residual)
         cost = float(np.where(off < _LONG_TAIL, off**2, _LONG_TAIL * (2.0 * off - _LONG_TAIL)).sum())
-        missed = float(off @ off) * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
+        missed = cost * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
         if self._plane is not None:
             p, by_pose = _plane_of(pose)
             apart = self._plane.p - p

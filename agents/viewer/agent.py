@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from agents.inbox import Inbox
-from agents.segments import next_segment
 from agents.viewer.config import ViewerConfig
+from agents.viewer.files import ViewFiles
 from agents.viewer.window import ServedView, ViewerWindow, WindowError
 from dsr.agent import Access, Agent
 from dsr.files.private_files import FOLDER_MODE
@@ -19,9 +19,11 @@ from dsr.vocabulary.scenario_start import start_key
 if TYPE_CHECKING:
     import rerun as rr
 
-FILE_NAME = "recording.rrd"
 _MOST_WAITING = 2_000
 _PATIENCE = 2.0  # s for the end of the recording to reach the window or the server
+_PIECES = 1.0
+"""s of the view that are written together where nobody looks: a file takes half as much as with rerun's 0.2 s"""
+_PAUSE = 0.05  # s, half a tick, in which the next file has begun unless a window hangs
 
 
 class Viewer(Agent):
@@ -38,10 +40,13 @@ class Viewer(Agent):
         """Open the file, and the window if one is wanted, and begin to listen."""
         self._resources = contextlib.ExitStack()
         self._window: ViewerWindow | ServedView | None = None
+        self._files = ViewFiles(Path(self.config.folder), self.config.keep_mb)
         from agents.viewer.views import AllViews  # takes half a second, for which a launcher need not wait
 
-        self._views = AllViews(self._open(), self.memory, self.config, self.log)
+        self._recording = self._open()
+        self._views = AllViews(self._recording, self.memory, self.config, self.log)
         self._elapsed = self._views.elapsed
+        self._switching: threading.Thread | None = None
         self._looks_from: float | None = None
         self._watch = self.memory.watch()
         keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys), replayed_key(self.keys))
@@ -58,12 +63,32 @@ class Viewer(Agent):
             self._elapsed.note_replayed(message)
         if not self._looks(now):
             return
+        is_another = self._begins_file(now)
         now = self._elapsed.now(now)
         self._elapsed.set(now)
+        if is_another:
+            self._views.begin_anew()
         self._views.arrange()
         self._views.draw_messages(self._truths.take(), self._statuses.take(), self._logs.take())
         self._views.draw(self._watch.poll(), now)
         self._check_window()
+
+    def _begins_file(self, now: float) -> bool:
+        """Whether the next file has begun, since the one before is full.
+
+        A window that hangs must have all that went before: until then, the full file goes on, and so does the agent.
+        """
+        if self._switching is None:
+            if not self._files.is_full(now):
+                return False
+            sinks = self._sinks()
+            self._switching = threading.Thread(target=self._recording.set_sinks, args=sinks, daemon=True)
+            self._switching.start()
+        self._switching.join(_PAUSE)
+        if self._switching.is_alive():
+            return False
+        self._switching = None
+        return True
 
     def _looks(self, now: float) -> bool:
         """Whether it is known what the seconds of the view count from, or was listened for long enough."""
@@ -83,12 +108,12 @@ class Viewer(Agent):
 
         config, folder = self.config, Path(self.config.folder)
         folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
-        recording = rr.RecordingStream(APPLICATION, recording_id=f"{self.keys.graph} {folder.resolve().name}")
-        sinks: list[rr.FileSink | rr.GrpcSink] = []
-        if config.record:
-            path = next_segment(folder, FILE_NAME)
-            sinks.append(rr.FileSink(path))
-            self.log.info("recording to %s", path)
+        is_watched = config.spawn or config.serve
+        recording = rr.RecordingStream(
+            APPLICATION,
+            recording_id=f"{self.keys.graph} {folder.resolve().name}",
+            batcher_config=None if is_watched else rr.ChunkBatcherConfig(flush_tick=_PIECES),
+        )
         ending = threading.Thread(target=recording.disconnect, daemon=True)
         self._resources.callback(_await, ending)  # after the end of a window that held it up
         try:
@@ -96,12 +121,23 @@ class Viewer(Agent):
         except WindowError as error:
             if not config.record:
                 raise
-            self.log.warning("no window (%s); recording to %s only", error, path)
+            self.log.warning("no window (%s); only the file is written", error)
         self._resources.callback(_end_soon, ending)
+        recording.set_sinks(*self._sinks())
+        return recording
+
+    def _sinks(self) -> list[rr.FileSink | rr.GrpcSink]:
+        """Where the recording goes from now on: the next file, and the window or the server, as wanted."""
+        import rerun as rr
+
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
+        if self.config.record:
+            path = self._files.begin()
+            sinks.append(rr.FileSink(path))
+            self.log.info("recording to %s", path)
         if self._window is not None:
             sinks.append(rr.GrpcSink(self._window.url))
-        recording.set_sinks(*sinks)
-        return recording
+        return sinks
 
     def _open_window(self, log_file: Path) -> ViewerWindow | ServedView | None:
         config = self.config

@@ -15,7 +15,16 @@ import typer
 from agents.viewer.agent import Viewer
 from agents.viewer.config import ViewerConfig
 from agents.viewer.window import LOOPBACK, WindowError, check_free, page_url, viewer_url
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, joinable, shown
+from dsr.cli.common import (
+    CompanyNotice,
+    GraphOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    errors,
+    joinable,
+    shown,
+)
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
 from dsr.runtime.agent_process import StopSignal, run_agent
@@ -47,6 +56,7 @@ def view(
 
     Without a display, as on a robot, use --serve: then open the page that is told in a browser on another machine.
     The view shows what happens from now on, with what the graph holds at the beginning. Nothing is recorded.
+    A recording is shown by `dsr replay RECORDING --view`.
 
     Example: dsr view --serve, and on your desk: ssh -L 9090:127.0.0.1:9090 -L 9876:127.0.0.1:9876 ROBOT
     """
@@ -73,6 +83,11 @@ def view(
             console.print(f"showing graph {shown(self.keys.graph)}; Ctrl-C ends it", soft_wrap=True)
             if serve:
                 _tell_addresses(bind, port, web_port)
+            self._company = CompanyNotice(self.memory)
+
+        def tick(self, now: float) -> None:
+            super().tick(now)
+            self._company.look()
 
         def window_closed(self, log_file: Path) -> None:
             said.append(log_file.read_text(errors="replace").strip())

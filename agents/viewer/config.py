@@ -18,6 +18,9 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     """Gets `recording.rrd`, or `recording-2.rrd` if that exists, and so on."""
     record: bool = True
     """Write the file; without it, nothing is left when the window or the server ends."""
+    keep_mb: float = 0.0
+    """MB that all files `recording*.rrd` of the folder may take together; 0 for any. When a file has an eighth of it,
+    the next one begins, and the oldest go."""
     spawn: bool = False
     """Open the rerun window as well."""
     serve: bool = False
@@ -44,6 +47,8 @@ class ViewerConfig(msgspec.Struct, frozen=True):
             raise ValueError(f"images_hz {self.images_hz}: expected a positive number")
         if not (math.isfinite(self.listens) and self.listens >= 0):
             raise ValueError(f"listens {self.listens}: expected a finite number of seconds, at least 0")
+        if not (math.isfinite(self.keep_mb) and self.keep_mb >= 0):
+            raise ValueError(f"keep_mb {self.keep_mb}: expected a finite number, 0 or more")
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality {self.jpeg_quality}: expected 1 to 100")
         for name in ("port", "web_port"):

@@ -11,7 +11,7 @@ import rerun as rr
 from agents.viewer.folding import Folded, fold
 from agents.viewer.layout import Drawing, DrawnNode, arrange
 from agents.viewer.palette import Color
-from agents.viewer.routing import DrawnEdge, EdgeLabel
+from agents.viewer.routing import LINE, DrawnEdge, EdgeLabel
 from agents.viewer.texts import drawable
 from dsr import Change, Memory, Pose
 
@@ -19,7 +19,7 @@ ENTITY = "graph"
 BACKGROUND: Color = (14, 16, 20)
 """Colour of the view, and so of the frame that keeps labels from being cut off."""
 _TOLD_EVERY = 1.0  # s; poses change at every frame, and nobody reads faster
-_POINT = rr.Radius.ui_points(5.0)
+_POINT = 5.0  # px on the screen, whatever the zoom
 _LINE = rr.Radius.ui_points(1.0)
 _INVISIBLE = rr.Radius.ui_points(0.0)
 _MEASURED = ("RT", "Virtual_RT")
@@ -60,7 +60,15 @@ class GraphView:
         self._draw_edges(drawing)
 
     def _draw_node(self, node: DrawnNode) -> None:
-        looks = rr.Points2D([node.at], radii=_POINT, colors=[node.color], labels=[node.label], show_labels=True)
+        """Each line of the label has a point of its own, all but the first invisible: rerun has labels of one line."""
+        lines = node.label.split("\n")
+        looks = rr.Points2D(
+            [(node.at[0], node.at[1] + LINE * index) for index in range(len(lines))],
+            radii=rr.Radius.ui_points([_POINT, *[0.0] * (len(lines) - 1)]),
+            colors=[node.color] * len(lines),
+            labels=lines,
+            show_labels=True,
+        )
         self._recording.log(_node(node.name), looks)
 
     def _draw_edges(self, drawing: Drawing) -> None:

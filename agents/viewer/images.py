@@ -23,7 +23,7 @@ _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 
 
 class ImageView:
-    """Logs the newest image of each camera as a JPEG, and its detections as outlines.
+    """Logs the newest image of each camera as a JPEG, if it is another one, and its detections as outlines.
 
     Args:
         recording: where to.
@@ -44,6 +44,7 @@ class ImageView:
         self._log = log
         self._readers: dict[str, FrameReader] = {}
         self._last: dict[str, float] = {}
+        self._shown: dict[str, tuple[NDArray[np.uint8], rr.EncodedImage]] = {}
 
     @property
     def cameras(self) -> list[str]:
@@ -64,6 +65,11 @@ class ImageView:
             if detections is not None:
                 self._draw_detections(camera.name, detections)
 
+    def begin_anew(self) -> None:
+        """Log the newest images once more."""
+        for camera, (_, image) in self._shown.items():
+            self._recording.log(camera_entity(camera), image)
+
     def close(self) -> None:
         """Stop receiving frames."""
         for reader in self._readers.values():
@@ -79,9 +85,12 @@ class ImageView:
         if color is None or not _is_image(color):
             self._skip(camera, "color", "a (height, width, 3) uint8 image")
             return False
-        bgr = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
-        _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
-        self._recording.log(camera_entity(camera), rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+        if camera not in self._shown or not np.array_equal(self._shown[camera][0], color):
+            bgr = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
+            _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
+            image = rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+            self._shown[camera] = (color.copy(), image)
+            self._recording.log(camera_entity(camera), image)
         return True
 
     def _draw_detections(self, camera: str, frame: Frame) -> None:

@@ -1,7 +1,8 @@
 """Where to draw nodes and edges: a tree from left to right, the same for the same graph.
 
 A node stands right of what it rests on, is part of, or is measured from. So a tower of cubes is a row of them, behind
-the table. Labels are as large on the screen whatever the zoom, and stand below their nodes.
+the table. Labels are as large on the screen whatever the zoom, and stand below their nodes. So those of a drawing that
+is wider than its view would touch: long names take two lines then.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from agents.viewer import palette
 from agents.viewer.palette import Color
 from agents.viewer.routing import (
     LETTER,
+    LINE,
     TOWARDS_DESTINATION,
     Column,
     DrawnEdge,
@@ -29,6 +31,10 @@ from agents.viewer.routing import (
 _ROW = 52.0  # px from one row to the next: a node, its label of 12 px, and arrows that pass below; px all below, too
 _GAP = 44.0  # from the labels of one column to those of the next, for the arrows
 _ASPECT = 2.8  # width over height up to which gaps are widened: that of the view in a window of 1280 by 720 px
+_VIEW = 800.0
+"""Width of the view in a window of 1280 by 720 px; a wider drawing is shrunk, but its labels are not"""
+_SHORT = 12
+"""Letters of a label that always stands on one line: no wider than the arrows beside a node"""
 _WIDEST = 160.0  # by which a gap is widened at most
 _MARGIN = 30.0  # around everything, for labels at the border
 _TALLEST = 6  # leaves below one another
@@ -72,6 +78,16 @@ class _Item:
         self.row = 0.0
 
     @property
+    def width(self) -> float:
+        """Of the label, px."""
+        return max(map(len, self.label.split("\n"))) * LETTER
+
+    @property
+    def lines(self) -> int:
+        """Of the label."""
+        return self.label.count("\n") + 1
+
+    @property
     def order(self) -> tuple[int, list[str | int]]:
         return _FIRST.get(self.type, 3), _natural(self.name)
 
@@ -87,8 +103,13 @@ def arrange(nodes: Mapping[str, str], edges: Iterable[EdgeKey], labels: Mapping[
     items = {name: _Item(name, (labels or {}).get(name, name), type) for name, type in nodes.items()}
     keys = sorted(edges)
     _place(items, _parents(keys))
-    columns = _columns(items.values(), label_gaps(keys, {name: item.column for name, item in items.items()}))
-    places = {name: Place(item.column, (columns[item.column].middle, item.row * _ROW)) for name, item in items.items()}
+    gaps = label_gaps(keys, {name: item.column for name, item in items.items()})
+    if _is_too_wide(items.values(), gaps):
+        for item in items.values():
+            item.label = in_two_lines(item.label)
+    row = _ROW + LINE * (max((item.lines for item in items.values()), default=1) - 1)
+    columns = _columns(items.values(), gaps, row)
+    places = {name: Place(item.column, (columns[item.column].middle, item.row * row)) for name, item in items.items()}
     drawn = [DrawnNode(name, item.label, palette.of_node(item.type), places[name].at) for name, item in items.items()]
     arrows, told = route(keys, places, columns)
     return Drawing(drawn, arrows, told, _frame(drawn, arrows, told))
@@ -142,30 +163,51 @@ def _place_grid(leaves: list[_Item], column: int, row: float) -> float:
     return row + min(len(leaves), _TALLEST)
 
 
-def _columns(items: Iterable[_Item], gaps: Mapping[int, float]) -> list[Column]:
-    """The columns from left to right, each with the gap that follows."""
+def in_two_lines(label: str) -> str:
+    """A long label broken behind the mark between two of its words that is nearest to its middle, if there is one."""
+    breaks = [match.end() for match in re.finditer(r"[^a-zA-Z0-9()]+", label[:-1])]
+    if len(label) <= _SHORT or not breaks:
+        return label
+    at = min(breaks, key=lambda place: (max(place, len(label) - place), place))
+    return f"{label[:at].rstrip()}\n{label[at:]}"
+
+
+def _is_too_wide(items: Iterable[_Item], gaps: Mapping[int, float]) -> bool:
+    """Whether a drawing with every label on one line is wider than its view, and is not as high, too."""
+    columns = _columns(items, gaps, _ROW)
+    width = columns[-1].right if columns else 0.0
+    height = max((row for column in columns for row in column.rows), default=0.0) + _ROW
+    return width > max(_VIEW, _ASPECT * height)
+
+
+def _columns(items: Iterable[_Item], gaps: Mapping[int, float], row: float) -> list[Column]:
+    """The columns from left to right, each with the gap that follows; rows are `row` (px) apart."""
     widths: dict[int, float] = defaultdict(float)
     rows: dict[int, list[float]] = defaultdict(list)
+    lines: dict[int, int] = defaultdict(int)
     for item in items:
-        widths[item.column] = max(widths[item.column], len(item.label) * LETTER)
-        rows[item.column].append(item.row * _ROW)
+        widths[item.column] = max(widths[item.column], item.width)
+        rows[item.column].append(item.row * row)
+        lines[item.column] = max(lines[item.column], item.lines)
     numbers = range(max(widths, default=-1) + 1)
     all_gaps = [max(_GAP, gaps.get(number, 0.0)) for number in numbers]
-    height = max((y for ys in rows.values() for y in ys), default=0.0) + _ROW
+    height = max((y for ys in rows.values() for y in ys), default=0.0) + row
     spare = (_ASPECT * height - sum(widths.values()) - sum(all_gaps)) / max(1, len(all_gaps))
     columns, left = [], 0.0
     for number in numbers:
         gap = all_gaps[number] + min(max(0.0, spare), _WIDEST)
-        columns.append(Column(left, left + widths[number], gap, tuple(sorted(rows[number]))))
+        columns.append(Column(left, left + widths[number], gap, tuple(sorted(rows[number])), lines[number]))
         left += widths[number] + gap
     return columns
 
 
 def _frame(nodes: list[DrawnNode], edges: list[DrawnEdge], labels: list[EdgeLabel]) -> tuple[Point, Point]:
     named = [(node.label, node.at) for node in nodes] + [(label.text, label.at) for label in labels]
-    xs = [at[0] + side * len(text) * LETTER / 2 for text, at in named for side in (-1, 1)]
+    halves = [(max(map(len, text.split("\n"))) * LETTER / 2, at[0]) for text, at in named]
+    xs = [x + side * half for half, x in halves for side in (-1, 1)]
     xs += [point[0] for edge in edges for point in edge.path]
-    ys = [at[1] for _, at in named] + [point[1] for edge in edges for point in edge.path]
+    ys = [at[1] + LINE * text.count("\n") for text, at in named] + [at[1] for _, at in named]
+    ys += [point[1] for edge in edges for point in edge.path]
     left, right, top, bottom = min(xs, default=0.0), max(xs, default=0.0), min(ys, default=0.0), max(ys, default=0.0)
     return (left - _MARGIN, top - _MARGIN), (right + _MARGIN, bottom + 2 * _MARGIN)
 

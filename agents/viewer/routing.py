@@ -20,6 +20,8 @@ Point = tuple[float, float]
 
 LETTER = 7.5
 """px, width of a letter of a label of 12 px."""
+LINE = 24.0
+"""px, from one line of a label to the next: lines do not touch in a drawing that is shrunk by a quarter."""
 TOWARDS_DESTINATION = ("on", "in")
 """Types of edges whose many ends meet at the destination; those of all others at the source."""
 _STRUCTURE = ("has", "next")
@@ -48,6 +50,8 @@ class Column(NamedTuple):
     """To the next column."""
     rows: tuple[float, ...]
     """y of each node."""
+    lines: int = 1
+    """Of the labels, at most."""
 
     @property
     def middle(self) -> float:
@@ -174,7 +178,7 @@ def _passes(
         for column in range(hub.column + bundle.side, farthest, bundle.side or 1):
             beyond = [end for end in ends if (end.column - column) * bundle.side > 0]
             straight = [_between(hub, end, column) for end in beyond]
-            y = _free(sum(straight) / len(straight), columns[column].rows, taken[column])
+            y = _free(sum(straight) / len(straight), columns[column], taken[column])
             taken[column].add(y)
             passes[bundle][column] = y
     return passes
@@ -185,12 +189,12 @@ def _between(a: Place, b: Place, column: int) -> float:
     return a.at[1] + (b.at[1] - a.at[1]) * (column - a.column) / (b.column - a.column)
 
 
-def _free(wanted: float, rows: Sequence[float], taken: set[float]) -> float:
+def _free(wanted: float, column: Column, taken: set[float]) -> float:
     """The y nearest to the wanted one at which an arrow hides neither nodes nor labels nor other arrows."""
-    step = 0
+    below, step = _BELOW + LINE * (column.lines - 1), 0
     while True:
         for y in (_BESIDE * (round(wanted / _BESIDE) + step), _BESIDE * (round(wanted / _BESIDE) - step)):
-            if y not in taken and not any(row - _ABOVE < y < row + _BELOW for row in rows):
+            if y not in taken and not any(row - _ABOVE < y < row + below for row in column.rows):
                 return y
         step += 1
 

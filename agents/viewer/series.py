@@ -46,6 +46,10 @@ class SeriesView:
         """Whether the truth is published."""
         return bool(self._truth)
 
+    def begin_anew(self) -> None:
+        """Log the names and colours of curves again."""
+        self._named.clear()
+
     def draw_distances(self, scene: DrawnScene) -> None:
         """Log the distance of each object's percept to its belief, and of both to the truth if it is published."""
         percepts = {solid.name: solid for solid in scene.percepts if solid.seen}

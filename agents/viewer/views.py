@@ -45,6 +45,21 @@ class AllViews:
         self.events = EventView(recording, self.elapsed, log)
         self._recording = recording
         self._memory = memory
+        self._framing = Framing()
+        self._known: list[Change] = []
+        self._begin()
+
+    def begin_anew(self) -> None:
+        """Draw all that is there once more, as the next file needs it. Events are lines, and not told again."""
+        self._begin()
+        self.images.begin_anew()
+        self.series.begin_anew()
+        with self._memory.watch() as everything:
+            self._known = everything.poll()
+
+    def _begin(self) -> None:
+        """Make the views that draw only what has changed."""
+        recording, memory = self._recording, self._memory
         self._graph = GraphView(recording)
         self._topology = TopologyView(recording)
         self._scene = SceneView(recording)
@@ -53,7 +68,6 @@ class AllViews:
         self._mind = MindView(recording, self.elapsed)
         self._chronicle = ChronicleView(recording, self.elapsed)
         self._calibrations = CalibrationView(recording)
-        self._framing = Framing()
         self._arranged: tuple[list[str], bool, Focus] | None = None
 
     def arrange(self) -> None:
@@ -76,8 +90,9 @@ class AllViews:
     def draw(self, changes: Sequence[Change], now: float) -> None:
         """Draw the memory as it is at time `now` (s), after these changes."""
         memory = self._memory
-        self._chronicle.draw(changes, memory, now)
         self.events.draw_changes(changes, memory, now)
+        changes, self._known = [*self._known, *changes], []
+        self._chronicle.draw(changes, memory, now)
         self._graph.draw(memory, changes, now)
         self._topology.draw(memory)
         self._mind.draw(memory)

@@ -2,6 +2,7 @@
 
     python -m benchmarks.real tags --data DIR
     python -m benchmarks.real block --data DIR --json block.json
+    python -m benchmarks.real hands --data DIR --mediapipe PYTHON
 
 The recordings are not part of the project: `python -m benchmarks.real NAME --help` tells where each is published and
 what of it is needed. Without --data a benchmark is skipped, and says so.
@@ -11,18 +12,22 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks.real import block, tags
+from benchmarks.real import block, gen3, hand_eye, hands, tags
 from benchmarks.real.recordings import DataError, RealBenchmark
 
-BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK)
+BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK, hand_eye.BENCHMARK, gen3.BENCHMARK)
 
 
 def main() -> int:
     """Run what the command line asks for; 0 if it ran or was skipped, 2 if its recordings are wrong."""
+    if sys.argv[1:2] == [hands.NAME]:  # which has options of its own
+        hands.main(sys.argv[2:])
+        return 0
     options = _parser().parse_args()
     benchmark: RealBenchmark = options.benchmark
     if options.data is None:
@@ -46,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser("python -m benchmarks.real", description=__doc__, formatter_class=raw)
     commands = parser.add_subparsers(required=True, metavar="NAME")
+    commands.add_parser(hands.NAME, help="hands in photos, beside MediaPipe's own programs", add_help=False)
     for benchmark in BENCHMARKS:
         text = f"{benchmark.what}\n\n{benchmark.published}"
         command = commands.add_parser(

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +17,7 @@ import msgspec
 import typer
 
 from dsr.cli.common import GraphOption, JsonOption, check_runs, console, errors, last_run, shown
+from dsr.cli.completion import complete_log
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
 from dsr.network.rendezvous import Claim, graphs, read_claim, running_graph
@@ -36,6 +37,7 @@ _DETACHED = "DSR_DETACHED"
 """Environment variable of the run that goes on in the background: its folder."""
 _HEADLINE = re.compile(r"^graph (?P<graph>\S+), logs and recordings in (?P<folder>.+), Ctrl-C stops$", re.MULTILINE)
 """Line in which `dsr run` says which graph it works on, and where its files are. Warnings stand before it."""
+_WRONG_INPUT = 2  # exit code of a command
 _PERIOD = 0.1  # s between two looks
 _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before they are killed
 
@@ -43,26 +45,33 @@ _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before the
 def start_in_background(folder: Path) -> None:
     """Run this command again in a session of its own, where it does not detach, and wait until its agents are ready.
 
-    Ctrl-C until then ends what was started. Raises `AgentError` if the agents do not become ready, with what was said.
+    Ctrl-C until then ends what was started.
+
+    Raises:
+        ConfigError: if the input is wrong, with what was said.
+        AgentError: if the agents do not become ready, likewise.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
     command = [sys.executable, "-P", "-m", "dsr.cli", *sys.argv[1:]]
-    with log.open("wb") as output:
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
-            env={**os.environ, _DETACHED: str(folder)},
-        )  # fmt: skip
+    process: subprocess.Popen[bytes] | None = None
     try:
+        with log.open("wb") as output, _interrupts_held():
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, _DETACHED: str(folder)},
+            )  # fmt: skip
         while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
             if (code := process.poll()) is not None:
                 said = log.read_text(encoding="utf-8", errors="replace").strip()
                 reason = said or f"it ended with {exit_text(code)}, and nothing could be written to {log}"
-                raise AgentError(f"the system did not start:\n{printable(reason)}")
+                kind = ConfigError if code == _WRONG_INPUT else AgentError
+                raise kind(f"the system did not start:\n{printable(reason)}")
             _wait()
     except KeyboardInterrupt:
-        process.terminate()
-        process.wait(_PATIENCE)
+        if process is not None:
+            process.terminate()
+            process.wait(_PATIENCE)
         raise
     headline = _HEADLINE.search(said)
     assert headline is not None, "a run says it before its agents are ready"
@@ -71,6 +80,19 @@ def start_in_background(folder: Path) -> None:
     graph = headline["graph"]
     place = f"graph {graph}, logs and recordings in {headline['folder']}"
     console.print(shown(f"{place}; dsr logs -g {graph}, dsr stop -g {graph}"), soft_wrap=True)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Raise KeyboardInterrupt for a Ctrl-C only when the block is done: what it starts is known by then."""
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
 
 
 def folder_in_background() -> Path | None:
@@ -96,7 +118,9 @@ def stop(graph: GraphOption = None) -> None:
 
 @app.command()
 def logs(
-    agents: Annotated[list[str] | None, typer.Argument(help="Names of agents; default: all.")] = None,
+    agents: Annotated[
+        list[str] | None, typer.Argument(help="Names of agents; default: all.", autocompletion=complete_log)
+    ] = None,
     lines: Annotated[int, typer.Option("--lines", "-n", min=0, help="How many of each log, from its end.")] = 20,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on with new lines until Ctrl-C.")] = False,
     graph: GraphOption = None,

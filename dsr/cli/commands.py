@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import re
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -28,6 +29,8 @@ OWN = {
     "stamps": "stamps", "doctor": "doctor", "security": "security",
 }  # fmt: skip
 """Own commands in the order of the help, with the module beside this one that has each."""
+_LISTED = re.compile(r"^([-*]|\s|\x08)", re.MULTILINE)
+"""A paragraph of a docstring in which lines are lines: a list, or something indented."""
 
 
 class Commands(TyperGroup):
@@ -52,14 +55,29 @@ def load_command(name: str) -> Any:
     """Import the command `name`. Raises `ConfigError` if it cannot be imported."""
     if name in OWN:
         group = typer.main.get_group(importlib.import_module(f"dsr.cli.{OWN[name]}").app)
-        return group.commands.get(name, group)
+        return _flowing(group.commands.get(name, group))
     plugin = plugins()[name]
     try:
-        command = typer.main.get_group(plugin.load())
+        command: Any = typer.main.get_group(plugin.load())
     except (ImportError, AttributeError) as error:
         reason = stranger(plugin.module) or missing_extra(error) or f"{plugin.value}: {error}"
         raise ConfigError(f"the command {name!r} cannot be loaded: {reason}") from error
     command.name = name
+    if not command.commands:
+        command.resolve_command = _refuse
+    return _flowing(command)
+
+
+def _refuse(context: Any, words: list[str]) -> None:
+    """Say that a command without others below it takes no such words. Raises `UsageError`."""
+    context.fail(f"Got unexpected extra argument{'s' * (len(words) > 1)} ({' '.join(words)})")
+
+
+def _flowing(command: Any) -> Any:
+    """The command, whose help fills its lines: where a docstring breaks them, a narrow terminal would once more."""
+    for one in (command, *getattr(command, "commands", {}).values()):
+        paragraphs = re.split(r"\n\s*\n", inspect.cleandoc(one.help or ""))
+        one.help = "\n\n".join(text if _LISTED.search(text) else " ".join(text.split()) for text in paragraphs) or None
     return command
 
 

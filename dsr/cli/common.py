@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from dsr.cli.completion import complete_graph
+from dsr.cli.completion import complete_graph, complete_world
 from dsr.cli.streams import make_console
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
@@ -27,7 +27,7 @@ from dsr.graph.access import Access, WriteGuard
 from dsr.graph.schema import Schema
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.network.keys import BASE
+from dsr.network.keys import BASE, agent_of
 from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.logs import printable
 
@@ -48,7 +48,10 @@ SecurityOption = Annotated[
     typer.Option("--security", metavar="FOLDER", envvar=SECURITY, help="With its certificates (dsr security init)."),
 ]
 WorldOption = Annotated[
-    str, typer.Option("--world", "-w", metavar="NAME", help="Which world of the graph (dsr worlds).")
+    str,
+    typer.Option(
+        "--world", "-w", metavar="NAME", help="Which world of the graph (dsr worlds).", autocompletion=complete_world
+    ),
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print JSON instead of text; of what goes on, an object a line.")
@@ -69,7 +72,9 @@ _POSE_DECIMALS = 6
 DELIVERY_PATIENCE = 10.0
 """s that all others get to tell that they have what a command wrote."""
 
-_LEFT = "nobody else is in the graph any more; waiting for somebody, Ctrl-C ends"
+ONLOOKERS = frozenset({"dsr", "record", "view"})
+"""Agents of the commands that only look, whom a system does without."""
+LEFT = "nobody else is in the graph any more; waiting for somebody, Ctrl-C ends"
 _BACK = "somebody is in the graph again"
 
 console = make_console()
@@ -153,8 +158,13 @@ def check_company(memory: Memory, router: str | None) -> None:
         raise ConfigError(f"nobody holds graph {memory.graph_name!r}{reason}")
 
 
+def is_deserted(memory: Memory) -> bool:
+    """Whether nobody else is in the graph but for commands that only look, as we do."""
+    return all(agent_of(peer) in ONLOOKERS for peer in memory.peers)
+
+
 class CompanyNotice:
-    """Says on standard error when nobody else is in the graph of `memory` any more, and when somebody is again."""
+    """Says on standard error when `memory` is deserted, and when somebody is there again; see `is_deserted`."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -162,9 +172,9 @@ class CompanyNotice:
 
     def look(self) -> None:
         """Say what has changed since the last call."""
-        if self._alone != (not self._memory.peers):
+        if self._alone != is_deserted(self._memory):
             self._alone = not self._alone
-            errors.print(_LEFT if self._alone else _BACK, style="yellow")
+            errors.print(LEFT if self._alone else _BACK, style="yellow")
 
 
 def print_json(value: Any) -> None:
@@ -240,10 +250,17 @@ def _shortest(number: float) -> str:
 
 
 def with_unit(schema: Schema, name: str, value: Any) -> str:
-    """The value of attribute `name` for people, with its unit if it is known and not told with the value."""
+    """The value of attribute `name` for people in a line, with its unit if it is known and not told with the value."""
+    if value == "":
+        return '""'
     known = schema.attributes.get(name)
     unit = "" if known is None or isinstance(value, Pose) else known.unit
     return f"{readable(value)} {unit}".rstrip()
+
+
+def counted(number: int, what: str) -> str:
+    """A number of things whose name takes an s: "1 node", "2 nodes"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def shown(text: str) -> str:

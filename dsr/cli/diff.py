@@ -21,6 +21,7 @@ from dsr.cli.common import (
     reading,
     shown,
 )
+from dsr.cli.completion import complete_world
 from dsr.worlds.comparison import Difference, ElementName, Tolerance, difference
 
 app = typer.Typer()
@@ -28,8 +29,12 @@ app = typer.Typer()
 
 @app.command()
 def diff(
-    first: Annotated[str, typer.Argument(metavar="WORLD", help="A world, such as base.")],
-    second: Annotated[str, typer.Argument(metavar="WORLD", help="The world to compare it with.")],
+    first: Annotated[
+        str, typer.Argument(metavar="WORLD", help="A world, such as base.", autocompletion=complete_world)
+    ],
+    second: Annotated[
+        str, typer.Argument(metavar="WORLD", help="The world to compare it with.", autocompletion=complete_world)
+    ],
     metres: Annotated[float, typer.Option(min=0.0, help="Positions this near are equal.")] = 1e-3,
     radians: Annotated[float, typer.Option(min=0.0, help="Rotations this near are equal.")] = 1e-2,
     numbers: Annotated[float, typer.Option(min=0.0, help="Relative tolerance of other numbers.")] = 1e-9,

@@ -86,6 +86,7 @@ def run_checks() -> Iterable[Check]:
         check_shared_memory,
         check_zenoh,
         check_ros,
+        check_realsense,
         check_display,
         check_viewer,
     ]
@@ -217,6 +218,20 @@ def check_ros() -> Check:
         return Check("ROS 2", "limited", "not installed; robots that speak ROS 2 need: pip install 'dsr-memory[ros]'")
     dds = "and DDS" if found["cyclonedds"] else "(DDS needs: pip install 'dsr-memory[ros-dds]')"
     return Check("ROS 2", "ok", f"nodes under rmw_zenoh {dds}; a robot is checked by dsr ros check")
+
+
+def check_realsense() -> Check:
+    """The library of RealSense cameras, which is optional; loaded in a process of its own."""
+    if importlib.util.find_spec("pyrealsense2") is None:
+        said = f"not installed; RealSense cameras need: pip install '{_with_extras(['realsense'])}'"
+        return Check("RealSense", "limited", said)
+    probe = [sys.executable, "-c", "import pyrealsense2"]
+    found = subprocess.run(probe, capture_output=True, text=True, timeout=_PATIENCE, check=False)
+    if found.returncode == 0:
+        version = importlib.metadata.version("pyrealsense2")
+        return Check("RealSense", "ok", f"pyrealsense2 {version}; cameras are tried by dsr drivers try")
+    reason = found.stderr.strip().rpartition("\n")[2]
+    return Check("RealSense", "limited", f"{reason or 'it crashes'}; Debian, Ubuntu: apt install libusb-1.0-0")
 
 
 def check_display() -> Check:

@@ -17,6 +17,7 @@ from dsr.cli.common import (
     WorldOption,
     add_names,
     console,
+    counted,
     naming,
     plain,
     print_json,
@@ -25,8 +26,10 @@ from dsr.cli.common import (
     shown,
     with_unit,
 )
+from dsr.cli.completion import complete_node
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import Schema
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import BASE
@@ -55,11 +58,12 @@ def ls(
 ) -> None:
     """List the things: where they were perceived and where they are believed to be, in the world frame (m).
 
-    Things are cubes, boxes, containers, cups and balls. `--all` lists all nodes, `--type` those of one type.
+    Things are cubes, boxes, containers, cups and balls, and nodes of types of your own. `--all` lists all nodes,
+    `--type` those of one type.
     """
     with reading(graph, router, security, world) as memory:
         with naming():
-            wanted = kind or (None if everything else THINGS)
+            wanted = kind or (None if everything else [*THINGS, *_own_types(memory)])
             nodes = sorted(memory.nodes(wanted), key=lambda node: (node.type, node.name))
         rows, count = [_summary(memory, node) for node in nodes], len(memory.nodes())
     if as_json:
@@ -73,10 +77,21 @@ def ls(
     for row in rows:
         places = [_place(row[key]) for key in ("perceived_at_m", "believed_at_m")]
         table.add_row(shown(row["name"]), shown(row["type"]), *places, ", ".join(row["notes"]))
-    console.print(table)
-    hidden = 0 if wanted is None else count - len(rows)
-    if kind is None and hidden:
-        console.print(f"and {hidden} other {'node' if hidden == 1 else 'nodes'}: --all", style="dim")
+    hidden = 0 if kind is not None or everything else count - len(rows)
+    if rows:
+        console.print(table)
+        said = f"and {counted(hidden, 'other node')}: --all"
+    else:
+        what = "no nodes" if everything else "no things" if kind is None else f"no nodes of type {shown(kind)}"
+        console.print(f"there are {what}")
+        said = f"{counted(hidden, 'other node')}: --all"
+    if hidden:
+        console.print(said, style="dim")
+
+
+def _own_types(memory: Memory) -> set[str]:
+    """Types of nodes that somebody registered in this graph."""
+    return memory.schema.node_types.keys() - Schema().node_types.keys()
 
 
 def _summary(memory: Memory, node: Node) -> dict[str, Any]:
@@ -102,7 +117,7 @@ def _place(position: list[float] | None) -> str:
 
 @app.command()
 def show(
-    name: Annotated[str, typer.Argument(help="Name of a node.")],
+    name: Annotated[str, typer.Argument(help="Name of a node.", autocompletion=complete_node)],
     graph: GraphOption = None,
     world: WorldOption = BASE,
     as_json: JsonOption = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, console, errors, reading
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, console, counted, errors, reading
 from dsr.network.keys import BASE
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
@@ -69,6 +69,5 @@ def warn(content: GraphContent) -> None:
 
 def report(done: str, content: GraphContent, where: str) -> None:
     """Report the result of saving or loading a graph."""
-    console.print(
-        f"{done} {len(content.nodes)} nodes, {len(content.edges)} edges {where}", markup=False, soft_wrap=True
-    )
+    size = f"{counted(len(content.nodes), 'node')}, {counted(len(content.edges), 'edge')}"
+    console.print(f"{done} {size} {where}", markup=False, soft_wrap=True)

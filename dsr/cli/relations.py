@@ -23,6 +23,7 @@ from dsr.cli.common import (
     reading,
     shown,
 )
+from dsr.cli.completion import complete_node
 from dsr.errors import ConfigError, suggest
 from dsr.network.keys import BASE
 from dsr.spatial import SPATIAL, checked_relations, read_scene, read_view
@@ -33,10 +34,17 @@ app = typer.Typer()
 
 @app.command()
 def relations(
-    names: Annotated[list[str] | None, typer.Argument(help="Things to tell of; default: all.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Things to tell of; default: all.", autocompletion=complete_node)
+    ] = None,
     viewpoint: Annotated[
         str | None,
-        typer.Option("--from", metavar="NAME", help="Camera or frame from which left, behind, ... are seen."),
+        typer.Option(
+            "--from",
+            metavar="NAME",
+            help="Camera or frame from which left, behind, ... are seen.",
+            autocompletion=complete_node,
+        ),
     ] = None,
     kinds: Annotated[
         list[str] | None, typer.Option("--relation", "-r", help=f"Only these: {', '.join(SPATIAL)}. May be repeated.")

@@ -12,6 +12,7 @@ from rich.text import Text
 from dsr.cli.common import add_names, add_numbers, shown
 from dsr.runtime.launcher import AgentRow
 from dsr.runtime.logs import printable
+from dsr.runtime.status import State
 
 _COLOURS = {
     "ready": "green",
@@ -30,7 +31,7 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     add_names(table, "agent")
     table.add_column("state", no_wrap=True)
-    add_numbers(table, "Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts")
+    add_numbers(table, "Hz", "tick\nms", "95 %\nms", "lag\nms", "behind\ns", "missed", "errors", "re-\nstarts")
     rows, problems, counts = list(rows), [], []
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
@@ -56,7 +57,7 @@ def overloaded(rows: Iterable[AgentRow]) -> str:
 
 
 def _numbers(row: AgentRow) -> list[str]:
-    if row.heard is None:
+    if row.heard is None or row.state == State.STOPPED:  # its last numbers are over
         return [""] * 7 + [str(row.restarts)]
     status = row.heard.status
     times = (status.rate_hz, status.tick_ms_p50, status.tick_ms_p95, row.heard.latency * 1e3, status.behind)

@@ -10,7 +10,17 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading
+from dsr.cli.common import (
+    LEFT,
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    is_deserted,
+    print_json,
+    reading,
+)
 from dsr.cli.status_table import status_json, status_table
 from dsr.cli.streams import redraws
 from dsr.clock import WALL_CLOCK
@@ -67,14 +77,15 @@ def _follow(board: StatusBoard, title: str, memory: Memory) -> None:
 
 
 def _shown(board: StatusBoard, title: str, memory: Memory) -> Group:
-    """The table, and below it how many values are stamped days ahead in the base world, and by whom."""
+    """The table, and below it if all have left, and who stamped how many values of the base world days ahead."""
     table = status_table(_rows(board, memory), title)
+    notes = [Text(LEFT, style="yellow")] if is_deserted(memory) else []
     far = memory.far_stamps() if memory.far_stamped else []
     if not far:
-        return table
+        return Group(table, *notes)
     writers = ", ".join(f"{agent} ({count})" for agent, count in by_agent(far).items())
     text = f"{len(far)} values are stamped days ahead of this clock, last written by {writers}; see: dsr stamps"
-    return Group(table, Text(printable(text), style="red"))
+    return Group(table, *notes, Text(printable(text), style="red"))
 
 
 def _rows(board: StatusBoard, memory: Memory) -> list[AgentRow]:

@@ -59,7 +59,8 @@ def topology(
 
 
 def _table(found: Topology, graph: str, now: float) -> Table:
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, title=f"worlds of {graph}", title_justify="left")
+    title = f"worlds of {graph}"
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), title=title, title_justify="left")
     add_names(table, "world", "made from", "agent")
     table.add_column("state", no_wrap=True)
     add_numbers(table, "reads /s", "last", "writes /s", "last")

@@ -20,6 +20,7 @@ from dsr.cli.common import (
     reading,
     shown,
 )
+from dsr.cli.completion import complete_node, complete_world
 from dsr.network.keys import BASE
 from dsr.visibility import LEAST_SHARE, WIDTH, is_seen, visibility
 from dsr.visibility.perspectives import MOST_WIDTH
@@ -29,9 +30,10 @@ app = typer.Typer()
 
 @app.command("visibility")
 def show_visibility(
-    world: Annotated[str, typer.Argument(metavar="WORLD", help="Which world.")] = BASE,
+    world: Annotated[str, typer.Argument(metavar="WORLD", help="Which world.", autocompletion=complete_world)] = BASE,
     perspective: Annotated[
-        list[str] | None, typer.Option("--from", metavar="NAME", help="Only this camera or person.")
+        list[str] | None,
+        typer.Option("--from", metavar="NAME", help="Only this camera or person.", autocompletion=complete_node),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Also what is not seen.")] = False,
     least: Annotated[

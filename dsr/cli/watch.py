@@ -18,8 +18,8 @@ from dsr.cli.common import (
     WorldOption,
     naming,
     plain,
-    readable,
     reading,
+    with_unit,
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import WorldNotFoundError
@@ -89,6 +89,9 @@ def _json_line(memory: Memory, change: Change) -> str:
 def _text_line(memory: Memory, change: Change) -> str:
     time = datetime.fromtimestamp(memory.clock.now())
     name = change.name if change.element == "node" else f"{change.src} -> {change.dst}"
-    values = "  ".join(f"{attribute} {readable(value)}" for attribute, value in _values(memory, change).items())
+    values = "  ".join(
+        f"{attribute} {with_unit(memory.schema, attribute, value)}"
+        for attribute, value in _values(memory, change).items()
+    )
     clock = f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
     return printable(f"{clock} {change.kind:<7} {change.type} {name}  {values}".rstrip())

@@ -15,7 +15,9 @@ EXTRAS = {
     "trimesh": "sim",
     "rerun": "view",
     "up_fast_downward": "planning",
-    "mediapipe": "hands",
+    "ai_edge_litert": "hands",
+    "mediapipe": "mediapipe",
+    "pyrealsense2": "realsense",
     "rosbags": "ros", "xxhash": "ros",
     "cyclonedds": "ros-dds",
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Methods that other packages provide: found by name among the entry points of the packages that are installed."""
+"""Methods and drivers that other packages provide: found by name among the entry points of what is installed."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ CALIBRATION_METHODS = "dsr.calibration_methods"
 
 EXPORTERS = "dsr.exporters"
 """Group of those who write recordings in formats of others (`dsr record export`)."""
+DRIVERS = "dsr.drivers"
+"""Group of drivers of cameras: a `CameraEntry` each (agents/drivers.py)."""
 RECORDINGS = "dsr.recordings"
 """Group of those who read recordings of others as if they were ours (agents/replay)."""
 
@@ -29,23 +31,23 @@ def provided(group: str) -> list[str]:
     return sorted(entry_points(group=group).names)
 
 
-def checked_name(group: str, name: str, own: Iterable[str]) -> str:
+def checked_name(group: str, name: str, own: Iterable[str], kind: str = "method") -> str:
     """The name of a method, either one of `own` or provided in `group`. Raises `ConfigError` for an unknown one."""
     own = tuple(own)
     if name not in own and name not in (known := provided(group)):
-        raise ConfigError(f"unknown method {name!r}; {suggest(name, [*own, *known])}")
+        raise ConfigError(f"unknown {kind} {name!r}; {suggest(name, [*own, *known])}")
     return name
 
 
-def load(group: str, name: str) -> Any:
-    """Import the object that packages provide under `name` in `group`.
+def load(group: str, name: str, kind: str = "method") -> Any:
+    """Import the object that packages provide under `name` in `group`; errors call it a `kind`.
 
     Raises `ConfigError` if there is none, or it cannot be imported.
     """
-    checked_name(group, name, ())
+    checked_name(group, name, (), kind)
     (entry_point, *_) = entry_points(group=group, name=name)
     try:
         return entry_point.load()
     except (ImportError, AttributeError) as error:
         reason = missing_extra(error) or error
-        raise ConfigError(f"method {name!r} ({entry_point.value}) cannot be loaded: {reason}") from error
+        raise ConfigError(f"{kind} {name!r} ({entry_point.value}) cannot be loaded: {reason}") from error

@@ -143,7 +143,7 @@ def _pinhole(intrinsics: Intrinsics) -> Intrinsics:
     edges = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]])
     size, focal = np.array([intrinsics.width, intrinsics.height]), np.array([intrinsics.fx, intrinsics.fy])
     border = np.concatenate([np.linspace(edges[k], edges[k + 1], _BORDER) for k in range(4)]) * (size - 1)
-    outwards = np.sign(border - (intrinsics.cx, intrinsics.cy)) * np.inf
+    outwards = np.copysign(np.inf, border - (intrinsics.cx, intrinsics.cy))
     rays = intrinsics.rays(border)[:, :2]
     shown = np.where(np.isfinite(rays), rays, outwards) * focal
     most = 0.5 * _LARGER * size

@@ -52,7 +52,7 @@ class Carrying:
         starts: dict[Relation, _Start] = {}
         carried: dict[Relation, tuple[float, Pose]] = {}
         for item in self._bodies.objects.values():
-            if item.name in held or not _hovers(item, now):
+            if item.name in held or item.name not in self._bodies.sim or not _hovers(item, now):
                 continue
             for name, hand in hands.items():
                 if not hand.perceived or hand.measured >= FINGERS:

@@ -13,6 +13,9 @@ import pytest
 
 import benchmarks.soak.cli as soak
 from agents.calibrator.cli import _show as show_calibration
+from agents.calibrator.hand_eye.report import HandEyeReport, ViewReport
+from agents.calibrator.hand_eye_cli import _show as show_hand_eye
+from agents.hand_tracker.cli import _table as hands_table
 from agents.recorder.cli import _table as recordings_table
 from agents.recorder.contents import ChannelContents, RecordingContents
 from agents.replay.compare import Disagreement, PoseDifference, ReplayOutcome, Stretch
@@ -194,6 +197,19 @@ def _calibrate(place: Place) -> None:
     ))  # fmt: skip
 
 
+def _hand_eye(_: Place) -> None:
+    pose, covariance = (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0), tuple(1e-6 * (i % 7 == 0) for i in range(36))
+    lens: dict[str, float | int | str | tuple[float, ...]] = {
+        **dict.fromkeys(("fx", "fy", "cx", "cy"), 1234.56), "distortion": (0.1,) * 5
+    }  # fmt: skip
+    view = ViewReport(f"{CUBE}.png", 123.45, 123.45, 123.45, 12345.6, 0.01, f"{CUBE} disagrees with the others")
+    show_hand_eye(HandEyeReport(
+        f"chessboard of {CUBE}", True, pose, covariance, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), pose, 1.01, 0.01, lens,
+        (1.0,) * 9, {"joint_2": 0.01}, 0.2, 0.1, {"position": 0.001, "rotation": 0.001}, (view, view), (f"{CUBE}.png",),
+        f"turn {CUBE} about its axis", f"{CUBE} is weak",
+    ))  # fmt: skip
+
+
 def _mission(place: Place) -> None:
     action = {"name": "a", "skill": "Place", "target": CUBE, "destination": TABLE, "explanation": f"{CUBE} is not held"}
     actions = [action | {"status": status} for status in ("done", "running", "failed", "halted", "")]
@@ -226,6 +242,11 @@ def _ros_list(_: Place) -> None:
     console.print(topics_table([camera, reset]))
 
 
+def _hands_try(_: Place) -> None:
+    hand = {"side": "right", "side_score": 0.98765, "landmarks_px": [[1234.5, 1234.5]] * 21}
+    console.print(hands_table([{"picture": f"{CUBE}.png", "hands": [hand]}, {"picture": f"{TABLE}.png", "hands": []}]))
+
+
 def _call(*arguments: str) -> Callable[[Place], Any]:
     return lambda place: place.cli(*arguments)
 
@@ -253,15 +274,19 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "scenario run": _scenario_run,
     "scenario sweep": _sweep,
     "calibrate": _calibrate,
+    "calibrate hand-eye": _hand_eye,
     "mission": _mission,
     "bench": _bench,
     "ros list": _ros_list,
+    "drivers list": _call("drivers", "list"),
+    "hands try": _hands_try,
     "soak": _soak,
 }
 """Commands by what one types after `dsr`, with how to have them print."""
 
 SENTENCES = {
     "new", "run", "stop", "logs", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
-    "record export", "security init", "security add", "ros run", "ros check",
+    "record export", "security init", "security add", "ros run", "ros check", "drivers try", "hands fetch",
+    "hands status",
 }  # fmt: skip
 """Commands that print lines only, which the terminal breaks, or what one of `PRINTED` prints: `run`, `demo`."""

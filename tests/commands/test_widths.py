@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import subprocess
 import sys
@@ -14,8 +15,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 from rich.table import Table
+from typer.testing import CliRunner
 
 from dsr.cli.common import add_names, console, errors
+from dsr.cli.main import app
 from dsr.memory import Memory
 from tests.command_tree import leaves
 from tests.commands.conftest import CUBE, WORLD
@@ -63,6 +66,18 @@ def test_nothing_is_cut(
     assert paper.calls
 
 
+@pytest.mark.parametrize("path", leaves())
+def test_help_fills_its_lines(path: str) -> None:
+    """No line ends before the next word would not fit any more, as where a docstring breaks its lines."""
+    printed = CliRunner().invoke(app, [*path.split(), "--help"], env={"COLUMNS": "80"}).output
+    lines = [line.rstrip() for line in itertools.takewhile(lambda line: "╭" not in line, printed.splitlines())]
+    text = [line for line in lines if "Usage:" not in line]
+    assert any(text)
+    for line, following in itertools.pairwise(text):
+        if line and following:
+            assert len(line) + 1 + len(following.split()[0]) > 78, f"{line}\n{following}"
+
+
 def test_every_command_is_looked_at() -> None:
     assert PRINTED.keys() | SENTENCES == leaves().keys() and not PRINTED.keys() & SENTENCES
 
@@ -78,12 +93,15 @@ def test_what_is_cut_is_noticed() -> None:
 
 @pytest.mark.parametrize(("command", "name"), [("ls", CUBE), ("worlds", WORLD)])
 def test_in_a_pipe_a_name_stands_on_one_line(memory: Memory, command: str, name: str) -> None:
-    narrow = {**os.environ, "COLUMNS": "80"}
-    assert name in printed(command, env=None)
-    assert name not in printed(command, env=narrow)
+    wide = dict(os.environ)
+    assert name in printed(command, env=wide)
+    assert name not in printed(command, env=wide | {"COLUMNS": "80"})
 
 
-def printed(command: str, env: dict[str, str] | None) -> str:
-    """The output of `dsr` as a process, into a pipe."""
+def printed(command: str, env: dict[str, str]) -> str:
+    """The output of `dsr` as a process with this environment, into a pipe.
+
+    A process inherits `COLUMNS` from pytest otherwise: readline sets it behind the back of `os.environ`.
+    """
     program = [sys.executable, "-m", "dsr.cli", command]
     return subprocess.run(program, env=env, capture_output=True, text=True, timeout=60, check=True).stdout

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -34,6 +35,17 @@ def test_every_command_shows_its_help() -> None:
     names = [name for name in (*OWN, *plugins()) if name != "ros"]  # all of that one needs its extra
     program = f"{_WITHOUT}{load}for name in {names!r}: load_command(name)\n"
     subprocess.run([sys.executable, "-c", program], timeout=60, check=True)
+
+
+def test_drivers_are_listed_and_those_that_cannot_be_tried_say_why(tmp_path: Path) -> None:
+    done = run("drivers", "list", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["name"]: row for row in json.loads(done.stdout)}
+    needs = {"video": "sim", "realsense": "realsense", "ros": "ros"}
+    for name, extra in needs.items():
+        assert rows[name]["extra"] == extra and f"pip install 'dsr-memory[{extra}]'" in rows[name]["missing"][0]
+        done = run("drivers", "try", name, *(["file=a.mp4"] if name == "video" else []))
+        assert done.returncode == 2 and f"pip install 'dsr-memory[{extra}]'" in done.stderr, done.stderr
 
 
 def test_a_recording_is_replayed(tmp_path: Path) -> None:

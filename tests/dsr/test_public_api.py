@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import importlib.metadata
 import inspect
 
 import pytest
@@ -96,3 +97,7 @@ def _assigned(source: str) -> set[str]:
             targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
             names.update(node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
     return {name for name in names if not name.startswith("_")}
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    assert dsr.__version__ == importlib.metadata.version("dsr-memory")

@@ -64,3 +64,12 @@ def test_what_slides_with_a_hand_on_the_table_is_carried_by_the_table() -> None:
     world.run(0.4)
     assert world.belief.grasps() == {}
     assert world.pose("cup").distance(standing(0.3, 0.15, SMALL))[0] < 0.02
+
+
+def test_what_is_seen_in_a_hand_though_believed_gone_is_held_by_nobody_until_it_is_back() -> None:
+    world = hand_beside(0)
+    world.belief._bodies.sim.remove("cup")
+    item = world.belief._bodies.objects["cup"]
+    item.hovering_since = item.track.last_stamp
+    hands = world.belief._touching._hands
+    assert world.belief._touching._carrying.update(hands, (), item.track.last_stamp) == {}

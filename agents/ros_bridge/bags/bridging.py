@@ -61,7 +61,7 @@ class BagBridge:
         self._keys = keys
         self._published: list[Published] = []
         ros = LocalRos(self.clock)
-        node = LocalLink(ros, "/bag")
+        node = LocalLink(ros, "/bag", any_names=True)
         self._publishers: dict[str, LocalPublisher] = {}
         for name in dict.fromkeys(topics):
             qos = Qos(transient_local=name == TF_STATIC, depth=_DEPTH)
@@ -77,7 +77,7 @@ class BagBridge:
             self.memory.restore(snapshot)
 
         def connect(link: LinkConfig, node: str) -> LocalLink:
-            return LocalLink(ros, node, link.distro)
+            return LocalLink(ros, node, link.distro, any_names=True)
 
         kind = cast("type[RosBridge]", type(RosBridge.__name__, (RosBridge,), {"connect": staticmethod(connect)}))
         agent = make_agent(

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import msgspec
 
 from agents.ros_bridge.bags.reader import Bag, BagMessage
 from agents.ros_bridge.bags.topics import cameras_of
 from agents.ros_bridge.bridge.camera_source import CameraSource
-from agents.ros_bridge.bridge.config import RosCameraTopics
+from agents.ros_bridge.bridge.config import RosCameraTopics, camera_topics
 from agents.ros_bridge.bridge.inbox import RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.link.link import Qos, Topic
@@ -36,10 +38,13 @@ class BagCamera:
     Args:
         bus: not used; drivers are made with it.
         keys: not used either.
+        name: nor is that.
         bag: path of the bag, see `Bag`.
         color: topic of colour, see `RosCameraTopics`; without any topic, the only camera of the bag.
         depth: topic of depth.
         info: topic of CameraInfo.
+        depth_info: topic of CameraInfo of depth that is not aligned with colour, see `RosCameraTopics`.
+        depth_pose: `translation` and `rotation` of that depth's camera.
         begin: s since the bag's first message, where to start.
         speed: seconds of the bag a second.
         loop: begin again at the end; otherwise nothing comes any more.
@@ -53,8 +58,9 @@ class BagCamera:
     clock: ClassVar[Clock] = WALL_CLOCK
 
     def __init__(
-        self, bus: Transport, keys: Keys, *, bag: str, color: str = "", depth: str = "", info: str = "",
-        begin: float = 0.0, speed: float = 1.0, loop: bool = True, restamp: bool = False,
+        self, bus: Transport, keys: Keys, name: str = "bag", *, bag: str, color: str = "", depth: str = "",
+        info: str = "", depth_info: str = "", depth_pose: Mapping[str, Any] | None = None, begin: float = 0.0,
+        speed: float = 1.0, loop: bool = True, restamp: bool = False,
     ) -> None:  # fmt: skip
         if not (math.isfinite(speed) and speed > 0.0):
             raise ConfigError(f"speed {speed}: expected a positive number")
@@ -62,8 +68,9 @@ class BagCamera:
         self._bag = Bag(Path(bag), types)
         if not 0.0 <= begin < max(self._bag.end - self._bag.begin, math.ulp(0.0)):
             raise ConfigError(f"begin {begin}: expected 0 to {self._bag.end - self._bag.begin:.1f} s, where {bag} ends")
-        topics = RosCameraTopics(color, depth, info) if color or depth else _only_camera(self._bag)
-        names = [name for name in (topics.color, topics.depth, topics.info) if name]
+        beside = depth_info, depth_pose
+        topics = camera_topics(color, depth, info, *beside) if color or depth else _only_camera(self._bag)
+        names = [name for name in (topics.color, topics.depth, topics.info, topics.depth_info) if name]
         self._names = [self._bag.topic(name).name for name in names]
         if not topics.info and topics.info_topic in self._bag.topics:
             self._names.append(self._bag.topic(topics.info_topic).name)
@@ -74,7 +81,7 @@ class BagCamera:
         self.tally = Tally(self.clock, _log)
         """What is counted and told."""
         ros = LocalRos(self.clock)
-        player, hearer = LocalLink(ros, "/bag"), LocalLink(ros, "/camera")
+        player, hearer = (LocalLink(ros, node, any_names=True) for node in ("/bag", "/camera"))
 
         def inbox(name: str, type: str, most: int, qos: Qos) -> RosInbox:
             return RosInbox(hearer, Topic(name, type, qos), most, self.clock, self.tally, (), _nothing)
@@ -86,6 +93,16 @@ class BagCamera:
         if topics.info_topic in self._publishers:  # it may come once, at the bag's beginning
             self._publish(next(self._bag.messages([topics.info_topic]), None))
         self._rewind()
+
+    @property
+    def trouble(self) -> str:
+        """What was wrong lately, in words; empty if nothing was."""
+        return self.tally.trouble
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What is counted of that, by name."""
+        return self.tally.counts
 
     def frame(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""
@@ -127,7 +144,7 @@ def _only_camera(bag: Bag) -> RosCameraTopics:
         raise ConfigError(
             f"{bag.path}: which camera? Name its topics, `color` and `depth`; there are: {known or 'no images'}"
         )
-    return RosCameraTopics(**next(iter(cameras.values())))
+    return msgspec.convert(next(iter(cameras.values())), RosCameraTopics)
 
 
 def _nothing() -> None:

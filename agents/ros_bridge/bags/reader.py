@@ -13,6 +13,7 @@ from rosbags.rosbag2 import Reader as Ros2Reader
 from agents.recorder.mcap_file import RecordingError, RecordingFile
 from agents.ros_bridge.bags.definitions import complaint
 from agents.ros_bridge.bags.unpacking import bound_rosbags
+from agents.ros_bridge.bridge.topics import topic_node
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.messages.transforms import TF_MESSAGE
 from agents.ros_bridge.messages.types import RosTypes
@@ -99,7 +100,7 @@ class Bag:
             for name, stored, count, definition in part.topics:
                 type = _RENAMED.get(stored, stored)
                 before = self.topics[name].messages if name in self.topics else 0
-                told = self.topics[name].complaint if before else complaint(types, type, definition)
+                told = self.topics[name].complaint if before else self._complaint(name, type, definition)
                 self.topics[name] = BagTopic(name, type, before + count, told)
 
     def topic(self, name: str) -> BagTopic:
@@ -144,6 +145,14 @@ class Bag:
         except RosMessageError:
             self.malformed += 1
             return None
+
+    def _complaint(self, name: str, type: str, definition: MessageDefinition) -> str:
+        """Why a topic cannot be read; empty if it can. Names of ROS 1 and of other writers may be odd."""
+        try:
+            topic_node(name)
+        except RosMessageError:
+            return "its name is none that a topic can have"
+        return complaint(self._types, type, definition)
 
     def _note(self, problem: str) -> None:
         if problem not in self.problems:

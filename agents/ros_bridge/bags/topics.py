@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from itertools import takewhile
 from typing import Any, NamedTuple
+
+import msgspec
 
 from agents.ros_bridge.bags.reader import Bag
 from agents.ros_bridge.bridge.config import Receive, RosBridgeConfig, RosCameraTopics, Send
 from agents.ros_bridge.bridge.in_tf import TF, TF_STATIC
-from agents.ros_bridge.bridge.topics import RECEIVED, receive
+from agents.ros_bridge.bridge.topics import RECEIVED, camera_node, receive, topic_node
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE, encoded_size
 from agents.ros_bridge.mapping.names import node_of
@@ -61,7 +64,7 @@ def received_topics(bag: Bag, config: RosBridgeConfig) -> list[str]:
     optional = [CLOCK_TOPIC] if config.clock == "follow" else []
     optional += [TF, TF_STATIC] if wanted.tf else []
     for camera in wanted.cameras.values():
-        named += [camera.color, camera.depth]
+        named += [camera.color, camera.depth, camera.depth_info]
         (named if camera.info else optional).append(camera.info_topic)
     found = [bag.topic(name).name for name in named if name]
     return [*found, *(name for name in optional if name in bag.topics and not bag.topics[name].complaint)]
@@ -93,7 +96,7 @@ def cameras_of(bag: Bag, types: RosTypes) -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = {}
     for view, topics in cameras:
         name = _node(view, found)
-        info = RosCameraTopics(**topics).info_topic
+        info = msgspec.convert(topics, RosCameraTopics).info_topic
         found[name] = topics if info in readable else {**topics, **_info_beside(view.topic, readable)}
     return found
 
@@ -105,8 +108,11 @@ def _readable(bag: Bag) -> dict[str, str]:
 
 def _node(view: _View, taken: dict[str, Any]) -> str:
     """The node of a camera: of ours the one that it had, of others the first part of the topic, or all of it."""
-    first = node_of(view.frame) if view.topic.startswith(_OURS) and view.frame else view.topic.split("/")[1]
-    return first if first not in taken else view.topic.strip("/").replace("/", "_")
+    first = camera_node(view.topic)
+    if view.topic.startswith(_OURS) and view.frame:
+        with contextlib.suppress(RosMessageError):  # a name that no node can have: not one of ours
+            first = node_of(view.frame)
+    return first if first not in taken else topic_node(view.topic)
 
 
 def _info_beside(topic: str, readable: dict[str, str]) -> dict[str, str]:

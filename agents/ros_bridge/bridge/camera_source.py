@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from agents.pairing import Pairing
+from agents.ros_bridge.bridge.camera_depth import DepthInColor, Inboxes
 from agents.ros_bridge.bridge.config import RosCameraTopics
 from agents.ros_bridge.bridge.inbox import Arrived, RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
-from agents.ros_bridge.mapping.cameras import CAMERA_INFO, read_camera_info
+from agents.ros_bridge.mapping.cameras import CAMERA_INFO, read_lens, read_pinhole
 from agents.ros_bridge.mapping.images import (
     COMPRESSED,
     IMAGE,
@@ -27,16 +29,10 @@ from agents.ros_bridge.messages.types import RosTypes
 from dsr.images.blobs import Frame
 from dsr.vocabulary.intrinsics import Intrinsics
 
-_APART = 0.02
-"""s by which the stamps of colour and depth of one exposure may differ: less than a frame at 30 Hz"""
-_PATIENCE = 1.0
-"""s without depth of the same exposure after which colour goes on alone"""
 _KEPT = 4
 """Images of each kind that wait for their partner: it comes within a frame or two, or never"""
 _SENSOR = Qos(reliable=False, depth=5)
 
-Inboxes = Callable[[str, str, int, Qos], RosInbox]
-"""Makes an inbox: topic, type, how many messages wait, quality of service"""
 Stamps = Callable[[float, float], float | None]
 """Stamp of the memory of one of ROS and the time of arrival, s; None if it cannot be used"""
 
@@ -67,11 +63,10 @@ class CameraSource:
         self._color = self._listen(inboxes, topics.color, "compressed")
         self._depth = self._listen(inboxes, topics.depth, "compressedDepth")
         self._info = inboxes(topics.info_topic, CAMERA_INFO, 1, _SENSOR)
-        self._colors: deque[_Image] = deque(maxlen=_KEPT)
-        self._depths: deque[_Image] = deque(maxlen=_KEPT)
-        self._alone_since: float | None = None
-        """s, arrival of the first colour since the last pair"""
-        self._camera_info: Any = None
+        self._pairing: Pairing[_Image] = Pairing()
+        self._unpaired = 0
+        """Images without a partner that were counted"""
+        self._shown = DepthInColor(topics, inboxes, types, tally) if topics.depth_info else None
         self.intrinsics: Intrinsics | None = None
         """Those of the newest CameraInfo; None before the first"""
         self.frame_id = ""
@@ -80,9 +75,6 @@ class CameraSource:
     def frame(self) -> Frame | None:
         """The newest frame that is complete and was not returned before, else None."""
         self._read_info()
-        for inbox, images in ((self._color, self._colors), (self._depth, self._depths)):
-            if inbox is not None:
-                images.extend(image for message in inbox.take() if (image := self._decoded(inbox, message)) is not None)
         pair = self._newest_pair()
         if pair is None:
             return None
@@ -94,7 +86,7 @@ class CameraSource:
 
     def close(self) -> None:
         """Listen no more."""
-        for inbox in (self._color, self._depth, self._info):
+        for inbox in (self._color, self._depth, self._info, self._shown):
             if inbox is not None:
                 inbox.close()
 
@@ -117,47 +109,51 @@ class CameraSource:
             name = self._info.topic.name
             try:
                 decoded = self._types.decode(CAMERA_INFO, message.cdr)
-                self.intrinsics = read_camera_info(decoded, rectified=self._topics.rectified)
+                pinhole = read_pinhole(decoded, rectified=self._topics.rectified)
             except RosMessageError as error:
                 self._tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
+                continue
+            try:
+                lens = None if self._topics.rectified else read_lens(decoded)
+                self.intrinsics = replace(pinhole, distortion=lens)
+            except RosMessageError as error:
+                self.intrinsics = pinhole
+                self._tally.tell("malformed", f"{name} lens", f"the distortion on {name} was left out: {error}")
+
+    def _images(self, inbox: RosInbox | None) -> list[_Image]:
+        """What came since the last call and can be decoded."""
+        messages = [] if inbox is None else inbox.take()
+        return [image for message in messages if inbox and (image := self._decoded(inbox, message)) is not None]
 
     def _newest_pair(self) -> tuple[_Image | None, _Image | None] | None:
         """Colour and depth of one exposure; the one alone if the camera has no other."""
-        colors, depths = self._colors, self._depths
-        if self._depth is None or self._color is None:
-            images = depths if self._color is None else colors
-            if not images:
-                return None
-            newest = images[-1]
-            images.clear()
-            return (None, newest) if self._color is None else (newest, None)
-        if colors and self._alone_since is None:
-            self._alone_since = colors[0].at
-        for color in reversed(colors):
-            depth = min(depths, key=lambda image: abs(image.stamp - color.stamp), default=None)
-            if depth is not None and abs(depth.stamp - color.stamp) <= _APART:
-                _forget(colors, color.stamp)
-                _forget(depths, depth.stamp)
-                self._alone_since = None
-                return color, depth
-        if colors and self._alone_since is not None and colors[-1].at - self._alone_since > _PATIENCE:
-            newest = colors[-1]
-            self._tell_alone(newest)
-            colors.clear()
-            return newest, None
-        return None
+        colors, depths = self._images(self._color), self._images(self._depth)
+        if self._depth is None:
+            return (colors[-1], None) if colors else None
+        if self._color is None:
+            return (None, depths[-1]) if depths else None
+        for color in colors:
+            self._pairing.add_color(color, color.stamp, color.at)
+        for depth in depths:
+            self._pairing.add_depth(depth, depth.stamp, depth.at)
+        if (unpaired := self._pairing.unpaired) > self._unpaired:
+            self._tally.count(f"unpaired on {self._topics.color}", unpaired - self._unpaired)
+            self._unpaired = unpaired
+        pair = self._pairing.take()
+        if pair is not None and pair[1] is None:
+            self._tell_alone()
+        return pair
 
-    def _tell_alone(self, color: _Image) -> None:
+    def _tell_alone(self) -> None:
         """Count colour that goes on alone; if there is depth, only of other moments, tell it."""
-        what, topics = f"colour without depth on {self._topics.color}", self._topics
-        if not self._depths:
+        what, topics, gap = f"colour without depth on {self._topics.color}", self._topics, self._pairing.gap
+        if gap is None:
             self._tally.count(what)
             return
-        apart = min(abs(depth.stamp - color.stamp) for depth in self._depths)
         self._tally.tell(
             what, topics.color,
-            f"{topics.color} and {topics.depth} are stamped {apart * 1e3:.0f} ms apart, more than {_APART * 1e3:.0f}: "
-            "they are of different moments, and depth is left out",
+            f"{topics.color} and {topics.depth} are stamped {gap * 1e3:.0f} ms apart, more than "
+            f"{self._pairing.apart * 1e3:.0f}: they are of different moments, and depth is left out",
         )  # fmt: skip
 
     def _made(self, color: _Image | None, depth: _Image | None) -> Frame | None:
@@ -174,13 +170,13 @@ class CameraSource:
         if depth is not None:
             compressed = self._topics.depth.endswith("/compressedDepth")
             metres = read_compressed_depth(depth.message) if compressed else read_depth(depth.message)
-            if color is not None and metres.shape != arrays["color"].shape[:2]:
-                shapes = f"depth {metres.shape}, colour {arrays['color'].shape[:2]}"
-                self._tally.tell(
-                    "depth not aligned", self._topics.depth, f"{self._topics.depth}: {shapes} px; left out"
-                )
-            else:
-                arrays["depth"] = metres
+            shown = metres if self._shown is None else self._shown.show(metres, self.intrinsics)
+            if color is not None and shown is not None and shown.shape != arrays["color"].shape[:2]:
+                shapes = f"depth {shown.shape}, colour {arrays['color'].shape[:2]}"
+                text = f"{self._topics.depth}: {shapes} px; left out"
+                self._tally.tell("depth not aligned", self._topics.depth, text)
+            elif shown is not None:
+                arrays["depth"] = shown
         return Frame(stamp, arrays, self._meta(next(iter(arrays.values())).shape))
 
     def _meta(self, shape: tuple[int, ...]) -> dict[str, float | int | str]:
@@ -194,10 +190,3 @@ class CameraSource:
             self._tally.tell("intrinsics of another size", self._info.topic.name, text)
             return {}
         return intrinsics.meta()
-
-
-def _forget(images: deque[_Image], stamp: float) -> None:
-    """Those up to a stamp (s): they were used, or passed over."""
-    kept = [image for image in images if image.stamp > stamp]
-    images.clear()
-    images.extend(kept)

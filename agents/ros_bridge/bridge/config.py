@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from agents.ros_bridge.link.link import LinkConfig
+from dsr.config.toml import convert
 from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Pose
 
@@ -36,13 +38,20 @@ class RosCameraTopics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     color: str = ""
     """`sensor_msgs/Image`, or `CompressedImage` if the name ends with `compressed`"""
     depth: str = ""
-    """Depth aligned with colour: `Image`, or `CompressedImage` if the name ends with `compressedDepth`"""
+    """Depth: `Image`, or `CompressedImage` if the name ends with `compressedDepth`; aligned with colour, or with
+    `depth_info` and `depth_pose`"""
     info: str = ""
     """`sensor_msgs/CameraInfo`; if empty, `camera_info` beside the colour or depth topic"""
+    depth_info: str = ""
+    """`sensor_msgs/CameraInfo` of depth that is not aligned with colour"""
+    depth_pose: Root | None = None
+    """Pose of that depth's camera in the optical frame of colour"""
 
     def __post_init__(self) -> None:
         if not (self.color or self.depth):
             raise ValueError("a camera needs a topic `color` or `depth`")
+        if bool(self.depth_info) != (self.depth_pose is not None) or (self.depth_info and not self.color):
+            raise ValueError("`depth_info` and `depth_pose` go together, with topics `color` and `depth`")
 
     @property
     def info_topic(self) -> str:
@@ -54,6 +63,14 @@ class RosCameraTopics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def rectified(self) -> bool:
         """Whether image_proc has taken the distortion out, as the name of the topic tells."""
         return "rect" in (self.color or self.depth).removesuffix("/compressed").rpartition("/")[2]
+
+
+def camera_topics(
+    color: str, depth: str, info: str, depth_info: str, depth_pose: Mapping[str, Any] | None
+) -> RosCameraTopics:
+    """Topics that the options of a driver name. Raises `ConfigError`."""
+    told = {"color": color, "depth": depth, "info": info, "depth_info": depth_info, "depth_pose": depth_pose}
+    return convert(told, RosCameraTopics, "topics of the camera")
 
 
 class DetectionTopic(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

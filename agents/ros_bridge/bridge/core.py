@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from agents.ros_bridge.bridge.frame_nodes import FrameNodes
 from agents.ros_bridge.bridge.inbox import RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
@@ -36,6 +37,7 @@ class BridgeCore:
     ) -> None:  # fmt: skip
         self.memory, self.link, self.types, self.names = memory, link, types, names
         self.times, self.tally, self.clock = times, tally, clock
+        self.frames = FrameNodes(memory)
         self.notify = notify
         """Asks for a tick soon; may be called in any thread."""
         self.wants = wants

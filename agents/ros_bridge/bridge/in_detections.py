@@ -46,17 +46,19 @@ class DetectionsIn:
             name = inbox.topic.name
             for message in inbox.take():
                 try:
-                    found = read_detections(self._core.types.decode(DETECTIONS, message.cdr))
+                    found, errors = read_detections(self._core.types.decode(DETECTIONS, message.cdr))
                 except RosMessageError as error:
                     self._core.tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
                     continue
+                for why in errors:
+                    self._core.tally.tell("malformed", f"{name} one", f"a detection on {name} was dropped: {why}")
                 with self._core.memory.batch():
                     for detected in found:
                         self._take(detected, detector, message.at, now)
             self._age(detector, now)
 
     def _take(self, detected: DetectedObject, detector: _Detector, arrival: float, now: float) -> None:
-        if detected.score < detector.config.least_score:
+        if not detected.score >= detector.config.least_score:  # nor one that is not a number
             self._core.tally.count("detections with a low score")
             return
         try:
@@ -73,6 +75,7 @@ class DetectionsIn:
         self, name: str, frame: str, detected: DetectedObject, detector: _Detector, stamp: float, now: float
     ) -> None:
         memory = self._core.memory
+        self._core.frames.ensure(frame)
         node = memory.get_node(name)
         if node is None:
             if detector.made >= _MOST_OBJECTS:
@@ -88,8 +91,6 @@ class DetectionsIn:
         else:
             changed = {} if node.get("perceived") is True else {"perceived": True}
             memory.update_node(name, last_seen=min(stamp, now), **changed)
-        if frame not in memory:
-            memory.add_node(frame, "body")
         memory.add_edge(frame, name, "RT", pose=detected.pose.with_stamp(stamp))
         detector.seen[name] = min(stamp, now)
 

@@ -12,7 +12,7 @@ from agents.ros_bridge.bridge.config import RosBridgeConfig
 from agents.ros_bridge.bridge.core import SENSOR, BridgeCore
 from agents.ros_bridge.bridge.stamping import usable_stamp
 from agents.ros_bridge.errors import RosMessageError
-from agents.ros_bridge.mapping.clouds import CLOUD, read_cloud
+from agents.ros_bridge.mapping.clouds import CLOUD, check_fields, read_cloud
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_seconds
 from dsr.errors import DsrError
@@ -58,12 +58,19 @@ class CamerasIn:
             return
         memory = self._core.memory
         memory.add_node(node, "camera", stream=node, **{name: value for name, value in told.items() if name != "frame"})
-        frame = self._core.names.node(source.frame_id) if source.frame_id else node
-        if frame != node and memory.get_edge(frame, node, "RT") is None:
-            if frame not in memory:
-                memory.add_node(frame, "body")
-            memory.add_edge(frame, node, "RT", pose=Pose.identity())
+        self._hang(node, self._core.names.node(source.frame_id) if source.frame_id else node)
         self._described[node] = told
+
+    def _hang(self, node: str, frame: str) -> None:
+        """Hang a camera from the frame that its images name, and from no other one that they named before."""
+        memory = self._core.memory
+        if frame == node or memory.get_edge(frame, node, "RT") is not None:
+            return
+        self._core.frames.ensure(frame)
+        for edge in memory.edges("RT", dst=node):
+            if self._core.came_from_ros(edge, "pose"):
+                memory.remove_edge(edge.src, node, "RT")
+        memory.add_edge(frame, node, "RT", pose=Pose.identity())
 
 
 class CloudsIn:
@@ -79,6 +86,7 @@ class CloudsIn:
         for node, inbox in self._inboxes.items():
             for message in inbox.take():
                 try:
+                    check_fields(message.cdr)
                     cloud = self._core.types.decode(CLOUD, message.cdr)
                     points, colors = read_cloud(cloud)
                     told = to_seconds(cloud.header.stamp)
@@ -103,8 +111,7 @@ class CloudsIn:
         memory.add_node(node, "body", stream=node)
         frame = self._core.names.node(frame_id) if frame_id else node
         if frame != node:
-            if frame not in memory:
-                memory.add_node(frame, "body")
+            self._core.frames.ensure(frame)
             memory.add_edge(frame, node, "RT", pose=Pose.identity())
 
 
@@ -129,8 +136,11 @@ class JointsIn:
             for message in inbox.take():
                 name = inbox.topic.name
                 try:
-                    table.add(read_joints(self._core.types.decode(JOINT_STATE, message.cdr)))
+                    sample = read_joints(self._core.types.decode(JOINT_STATE, message.cdr))
+                    table.add(sample, message.at)
                     self._waiting.add(node)
+                    if sample.unknown:
+                        self._core.tally.count("positions of joints that are not known", len(sample.unknown))
                 except RosMessageError as error:
                     self._core.tally.tell("malformed", name, f"a message on {name} was dropped: {error}")
             if node in self._waiting and now - self._written.get(node, -math.inf) >= 0.9 * self._period:

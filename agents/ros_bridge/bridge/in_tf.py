@@ -8,6 +8,7 @@ import msgspec
 
 from agents.ros_bridge.bridge.config import RosBridgeConfig
 from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.bridge.frame_nodes import MOST_FRAMES
 from agents.ros_bridge.bridge.inbox import Arrived
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.stamping import usable_stamp
@@ -24,8 +25,6 @@ from dsr.math3d.transforms import Pose
 TF, TF_STATIC = "/tf", "/tf_static"
 _MOST_WAITING = 2000
 """Messages of tf that wait for a tick: a flood of 100 000 a second fills no more"""
-MOST_FRAMES = 4000
-"""Frames of tf: more than any robot has; one that makes up names does not fill the graph"""
 _HEARD = 1.0
 """s after which a publisher of a frame that is silent has given it up"""
 _MOST_BACK = 1.0
@@ -126,8 +125,7 @@ class TfIn:
     def _looked_up(self, ros_parent: str, ros_child: str, writer: bytes, heard: float, stamp: float) -> _Frame | None:
         """The frame of a transform that comes from elsewhere than its last one; None if it does not count."""
         core = self._core
-        if ros_child.lstrip("/").startswith(BELIEF):
-            core.tally.count("own frames passed on")
+        if self._is_belief(ros_parent, ros_child):
             return None
         try:
             parent, child = core.names.node(ros_parent), core.names.node(ros_child)
@@ -146,9 +144,23 @@ class TfIn:
             return None
         elif frame.parent != parent:
             self._leave_parent(child, frame, parent)
+        self._known.pop(frame.spelled[1], None)
         frame.writer, frame.spelled = writer, (ros_parent, ros_child)
         self._known[ros_child] = frame
         return frame
+
+    def _is_belief(self, ros_parent: str, ros_child: str) -> bool:
+        """Whether a frame is a belief of the memory, or hangs from one."""
+        if ros_child.lstrip("/").startswith(BELIEF):
+            self._core.tally.count("own frames passed on")
+            return True
+        if not ros_parent.lstrip("/").startswith(BELIEF):
+            return False
+        self._core.tally.tell(
+            "frames below beliefs", ros_child,
+            f"frame {ros_child!r} hangs from {ros_parent!r} in ROS: what hangs from a belief is not received",
+        )  # fmt: skip
+        return True
 
     def _is_echo(self, parent: str, child: str) -> bool:
         """Whether we publish this frame ourselves: it is never taken back, whoever sends it."""
@@ -256,14 +268,11 @@ class TfIn:
         self._waiting[frame.child] = frame
 
     def _ensure(self, name: str) -> None:
-        memory = self._core.memory
-        if name not in memory:
-            frame = self._core.names.frame(name)
-            memory.add_node(name, WORLD if name == WORLD else self._config.types.get(frame, "body"))
-        root = self._config.roots.get(self._core.names.frame(name))
+        memory, ros_frame = self._core.memory, self._core.names.frame(name)
+        self._core.frames.ensure(name, self._config.types.get(ros_frame, "body"))
+        root = self._config.roots.get(ros_frame)
         if root is not None and not memory.edges("RT", dst=name):
-            if WORLD not in memory:
-                memory.add_node(WORLD, "world")
+            self._core.frames.ensure(WORLD)
             memory.add_edge(WORLD, name, "RT", pose=root.pose())
 
     def _is_free(self, child: str, parent: str) -> bool:
@@ -311,8 +320,15 @@ class TfIn:
                     memory.remove_edge(frame.parent, child, "RT")
             elif not others:
                 frame.shown = None
-            if frame.parent != WORLD and frame.parent not in self._frames and not memory.edges("RT", dst=frame.parent):
+            if self._hangs_from_nothing(frame.parent):
                 self.unattached = self._core.names.frame(frame.parent)
+
+    def _hangs_from_nothing(self, parent: str) -> bool:
+        """Whether a frame from which others hang is neither the world, nor above it, nor hangs anywhere."""
+        memory = self._core.memory
+        if parent == WORLD or parent in self._frames or memory.edges("RT", dst=parent):
+            return False
+        return memory.get_transform(WORLD, parent) is None
 
 
 _EARLY = 0.1

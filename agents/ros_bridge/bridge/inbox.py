@@ -9,10 +9,16 @@ from typing import NamedTuple
 
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.link.link import Received, RosLink, Topic
+from agents.ros_bridge.mapping.clouds import CLOUD
+from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE
 from dsr.clock import Clock
 
 _MOST_BYTES = 1 << 26
-"""bytes of one topic that wait: two images of 8 megapixels, or more transforms than any robot sends in a tick"""
+"""bytes of one topic of images or clouds that wait: two images of 8 megapixels"""
+_MOST_SMALL_BYTES = 1 << 22
+"""bytes of any other topic that wait: 40 000 transforms, more than any robot sends in a tick, and read in a second"""
+_LARGE = (IMAGE, COMPRESSED, CLOUD)
+"""Types of messages that are large, and read as one array"""
 
 
 class Arrived(NamedTuple):
@@ -44,6 +50,7 @@ class RosInbox:
     ) -> None:  # fmt: skip
         self.topic = topic
         self._most = most
+        self._most_bytes = _MOST_BYTES if topic.type in _LARGE else _MOST_SMALL_BYTES
         self._clock = clock
         self._tally = tally
         self._own = own
@@ -69,7 +76,7 @@ class RosInbox:
         size = len(message.cdr)
         if message.writer and message.writer in self._own:
             return
-        if size > _MOST_BYTES:
+        if size > self._most_bytes:
             self._tally.tell(
                 "too large", self.topic.name, f"a message of {size} bytes on {self.topic.name} was dropped"
             )
@@ -77,7 +84,7 @@ class RosInbox:
         with self._lock:
             self._waiting.append(Arrived(message.cdr, message.writer, self._clock.now()))
             self._bytes += size
-            while len(self._waiting) > self._most or self._bytes > _MOST_BYTES:
+            while len(self._waiting) > self._most or self._bytes > self._most_bytes:
                 self._bytes -= len(self._waiting.popleft().cdr)
                 self._tally.count(f"passed over on {self.topic.name}")
         self._notify()

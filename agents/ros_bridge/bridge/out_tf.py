@@ -71,7 +71,7 @@ class TfOut:
         latched = False
         for change in self._watch.poll():
             if change.kind == "removed":
-                self._forget(change.type, change.src, change.dst)
+                latched |= self._forget(change.type, change.src, change.dst)
                 continue
             if change.type == _RT and change.dst in self.received:
                 continue
@@ -90,7 +90,7 @@ class TfOut:
                 self._static[edge.type, edge.dst] = transform
                 latched = True
             else:
-                self._static.pop((edge.type, edge.dst), None)
+                latched |= self._static.pop((edge.type, edge.dst), None) is not None
                 dynamic.append(transform)
         if dynamic:
             self._sent = self._core.clock.monotonic()
@@ -99,11 +99,15 @@ class TfOut:
         if latched:
             self._latched.send_cdr(encode_transforms(self._static.values()))
 
-    def _forget(self, type: str, parent: str, child: str) -> None:
-        """An edge is gone; tf keeps its last transform for as long as it keeps any."""
-        if self._published.get((type, child), ("",))[0] == parent:
-            del self._published[type, child]
-            self._static.pop((type, child), None)
+    def _forget(self, type: str, parent: str, child: str) -> bool:
+        """An edge is gone. Whether it was static: who comes late is not to be told of it.
+
+        Who is there keeps its last transform for as long as tf keeps any.
+        """
+        if self._published.get((type, child), ("",))[0] != parent:
+            return False
+        del self._published[type, child]
+        return self._static.pop((type, child), None) is not None
 
     def _is_to_be_sent(self, edge: Edge, pose: Pose, write: Write) -> bool:
         """Not what came from ROS, nor a sample twice, nor one below a parent that is not the frame's in tf."""

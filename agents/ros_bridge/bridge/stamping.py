@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from agents.ros_bridge.bridge.core import BridgeCore
-from agents.ros_bridge.bridge.times import MOST_AHEAD
+from agents.ros_bridge.bridge.times import MOST_AHEAD, MOST_BEHIND
 
 
 def usable_stamp(core: BridgeCore, told: float, arrival: float, *, restamp: bool, subject: str) -> float | None:
-    """The stamp of the memory (s) of one of ROS (s); None, and told, for one from the future.
+    """The stamp of the memory (s) of one of ROS (s); None, and told, for one from the future. One of long ago is told.
 
     Args:
         core: of the bridge.
@@ -29,4 +29,10 @@ def usable_stamp(core: BridgeCore, told: float, arrival: float, *, restamp: bool
             "set the clocks, or `restamp = true`",
         )  # fmt: skip
         return None
+    if stamp < now - MOST_BEHIND:
+        core.tally.tell(
+            "from the past", subject,
+            f"{subject!r} is stamped {now - stamp:.1f} s behind our clock: set the clocks, or `restamp = true`; "
+            "a bag is played with --clock, and dsr ros run with --use-sim-time",
+        )  # fmt: skip
     return stamp

@@ -12,6 +12,8 @@ _SHOWN = 10.0
 """s for which a trouble stays in the status after it happened last"""
 _MOST_KINDS = 1000
 """Troubles that are logged one by one; who makes up more of them does not fill the log"""
+_LONGEST = 500
+"""Characters of a trouble in words, and of what it is about: names come from ROS, and may have millions"""
 
 
 class Tally:
@@ -40,6 +42,7 @@ class Tally:
     def tell(self, what: str, subject: str, text: str, number: int = 1) -> None:
         """Count a trouble of some kind with some subject, and log the first of its kind with that subject."""
         self.counts[what] += number
+        text, subject = _shortened(text), _shortened(subject)
         self._newest, self._until = text, self._clock.monotonic() + _SHOWN
         if (what, subject) not in self._told and len(self._told) < _MOST_KINDS:
             self._told.add((what, subject))
@@ -50,3 +53,7 @@ class Tally:
     def trouble(self) -> str:
         """The newest trouble in words, if it was lately; else empty."""
         return self._newest if self._clock.monotonic() < self._until else ""
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({len(text)} characters)"

@@ -16,6 +16,9 @@ _JUMP = 1.0
 MOST_AHEAD = 0.5
 """s that a stamp may be ahead of our clock, as of percepts (`dsr.perception.percepts`)"""
 
+MOST_BEHIND = 10.0
+"""s that a stamp may be behind our clock before that is told: messages are on their way for less, tf keeps as much"""
+
 
 class TimeSource:
     """Converts stamps between ROS and the memory.

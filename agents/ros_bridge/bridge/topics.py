@@ -11,6 +11,7 @@ from agents.ros_bridge.mapping.clouds import CLOUD
 from agents.ros_bridge.mapping.detections import DETECTIONS
 from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE
 from agents.ros_bridge.mapping.joints import JOINT_STATE
+from agents.ros_bridge.mapping.names import node_of
 from agents.ros_bridge.messages.transforms import TF_MESSAGE
 from dsr.errors import ConfigError
 
@@ -37,7 +38,7 @@ def receive(topics: Mapping[str, str]) -> dict[str, Any]:
         elif type in (IMAGE, COMPRESSED):
             _add_image(found["cameras"], name)
         elif type == CLOUD:
-            found["clouds"][_node(name)] = name
+            found["clouds"][topic_node(name)] = name
         elif type == DETECTIONS:
             found["detections"][name] = {}
         elif type == APRILTAGS:
@@ -53,9 +54,9 @@ def receive(topics: Mapping[str, str]) -> dict[str, Any]:
 
 def _add_image(cameras: dict[str, dict[str, str]], name: str) -> None:
     kind = "depth" if "depth" in name.lower() else "color"
-    camera = name.split("/")[1]
+    camera = camera_node(name)
     if kind in cameras.get(camera, {}):
-        camera = _node(name)
+        camera = topic_node(name)
     cameras.setdefault(camera, {})[kind] = name
 
 
@@ -69,5 +70,11 @@ def _add_infos(cameras: dict[str, dict[str, str]], infos: list[str]) -> None:
                 topics["info"] = info
 
 
-def _node(topic: str) -> str:
-    return topic.strip("/").replace("/", "_")
+def camera_node(topic: str) -> str:
+    """The node of a camera by the first part of its topics. Raises `RosMessageError` for one that no node can have."""
+    return node_of(topic.strip("/").partition("/")[0])
+
+
+def topic_node(topic: str) -> str:
+    """The node of a sensor by its whole topic. Raises `RosMessageError` for a name that no node can have."""
+    return node_of(topic.strip("/").replace("/", "_"))

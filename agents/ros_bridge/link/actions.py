@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agents.ros_bridge.errors import RosLinkError, RosMessageError
+from agents.ros_bridge.errors import RosError, RosLinkError, RosMessageError
 from agents.ros_bridge.link.link import Received, RosLink, Topic
 from agents.ros_bridge.messages.types import RosTypes
 
@@ -88,6 +88,7 @@ class ActionClient:
         Raises:
             RosTimeoutError: if nobody answered.
             RosLinkError: if the server rejected the goal.
+            RosMessageError: if its answer is none.
         """
         id = secrets.token_bytes(_ID_BYTES)
         if feedback is not None:
@@ -97,7 +98,7 @@ class ActionClient:
             response = self.ask("send_goal", "SendGoal", timeout, goal_id=self.uuid(id), goal=goal)
             if not response.accepted:
                 raise RosLinkError(f"{self._name} rejected the goal")
-        except RosLinkError:
+        except RosError:
             self.forget(id)
             raise
         return ActionGoal(self, id)

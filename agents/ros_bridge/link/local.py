@@ -113,10 +113,12 @@ class LocalLink:
         ros: what the nodes that are to hear each other have in common.
         node: full name of the node, for example `/dsr_bridge`.
         distro: release of ROS 2 whose types it knows.
+        any_names: whether topics may have names that ROS 2 has not, as in bags of ROS 1.
     """
 
-    def __init__(self, ros: LocalRos, node: str, distro: str = "jazzy") -> None:
+    def __init__(self, ros: LocalRos, node: str, distro: str = "jazzy", *, any_names: bool = False) -> None:
         self.ros = ros
+        self._any_names = any_names
         self._node = check_name(node)
         self._types: RosTypes = types_of(distro)
         self._made = 0
@@ -189,5 +191,6 @@ class LocalLink:
     def _check(self, topic: Topic) -> str:
         if self._closed:
             raise RosLinkError("the connection to ROS is closed")
-        check_name(topic.name)
+        if not self._any_names:
+            check_name(topic.name)
         return self._types.hash(topic.type)

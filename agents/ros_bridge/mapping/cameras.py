@@ -29,6 +29,12 @@ def read_camera_info(message: Any, *, rectified: bool = False) -> Intrinsics:
         RosMessageError: for a camera that was never calibrated, a lens whose model is not known, or numbers that no
             camera has.
     """
+    pinhole = read_pinhole(message, rectified=rectified)
+    return pinhole if rectified else replace(pinhole, distortion=read_lens(message))
+
+
+def read_pinhole(message: Any, *, rectified: bool = False) -> Intrinsics:
+    """The intrinsics without the distortion, which may be malformed; otherwise as `read_camera_info`."""
     matrix = np.asarray(message.p).reshape(3, 4) if rectified else np.asarray(message.k).reshape(3, 3)
     binning = max(1, message.binning_x), max(1, message.binning_y)
     roi = message.roi
@@ -42,11 +48,17 @@ def read_camera_info(message: Any, *, rectified: bool = False) -> Intrinsics:
     if not all(map(math.isfinite, meta.values())) or meta["fx"] == 0.0 or min(shape) < 1:
         raise RosMessageError("a CameraInfo without intrinsics: the camera was not calibrated")
     try:
-        intrinsics = Intrinsics.from_meta(meta, shape)
-        coefficients = np.asarray(message.d, np.float64).tolist()
-        if rectified or not message.distortion_model or not any(coefficients):
-            return intrinsics
-        return replace(intrinsics, distortion=Distortion.of(message.distortion_model, coefficients))
+        return Intrinsics.from_meta(meta, shape)
+    except ValueError as error:
+        raise RosMessageError(f"a CameraInfo: {error}") from error
+
+
+def read_lens(message: Any) -> Distortion | None:
+    """The distortion that a CameraInfo tells; None without any. Raises `RosMessageError` for numbers no lens has."""
+    coefficients = tuple(np.asarray(message.d, np.float64).tolist())
+    try:
+        distorted = message.distortion_model and any(coefficients)
+        return Distortion.of(message.distortion_model, coefficients) if distorted else None
     except ValueError as error:
         raise RosMessageError(f"a CameraInfo: {error}") from error
 

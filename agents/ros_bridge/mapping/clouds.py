@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 _FIELD = "sensor_msgs/msg/PointField"
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Number formats by the constants of PointField"""
+_MOST_FIELDS = 256
+"""Fields of a cloud: lidars have some ten, features of a point some hundred"""
+_FRAME_AT = 12
+"""Byte of CDR at which the length of `frame_id` is: behind the encapsulation and the stamp"""
 _FLOAT32 = 7
 _COLOR_FIELDS = ("rgb", "rgba")
 Points = NDArray[np.float32]
@@ -42,9 +47,30 @@ def read_cloud(message: Any) -> tuple[Points, Colors | None]:
     return points[finite], colors[finite]
 
 
+def check_fields(cdr: bytes | memoryview) -> None:
+    """Raise `RosMessageError` for a cloud in CDR with very many fields: each would become an object when it is decoded.
+
+    What else is wrong with the bytes is for the decoder to tell.
+    """
+    order = "<" if bytes(cdr[1:2]) == b"\1" else ">"
+    try:
+        (length,) = struct.unpack_from(f"{order}I", cdr, _FRAME_AT)
+        end = (_FRAME_AT + 4 + length + 3) & -4
+        _, _, number = struct.unpack_from(f"{order}III", cdr, end)  # after height and width
+    except struct.error:
+        return
+    _check_number(number)
+
+
+def _check_number(fields: int) -> None:
+    if fields > _MOST_FIELDS:
+        raise RosMessageError(f"a cloud with {fields} fields: expected {_MOST_FIELDS} at most")
+
+
 def _records(message: Any) -> NDArray[Any]:
     """The points as records, one for each."""
     order = ">" if message.is_bigendian else "<"
+    _check_number(len(message.fields))
     fields = [field for field in message.fields if field.count == 1 and field.datatype in _NUMBERS]
     height, width, step, row = message.height, message.width, message.point_step, message.row_step
     data = np.ascontiguousarray(message.data, np.uint8)
@@ -54,6 +80,9 @@ def _records(message: Any) -> NDArray[Any]:
         row = step = max(step, 1)
     elif step < 1 or row < step * width or data.size < (height - 1) * row + step * width:
         raise RosMessageError(f"a cloud of {width} x {height} points of {step} bytes has {data.size} bytes")
+    # numpy adds offsets in 32 bits: one near the end of these would lead it far behind the data
+    if any(field.offset + int(_NUMBERS[field.datatype][1]) > step for field in fields):
+        raise RosMessageError(f"a cloud with fields that do not fit {step} bytes")
     try:
         dtype = np.dtype({
             "names": [field.name for field in fields],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.mapping.transforms import (
+    FARTHEST,
     read_pose,
     read_pose_with_covariance,
     to_pose,
@@ -43,9 +43,15 @@ class DetectedObject(NamedTuple):
     """m, of the box; None if it is not told"""
 
 
-def read_detections(message: Any) -> list[DetectedObject]:
-    """The objects of a message. Raises `RosMessageError` for a pose or a size that is none."""
-    return [_read(detection, message.header) for detection in message.detections]
+def read_detections(message: Any) -> tuple[list[DetectedObject], list[RosMessageError]]:
+    """The objects of a message, and why others are left out: a pose or a size that is none."""
+    found, errors = [], []
+    for detection in message.detections:
+        try:
+            found.append(_read(detection, message.header))
+        except RosMessageError as error:
+            errors.append(error)
+    return found, errors
 
 
 def _read(detection: Any, header: Any) -> DetectedObject:
@@ -54,7 +60,7 @@ def _read(detection: Any, header: Any) -> DetectedObject:
     best = max(detection.results, key=lambda result: result.hypothesis.score, default=None)
     box = detection.bbox.size
     size: Vector3 = (box.x, box.y, box.z)
-    if not all(math.isfinite(edge) and edge >= 0.0 for edge in size):
+    if not all(0.0 <= edge <= FARTHEST for edge in size):
         raise RosMessageError(f"a detection with a box of {size} m")
     has_box = min(size) > 0.0
     if best is None:

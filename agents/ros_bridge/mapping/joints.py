@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.messages.types import RosTypes
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+_T = TypeVar("_T")
+_LONGEST = 128
+"""Characters of a joint's name, as of a node's"""
 MOST_JOINTS = 512
 """Joints of one robot, of hands and faces, too: what has more is no robot but an attack on memory."""
 
@@ -24,23 +27,34 @@ class JointSample(NamedTuple):
     positions: tuple[float, ...]
     """rad or m"""
     velocities: tuple[float, ...]
-    """rad/s or m/s, 0 where the message does not say"""
+    """rad/s or m/s, not a number where the message does not say"""
     efforts: tuple[float, ...]
-    """N m or N, 0 where the message does not say"""
+    """N m or N, not a number where the message does not say"""
+    unknown: tuple[str, ...] = ()
+    """Further joints, whose positions are not numbers: ros2_control tells joints without a position sensor so"""
 
 
 def read_joints(message: Any) -> JointSample:
-    """Read a JointState. Raises `RosMessageError` if positions are missing or not finite, or names occur twice."""
+    """Read a JointState.
+
+    Raises:
+        RosMessageError: if positions are missing, or none is finite; if names are twice, empty or too long.
+    """
     names = tuple(message.name)
     positions = tuple(message.position.tolist())
     if len(positions) != len(names) or len(names) > MOST_JOINTS:
         raise RosMessageError(f"a JointState of {len(names)} names and {len(positions)} positions")
-    if len(set(names)) != len(names) or any("," in name or not name for name in names):
-        raise RosMessageError(f"a JointState with names twice, empty or with a comma: {names!s:.200}")
-    if not all(map(math.isfinite, positions)):
-        raise RosMessageError("a JointState with a position that is not finite")
-    velocities, efforts = (_or_zeros(values.tolist(), len(names)) for values in (message.velocity, message.effort))
-    return JointSample(to_seconds(message.header.stamp), names, positions, velocities, efforts)
+    if len(set(names)) != len(names) or any("," in name or not 0 < len(name) <= _LONGEST for name in names):
+        raise RosMessageError(f"a JointState with names twice, empty, too long or with a comma: {names!s:.200}")
+    known = [index for index, position in enumerate(positions) if math.isfinite(position)]
+    if names and not known:
+        raise RosMessageError("a JointState without any position that is finite")
+    velocities, efforts = (_all_or_none(values.tolist(), len(names)) for values in (message.velocity, message.effort))
+    return JointSample(
+        to_seconds(message.header.stamp), _chosen(names, known), _chosen(positions, known),
+        _chosen(velocities, known), _chosen(efforts, known),
+        tuple(name for name, position in zip(names, positions, strict=True) if not math.isfinite(position)),
+    )  # fmt: skip
 
 
 def to_joint_state(
@@ -52,21 +66,42 @@ def to_joint_state(
     )
 
 
+_SPAN = 0.1
+"""s over which a velocity is measured that is not told: of shorter ones, steps of encoders would look like motion"""
+_LOST = 1.0
+"""s without a sample after which nothing is known of a joint's velocity"""
+
+
 class JointTable:
-    """The newest values of all joints of a robot, whose parts tell theirs one by one."""
+    """The newest values of all joints of a robot, whose parts tell theirs one by one.
+
+    Many robots tell no velocities. Theirs are measured by their positions.
+    """
 
     def __init__(self) -> None:
-        self.stamp = 0.0
-        """s, of the newest sample"""
         self._values: dict[str, tuple[float, float, float]] = {}
+        self._measured: dict[str, tuple[float, float, float]] = {}
+        """Of joints whose velocity is not told: when (s) and at which position it was measured, and what it is"""
 
-    def add(self, sample: JointSample) -> None:
-        """Take the values of a sample. Raises `RosMessageError` if there were too many joints then."""
+    def add(self, sample: JointSample, at: float) -> None:
+        """Take the values of a sample of time `at` (s). Raises `RosMessageError` if there were too many joints then."""
         if len(self._values.keys() | set(sample.names)) > MOST_JOINTS:
             raise RosMessageError(f"more than {MOST_JOINTS} joints")
-        values = zip(sample.positions, sample.velocities, sample.efforts, strict=True)
-        self._values.update(zip(sample.names, values, strict=True))
-        self.stamp = max(self.stamp, sample.stamp)
+        for name, position, velocity, effort in zip(
+            sample.names, sample.positions, sample.velocities, sample.efforts, strict=True
+        ):
+            known = velocity if math.isfinite(velocity) else self._measure(name, position, at)
+            self._values[name] = position, known, effort if math.isfinite(effort) else 0.0
+
+    def _measure(self, name: str, position: float, at: float) -> float:
+        """rad/s or m/s by the last position that is old enough; 0 without one."""
+        begun, begin, velocity = self._measured.get(name, (-math.inf, position, 0.0))
+        passed = at - begun
+        if 0.0 <= passed < _SPAN:
+            return velocity
+        velocity = (position - begin) / passed if 0.0 < passed <= _LOST else 0.0
+        self._measured[name] = at, position, velocity
+        return velocity
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,5 +126,9 @@ class JointTable:
         return self._values[name]
 
 
-def _or_zeros(values: list[float], count: int) -> tuple[float, ...]:
-    return tuple(values) if len(values) == count and all(map(math.isfinite, values)) else (0.0,) * count
+def _all_or_none(values: list[float], count: int) -> tuple[float, ...]:
+    return tuple(values) if len(values) == count else (math.nan,) * count
+
+
+def _chosen(values: tuple[_T, ...], indexes: list[int]) -> tuple[_T, ...]:
+    return values if len(indexes) == len(values) else tuple(values[index] for index in indexes)

@@ -27,7 +27,7 @@ def node_of(frame: str) -> str:
     Raises:
         RosMessageError: for an empty name, or one that no node can have because it is too long.
     """
-    name = frame.lstrip("/")
+    name = frame.lstrip("/") if len(frame) <= _LONGEST else frame
     if not name:
         raise RosMessageError("a frame without a name")
     if len(name) <= _LONGEST and not _is_plain(name):
@@ -106,7 +106,7 @@ def _unescape(name: str) -> str | None:
             parts.append(found["plain"])
         elif found["hex"]:
             code = int(found["hex"], 16)
-            if code > 0x10FFFF:
+            if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:  # halves of characters, which no text in ROS has
                 return None
             parts.append(chr(code))
         else:

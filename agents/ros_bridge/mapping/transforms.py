@@ -7,7 +7,6 @@ rotation of the pose: neither moves the other's origin.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import split
 from agents.ros_bridge.messages.transforms import StampedTransform
 from agents.ros_bridge.messages.types import RosTypes
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Array, Pose
 
 POINT, VECTOR = "geometry_msgs/msg/Point", "geometry_msgs/msg/Vector3"
@@ -29,7 +29,7 @@ def read_pose(message: Any, stamp: float, covariance: Array | None = None) -> Po
     """Read a `geometry_msgs/Pose`. Raises `RosMessageError` for one that is none; (6, 6) `covariance` as in ROS."""
     p, q = message.position, message.orientation
     try:
-        pose = Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), stamp)
+        pose = Pose(_near((p.x, p.y, p.z)), (q.x, q.y, q.z, q.w), stamp)
         return pose if covariance is None else pose.with_covariance(to_child(pose, covariance))
     except ValueError as error:
         raise RosMessageError(f"no pose: {error}") from error
@@ -42,7 +42,8 @@ def read_pose_with_covariance(message: Any, stamp: float) -> Pose:
         RosMessageError: for a pose that is none.
     """
     covariance = np.asarray(message.covariance, dtype=np.float64).reshape(6, 6)
-    known = np.isfinite(covariance).all() and covariance.any() and (covariance.diagonal() >= 0.0).all()
+    bounded = (np.abs(covariance) <= FARTHEST).all()  # also no "not a number"
+    known = bounded and covariance.any() and (covariance.diagonal() >= 0.0).all()
     return read_pose(message.pose, stamp, 0.5 * (covariance + covariance.T) if known else None)
 
 
@@ -52,10 +53,10 @@ def read_transform(parent: str, child: str, numbers: Sequence[float], stamp: flo
     `numbers` are its translation (m) and its quaternion (x, y, z, w).
     """
     x, y, z, qx, qy, qz, qw = numbers
-    if abs(qx * qx + qy * qy + qz * qz + qw * qw - 1.0) < _UNIT_TOLERANCE and math.isfinite(x + y + z):
+    if abs(qx * qx + qy * qy + qz * qz + qw * qw - 1.0) < _UNIT_TOLERANCE and abs(x) + abs(y) + abs(z) < FARTHEST:
         return Pose.unchecked((x, y, z), (qx, qy, qz, qw), stamp)
     try:
-        return Pose((x, y, z), (qx, qy, qz, qw), stamp)
+        return Pose(_near((x, y, z)), (qx, qy, qz, qw), stamp)
     except ValueError as error:
         raise RosMessageError(f"transform {parent!r} -> {child!r}: {error}") from error
 
@@ -71,6 +72,15 @@ def is_same(one: Pose, other: Pose) -> bool:
     return metres <= _ROUNDING and radians <= _ROUNDING
 
 
+def _near(xyz: Vector3) -> Vector3:
+    if max(map(abs, xyz)) > FARTHEST:
+        raise ValueError(f"translation {xyz}: expected at most {FARTHEST:g} m")
+    return xyz
+
+
+FARTHEST = 1e9
+"""m, of a translation: farther than the Moon; products of larger ones are no numbers any more. A larger variance (m^2)
+says that nothing is known"""
 _UNIT_TOLERANCE = 1e-12
 """Rounding of a unit quaternion: within it the numbers are taken as they are, which is what most publishers send"""
 _ROUNDING = 1e-6

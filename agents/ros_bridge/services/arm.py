@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agents.drivers import ArmState
-from agents.ros_bridge.errors import RosLinkError, RosMessageError
+from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.link import Qos
-from agents.ros_bridge.mapping.joints import JOINT_STATE, JointTable, read_joints
+from agents.ros_bridge.mapping.joints import JOINT_STATE, JointSample, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_duration
 from agents.ros_bridge.services.device import RosDevice
 from agents.ros_bridge.services.goals import GIVEN_UP, tell_end, wait_for_end
@@ -93,17 +93,26 @@ class RosArm(RosDevice):
 
     def state(self) -> ArmState | None:
         """The newest sample, or None before the first of all joints."""
-        arrived = None
+        newest = None
         for message in self._inbox.take():
             try:
-                self._table.add(sample := read_joints(self.types.decode(JOINT_STATE, message.cdr)))
-                arrived = sample.stamp, message.at
+                sample = self._read(message.cdr)
+                stamp = self.stamp(sample.stamp, message.at)
+                if stamp is not None:
+                    self._table.add(sample, stamp)
+                    newest = stamp
             except RosMessageError as error:
                 self.tally.tell("malformed", self._inbox.topic.name, f"a JointState was dropped: {error}")
-        if arrived is not None and all(name in self._table for name in self._names):
-            stamp = self.stamp(max(self._table.stamp, arrived[0]), arrived[1])
-            self._state = self._state if stamp is None else self._sample(stamp)
+        if newest is not None and all(name in self._table for name in self._names):
+            self._state = self._sample(newest)
         return self._state
+
+    def _read(self, cdr: bytes | memoryview) -> JointSample:
+        """Raises `RosMessageError` also for a joint of the arm whose position is not known: an older one is not it."""
+        sample = read_joints(self.types.decode(JOINT_STATE, cdr))
+        if unknown := sorted({*self._names, self._gripper_joint} & {*sample.unknown}):
+            raise RosMessageError(f"the position of {unknown[0]!r} is not a number")
+        return sample
 
     def _sample(self, stamp: float) -> ArmState:
         values = [self._table[name] for name in self._names]
@@ -175,7 +184,7 @@ class RosArm(RosDevice):
         trajectory = new(_TRAJECTORY, joint_names=list(self._names), points=rows)
         try:
             goal = self._follow.send(new(f"{FOLLOW}_Goal", trajectory=trajectory), _ANSWER_WITHIN)
-        except RosLinkError as error:
+        except RosError as error:
             self.tally.tell(GIVEN_UP, str(error), f"a motion was not begun: {error}")
             return
         if motion != self._motions:
@@ -192,13 +201,13 @@ class RosArm(RosDevice):
     def _squeeze(self, grip: RosGripper, position: float) -> None:
         try:
             self._stalled = grip.squeeze(position, _ANSWER_WITHIN, lambda: self._grip_lane.superseded)
-        except RosLinkError as error:
+        except RosError as error:
             self.tally.tell(GIVEN_UP, str(error), f"a motion of the gripper was not begun: {error}")
 
     def _cancel_and_hold(self) -> None:
         try:
             self._follow.cancel(_ALL_GOALS, _ANSWER_WITHIN)
-        except RosLinkError as error:
+        except RosError as error:
             self.tally.tell("not stopped", "", f"the controller did not answer to a cancel: {error}")
         state = self._state
         if state is not None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from agents.ros_bridge.bridge.inbox import RosInbox
 from agents.ros_bridge.bridge.tally import Tally
-from agents.ros_bridge.bridge.times import MOST_AHEAD
+from agents.ros_bridge.bridge.times import MOST_AHEAD, MOST_BEHIND
 from agents.ros_bridge.link.link import LinkConfig, Qos, RosLink, Topic
 from agents.ros_bridge.link.opening import open_link
 from agents.ros_bridge.messages.types import RosTypes, types_of
@@ -44,7 +44,7 @@ class RosDevice:
         return RosInbox(self.link, Topic(name, type, qos), most, self.clock, self.tally, (), _nothing)
 
     def stamp(self, told: float, arrival: float) -> float | None:
-        """The stamp (s) of a sample; None, and told, for one from the future."""
+        """The stamp (s) of a sample; None, and told, for one from the future; told only, for one of long ago."""
         if told == 0.0 or self._restamp:
             return arrival
         ahead = told - self.clock.now()
@@ -52,6 +52,9 @@ class RosDevice:
             text = f"a sample is stamped {ahead:.1f} s ahead of our clock: set the clocks, or `restamp = true`"
             self.tally.tell("from the future", "", text)
             return None
+        if ahead < -MOST_BEHIND:
+            text = f"a sample is stamped {-ahead:.1f} s behind our clock: set the clocks, or `restamp = true`"
+            self.tally.tell("from the past", "", text)
         return told
 
     def close(self) -> None:

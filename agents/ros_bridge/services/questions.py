@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from agents.ros_bridge.bridge.core import BridgeCore
-from agents.ros_bridge.errors import RosMessageError
+from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.mapping.transforms import to_pose_with_covariance
@@ -25,14 +25,16 @@ from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.vocabulary.goals import parse_goal
-from dsr.vocabulary.intentions import add_intention, nobody_pursues
+from dsr.vocabulary.intentions import ACTIVE, add_intention, nobody_pursues
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present, nodes_by_name
 from dsr.vocabulary.what_if import MAX_SECONDS, TIMEOUT, Answer, Pending, Question, WhatIf
 
 TRIGGER, ASK, TRANSFORM = "std_srvs/srv/Trigger", "dsr_msgs/srv/Ask", "dsr_msgs/srv/Transform"
 _STAMPED = "geometry_msgs/msg/PoseWithCovarianceStamped"
-_LONGEST = 1 << 20
-"""Characters of a question, as of a text in the graph"""
+_LONGEST = 1 << 16
+"""Characters of a question: of a goal about a thousand things, which takes a tenth of a second to be read"""
+_MOST_MISSIONS = 100
+"""Intentions that are not at their end, of whomever, up to which a node of ROS may ask for further ones"""
 _PATIENCE = 2.0 * TIMEOUT
 """s by the machine's clock for which a caller waits, as `WhatIf.ask_and_wait`: a run in lockstep may stand still"""
 _questions = msgspec.json.Decoder(Question)
@@ -185,6 +187,8 @@ class Questions:
         unknown = [name for name in goal.things if name not in memory]
         if unknown:
             raise GoalError(text, text.find(unknown[0]), f"there is no {unknown[0]!r}")
+        if sum(node.get("status") in ACTIVE for node in memory.nodes("intention")) >= _MOST_MISSIONS:
+            raise RosError(f"{_MOST_MISSIONS} missions are not at their end: a further one is refused")
         name = add_intention(memory, text)
         return {
             "success": True,

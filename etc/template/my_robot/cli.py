@@ -8,8 +8,10 @@ app = typer.Typer(invoke_without_command=True)
 
 
 @app.callback()
-def my_robot(graph: str = typer.Option("my_robot", "--graph", "-g", help="Which graph.")) -> None:
+def my_robot(
+    graph: str = typer.Option("my_robot", "--graph", "-g", envvar="DSR_GRAPH", help="Which graph."),
+) -> None:
     """Say how many boxes are in view."""
-    with dsr.connect(graph, agent="my_robot_command") as memory:
+    with dsr.connect(graph, agent="my_robot_command", must_exist=True) as memory:
         table = memory.get_node("table")
         typer.echo("there is no table" if table is None else f"{table.get('seen', 0)} boxes in view")

@@ -9,7 +9,7 @@ import pytest
 
 from dsr import Frame
 
-from .conftest import Bench
+from .conftest import HOME, Bench
 
 LENS: dict[str, float | int | str] = {"fx": 600.0, "fy": 601.0, "cx": 319.5, "cy": 239.5}
 
@@ -58,6 +58,20 @@ def test_a_frame_without_intrinsics_is_forwarded_with_one_complaint(
         assert reader.latest() is not None
     assert "fx" not in bench.memory.node("camera_overhead")
     assert len([record for record in caplog.records if "lack" in record.message]) == 1
+
+
+def test_a_camera_that_is_gone_is_told_and_the_arm_still_moves(bench: Bench) -> None:
+    camera = bench.cameras["overhead"]
+    camera.trouble, camera.counts = "unplugged", {"lost": 1}  # type: ignore[attr-defined]
+    bench.run(0.1)
+    assert bench.agent.degraded == "camera 'camera_overhead': unplugged"
+    assert bench.agent.counts == {"camera_overhead lost": 1}
+    bench.memory.update_node("arm", target_joints=tuple(np.array(HOME) + 0.2), target_speed=0.8)
+    bench.run(1.1)
+    assert bench.status == "reached"
+    camera.trouble = ""  # type: ignore[attr-defined]
+    bench.run(0.1)
+    assert bench.agent.degraded == ""
 
 
 def test_cameras_go_on_while_the_arm_is_silent(bench: Bench) -> None:

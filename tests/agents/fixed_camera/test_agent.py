@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -33,6 +33,13 @@ class Camera:
 
     def close(self) -> None:
         self.closed = True
+
+
+class Faulty(Camera):
+    """A driver whose camera is gone."""
+
+    trouble = "unplugged"
+    counts: ClassVar[dict[str, int]] = {"lost": 2}
 
 
 @pytest.fixture
@@ -79,6 +86,24 @@ def test_the_pose_and_the_frames_are_in_the_memory(memory: Memory, network: Loca
     frame = reader.latest()
     assert frame is not None and frame.stamp == 1.0
     agent.teardown()
+
+
+def test_what_the_driver_says_of_its_camera_is_in_the_status(memory: Memory) -> None:
+    agent = start(memory, driver=f"{__name__}:Faulty", mount=MOUNT)
+    agent.tick(1.0)
+    assert agent.degraded == "camera 'camera_fixed': unplugged" and agent.counts == {"lost": 2}
+    Faulty.trouble = ""
+    agent.tick(1.1)
+    assert agent.degraded == ""
+
+
+def test_a_driver_has_a_short_name_too(memory: Memory) -> None:
+    agent = start(memory, driver="plant", mount=MOUNT)
+    agent.tick(1.0)
+    assert agent.degraded == "" and agent.counts == {}
+    agent.teardown()
+    with pytest.raises(ConfigError, match="unknown driver 'plnt'; did you mean 'plant'"):
+        start(memory, driver="plnt", mount=MOUNT)
 
 
 def test_a_pose_that_is_known_already_stays(memory: Memory) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -16,6 +15,9 @@ from numpy.typing import NDArray
 
 from agents.drivers import HandReading, HandReadings
 from agents.hand_tracker import HandTracker
+from agents.hand_tracker.model.fetch import from_index
+from agents.hand_tracker.model.files import fetched_file, read_fetched, write_model
+from agents.hand_tracker.model.found import FoundHand
 from agents.hand_tracker.sighting import PALM, TIPS
 from agents.plant.camera import OVERHEAD
 from agents.plant.config import PlantConfig
@@ -25,6 +27,7 @@ from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format.scenario import Scenario
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
+from dsr.errors import ConfigError
 from dsr.graph.access import WriteGuard
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos
@@ -120,6 +123,20 @@ class Bench:
         return self.memory.transform("world", name).translation
 
 
+@pytest.fixture(scope="session")
+def model_file() -> Path:
+    """The real model, fetched if it is not here yet. Skips where neither it nor LiteRT can be had."""
+    pytest.importorskip("ai_edge_litert", reason="the package ai-edge-litert (extra `hands`) is not installed")
+    try:
+        read_fetched()
+    except ConfigError:
+        try:
+            write_model(from_index(print, quiet=True), fetched_file())
+        except (ConfigError, OSError) as error:
+            pytest.skip(f"the model of hands cannot be had: {error}")
+    return fetched_file()
+
+
 @pytest.fixture
 def make_bench() -> Iterator[Callable[..., Bench]]:
     benches: list[Bench] = []
@@ -161,18 +178,15 @@ def tips_of(points: Array) -> Array:
     return np.asarray(points[list(TIPS)])
 
 
-def result(frame: dict[str, Any]) -> SimpleNamespace:
-    """What `HandLandmarker.detect_for_video` returned for a recorded frame."""
-    hands = frame["hands"]
-    return SimpleNamespace(
-        handedness=[[SimpleNamespace(category_name=hand["side"], score=hand["score"], index=0)] for hand in hands],
-        hand_landmarks=[_marks(hand["landmarks"]) for hand in hands],
-        hand_world_landmarks=[_marks(hand["world_landmarks"]) for hand in hands],
-    )
-
-
-def _marks(points: list[list[float]]) -> list[SimpleNamespace]:
-    return [SimpleNamespace(x=x, y=y, z=z, visibility=None, presence=None) for x, y, z in points]
+def result(frame: dict[str, Any]) -> list[FoundHand]:
+    """What a landmarker returned for a recorded frame."""
+    size = (RECORDED["width"], RECORDED["height"], RECORDED["width"])
+    return [
+        FoundHand(
+            np.array(hand["landmarks"]) * size, np.array(hand["world_landmarks"]), hand["side"].lower(), hand["score"]
+        )
+        for hand in frame["hands"]
+    ]
 
 
 class RecordedLandmarker:
@@ -184,7 +198,7 @@ class RecordedLandmarker:
         self.times: list[int] = []
         self.closed = False
 
-    def detect(self, color: NDArray[np.uint8], milliseconds: int) -> Any:
+    def detect(self, color: NDArray[np.uint8], milliseconds: int) -> list[FoundHand]:
         assert color.shape == (480, 640, 3) and color.flags["C_CONTIGUOUS"]
         self.times.append(milliseconds)
         if self._error is not None:

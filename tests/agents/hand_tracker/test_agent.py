@@ -182,7 +182,7 @@ def test_rendered_hands_are_written_without_a_model_which_is_no_fault(
     events = [HandEnter(at=0.0, position=(0.40, 0.10, 0.10)), HandEnter(at=0.0, hand=1, position=(0.40, -0.12, 0.10))]
     cube = ObjectSpec(name="cube_3", marker_id=3, position=(0.25, 0.0, 0.02))
     reality = make_reality(2.0, events=events, objects=[cube])
-    bench = make_bench()
+    bench = make_bench(finder="colour")
     for _ in range(3):
         bench.show(reality.frame(0.0))
     truth = [np.array(points) for points in reality.truth(0.0).hands.values()]

@@ -1,4 +1,4 @@
-"""The way through MediaPipe, with recorded landmarks, and all that can be wrong with its model and package."""
+"""The way through the model, with recorded landmarks, and all that can be wrong with its file and its packages."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ import pytest
 
 from agents.hand_tracker import HandTrackerConfig
 from agents.hand_tracker import agent as tracker_agent
-from agents.hand_tracker.landmarker import ENTRIES, MediaPipeFinder, load_landmarker
+from agents.hand_tracker.landmarker import ModelFinder
+from agents.hand_tracker.model.files import SHA256
+from agents.hand_tracker.model.loading import load_landmarker
 from dsr.errors import ConfigError
 
 from .conftest import RECORDED, Bench, RecordedLandmarker, in_world, palm_of, picture, tips_of
 
 FRAMES = RECORDED["frames"]
+ENTRIES = tuple(SHA256)
 
 
-def finder(*frames: dict[str, Any], **config: Any) -> MediaPipeFinder:
-    return MediaPipeFinder(HandTrackerConfig(**config), RecordedLandmarker(list(frames)))
+def finder(*frames: dict[str, Any], **config: Any) -> ModelFinder:
+    return ModelFinder(HandTrackerConfig(**config), RecordedLandmarker(list(frames)))
 
 
 @pytest.mark.parametrize("holes", [False, True], ids=["whole depth", "60 % holes"])
@@ -50,8 +53,9 @@ def test_a_fingertip_behind_something_is_not_measured() -> None:
     assert 1 not in hand.tips and 2 in hand.tips
 
 
-def test_unsure_hands_are_left_out_and_sides_can_be_swapped() -> None:
-    assert finder(FRAMES[0], least_score=1.0).find(picture(FRAMES[0]), None) == []
+def test_unsure_sides_are_left_open_and_sides_can_be_swapped() -> None:
+    (hand,) = finder(FRAMES[0], least_side_score=1.0).find(picture(FRAMES[0]), None)
+    assert hand.side == "unknown"
     (hand,) = finder(FRAMES[0], swap_sides=True).find(picture(FRAMES[0]), None)
     assert hand.side == "left"
 
@@ -64,14 +68,14 @@ def test_a_hand_without_depth_is_nowhere() -> None:
 
 def test_times_increase_even_if_a_camera_repeats_itself() -> None:
     landmarker = RecordedLandmarker(FRAMES[:1])
-    mediapipe = MediaPipeFinder(HandTrackerConfig(), landmarker)
+    mediapipe = ModelFinder(HandTrackerConfig(), landmarker)
     for _ in range(3):
         mediapipe.find(picture(FRAMES[0]), None)
     assert landmarker.times == [0, 1, 2]
 
 
 def use(monkeypatch: pytest.MonkeyPatch, landmarker: RecordedLandmarker) -> None:
-    monkeypatch.setattr(tracker_agent, "load_landmarker", lambda model: lambda: landmarker)
+    monkeypatch.setattr(tracker_agent, "load_landmarker", lambda config: lambda: landmarker)
 
 
 def test_the_tracker_writes_what_mediapipe_sees(
@@ -149,7 +153,7 @@ def test_a_wrong_model_file_is_told_once_and_skin_colour_must_do(
 ) -> None:
     file = str(make(tmp_path))
     with pytest.raises(ConfigError, match=message):
-        load_landmarker(file)
+        load_landmarker(HandTrackerConfig(model=file))
     bench = make_bench(model=file)
     assert bench.agent.degraded == ""  # nobody has sent images yet
     bench.show(picture(FRAMES[0]), ticks=3)
@@ -158,20 +162,52 @@ def test_a_wrong_model_file_is_told_once_and_skin_colour_must_do(
     assert message in record.getMessage() and "skin colour" in record.getMessage()
 
 
-def test_without_the_package_or_a_model_it_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "mediapipe", None)
-    with pytest.raises(ConfigError, match="extra `hands`"):
-        load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)))
-    with pytest.raises(ConfigError, match="no `model` is configured"):
-        load_landmarker("")
+@pytest.mark.parametrize(
+    ("runner", "package", "extra"), [("litert", "ai_edge_litert", "hands"), ("mediapipe", "mediapipe", "mediapipe")]
+)
+def test_without_its_package_a_runner_says_which_extra_brings_it(
+    runner: Any, package: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (package, "ai_edge_litert.interpreter"):
+        monkeypatch.setitem(sys.modules, module, None)
+    config = HandTrackerConfig(model=str(archive(tmp_path / "good.task", *ENTRIES)), runner=runner)
+    with pytest.raises(ConfigError, match=f"extra `{extra}`"):
+        load_landmarker(config)()
 
 
 def test_a_package_that_cannot_be_used_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in [name for name in sys.modules if name.split(".")[0] == "mediapipe"]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mediapipe", json)
+    config = HandTrackerConfig(model=str(archive(tmp_path / "good.task", *ENTRIES)), runner="mediapipe")
     with pytest.raises(ConfigError, match="mediapipe cannot be imported"):
-        load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)))
+        load_landmarker(config)()
+
+
+@pytest.mark.parametrize(
+    ("config", "degraded", "told"),
+    [
+        ({}, "", "the model was not fetched; `dsr hands fetch`"),
+        ({"finder": "colour"}, "", "by skin colour and depth: as configured"),
+        ({"finder": "model"}, "no model file", ""),
+    ],
+    ids=["auto", "colour", "model"],
+)
+def test_how_hands_are_found_without_a_fetched_model_is_told(
+    config: dict[str, Any],
+    degraded: str,
+    told: str,
+    make_bench: Callable[..., Bench],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with caplog.at_level(logging.INFO):
+        bench = make_bench(**config)
+    assert told in caplog.text
+    bench.show(picture(FRAMES[0]))
+    assert degraded in bench.agent.degraded and bool(bench.agent.degraded) is bool(degraded)
 
 
 def _written(file: Path, content: bytes) -> Path:

@@ -316,6 +316,7 @@ def test_hands_hide_tags_from_both_sensors(make_reality: MakeReality, cube: Make
     reality.frame(0.0)
     assert reality.camera.in_view == ["cube_3", "cube_4"]
     play(reality, 2.0)
+    reality.frame(0.0)
     before = reality.world.bullet.getNumBodies()
     frame = reality.frame(0.0)
     assert reality.camera.in_view == ["cube_4"]

@@ -35,7 +35,7 @@ class Commands:
         self.place = {"router_ip": "127.0.0.1", "router_port": port}
         self.got, self.publishers, self.kept = {}, {}, []
         self.threads, self.ended = [], threading.Event()
-        self.actions = {}
+        self.actions, self.repeated = {}, {}
 
     def define(self, definitions):
         for type, definition in definitions.items():
@@ -90,6 +90,7 @@ class Commands:
         for topic, values in messages.items():
             publisher = self.publishers[topic]
             sent.append((publisher, self.build(publisher.msg_type, values)))
+            self.repeated[topic] = sent[-1][1]
 
         def run():
             due = time.monotonic()
@@ -117,7 +118,8 @@ class Commands:
     def call(self, name, type, hash, request, response, values, timeout=5.0):
         client = ROS2ServiceClient(name, type, request, response, type_hash=hash, timeout=timeout, **self.place)
         try:
-            return plain(client.call(**values))
+            asked = self.build(client.request_store_type, values)
+            return plain(client.call(**{name: getattr(asked, name) for name in names(asked)}))
         finally:
             client.close()
 
@@ -157,14 +159,18 @@ class Commands:
 
         def work(id):
             goal = action.goals[id]
-            end = time.monotonic() + goal["plan"].get("seconds", 1.0)
-            while time.monotonic() < end and not goal["cancelled"].wait(0.05):
+            took, begun = goal["plan"].get("seconds", 1.0), time.monotonic()
+            go_on = self.way(goal["goal"].trajectory, action.joints) if action.joints else lambda share: None
+            while (share := (time.monotonic() - begun) / took) < 1.0 and not goal["cancelled"].wait(0.05):
+                go_on(share)
                 values = zero(f"{type}_FeedbackMessage")
                 values["goal_id"]["uuid"] = list(id)
                 if "joint_names" in values["feedback"]:
                     values["feedback"]["joint_names"] = ["joint_1"]
                 message = self.build(f"{type}_FeedbackMessage", values)
                 feedback.publish(goal_id=message.goal_id, feedback=message.feedback)
+            if not goal["cancelled"].is_set():
+                go_on(1.0)
             goal["done"].set()
 
         def serve(kind):
@@ -199,7 +205,8 @@ class Commands:
                         if accepted:
                             id = bytes(request.goal_id.uuid)
                             action.goals[id] = {
-                                "plan": plan, "cancelled": threading.Event(), "done": threading.Event()
+                                "plan": plan, "cancelled": threading.Event(), "done": threading.Event(),
+                                "goal": request.goal,
                             }  # fmt: skip
                             threading.Thread(target=work, args=(id,), daemon=True).start()
                         stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
@@ -215,9 +222,24 @@ class Commands:
         for kind in types:
             serve(kind)
 
+    def way(self, trajectory, topic):
+        """Lets the joints that a topic tells go a share of the straight way to the end of a trajectory."""
+        told = self.repeated[topic]
+        places = [list(told.name).index(joint) for joint in trajectory.joint_names]
+        begin, end = told.position[places], trajectory.points[-1].positions
+
+        def go_on(share):
+            told.position[places] = begin + share * (end - begin)
+
+        return go_on
+
     def plan(self, name, goals):
         """How the next goals of an action go: `accept`, `seconds`, `late` (s), `status`, `result`, `stopped`."""
         self.actions[name].plans += goals
+
+    def move(self, name, joints):
+        """From now on the joints that are told again and again on a topic go where trajectories of this action lead."""
+        self.actions[name].joints = joints
 
     def asked(self, name):
         """The goals that came, and how many of those accepted were cancelled."""
@@ -229,7 +251,7 @@ class Action:
     """What one action server knows of its goals."""
 
     def __init__(self):
-        self.plans, self.asked, self.goals = [], [], {}
+        self.plans, self.asked, self.goals, self.joints = [], [], {}, ""
 
 
 def say(answer):

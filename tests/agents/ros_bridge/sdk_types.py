@@ -39,6 +39,18 @@ def advertise(sdk: Told, topic: str, type: str) -> None:
     sdk.advertise(topic=topic, type=type, hash=TYPES.hash(type), definition=definition)
 
 
+def ask(sdk: Told, name: str, type: str, timeout: float = 20.0, **values: Any) -> Any:
+    """Let it ask a service; gives the response."""
+    request, response = f"{type}_Request", f"{type}_Response"
+    definitions = parts(request, response)
+    of_request, of_response = definitions.pop(request), definitions.pop(response)
+    sdk.define(definitions=definitions)
+    return sdk.call(
+        name=name, type=type, hash=TYPES.hash(type), request=of_request, response=of_response, values=values,
+        timeout=timeout,
+    )  # fmt: skip
+
+
 def serve_action(sdk: Told, name: str, type: str) -> None:
     """Let it serve an action, with definitions and hashes from our side."""
     cancel = "action_msgs/srv/CancelGoal"

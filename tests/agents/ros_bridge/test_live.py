@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import secrets
 import sys
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 from agents.ros_bridge.cli import app
 from agents.ros_bridge.link.link import LinkConfig
 from agents.ros_bridge.link.zenoh.zenoh_link import ZenohLink
+from agents.ros_bridge.services.questions import ASK, TRANSFORM
 from agents.ros_bridge.watching import RosFindings, TopicSeen
 from agents.viewer.window import free_port, page_url
 from dsr import Pose, connect
@@ -25,7 +27,7 @@ from dsr.frames.tree import BELIEVED
 from dsr.memory import Memory
 from tests.agents.ros_bridge.conftest import Router
 from tests.agents.ros_bridge.live import READY, Run, agents_of, system_copy
-from tests.agents.ros_bridge.sdk_types import listen
+from tests.agents.ros_bridge.sdk_types import ask, listen
 from tests.agents.ros_bridge.simulated import COLOR, JOINTS, WORLD, Simulated, play, simulate
 from tests.agents.ros_bridge.told import Told, eventually
 from tests.agents.viewer import browser
@@ -130,6 +132,34 @@ def test_the_belief_is_in_ros_as_tf_and_as_markers(live: Live) -> None:
         return {marker["text"] for message in got for marker in message["markers"]}
 
     eventually(lambda: set(live.robot.objects) <= labels())
+
+
+def test_an_independent_client_asks_the_memory(live: Live) -> None:
+    """Where a thing is, what would be, and for a mission: by services, from another process."""
+    cube, pose = next(iter(live.robot.objects.items()))
+    eventually(lambda: all(believed(live, name) for name in live.robot.objects), 60.0)
+    now = {"sec": 0, "nanosec": 0}
+
+    def where() -> Any:
+        return ask(live.sdk, "/dsr/transform", TRANSFORM, target=WORLD, source=f"belief/{cube}", stamp=now)
+
+    found = eventually(lambda: (told := where()) and told["success"] and told)
+    place = found["pose"]["pose"]["pose"]["position"]
+    assert np.linalg.norm(np.subtract([place[axis] for axis in "xyz"], pose.t)) < NEAR
+    assert found["pose"]["header"]["frame_id"] == WORLD and any(found["pose"]["pose"]["covariance"])
+    wrong = ask(live.sdk, "/dsr/transform", TRANSFORM, target=WORLD, source="nowhere", stamp=now)
+    assert not wrong["success"] and "nowhere" in wrong["message"]
+
+    question = {"seconds": 1.0, "changes": [{"object": cube, "action": "remove"}]}
+    supposed = ask(live.sdk, "/dsr/what_if", ASK, question=json.dumps(question))
+    assert supposed["success"], supposed
+    assert json.loads(supposed["answer"])["poses"].keys() == live.robot.objects.keys() - {cube}
+
+    mission = ask(live.sdk, "/dsr/mission", ASK, question=f"on({cube},table)")
+    intention = json.loads(mission["answer"])["intention"]
+    eventually(lambda: intention in live.memory)
+    assert live.memory.node(intention)["goal"] == f"on({cube},table)"
+    live.memory.remove_node(intention)
 
 
 def test_the_commands_say_what_is_true(live: Live) -> None:

@@ -6,18 +6,20 @@ import json
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any, cast
 
 import msgspec
 import pytest
 from typer.testing import CliRunner
 
 from agents.ros_bridge.cli import app
-from agents.ros_bridge.link.link import LinkConfig, Publisher, Qos, Topic
+from agents.ros_bridge.link.link import Endpoint, LinkConfig, Publisher, Qos, RosLink, Topic
 from agents.ros_bridge.link.zenoh.zenoh_link import ZenohLink
 from agents.ros_bridge.watching import RosFindings, TopicSeen, check, look
 from dsr.clock import WALL_CLOCK
 from tests.agents.ros_bridge.conftest import Router
 from tests.agents.ros_bridge.samples import TYPES
+from tests.agents.ros_bridge.told import eventually
 
 STRING, TRIGGER = "std_msgs/msg/String", "std_srvs/srv/Trigger"
 HELLO = TYPES.encode(STRING, TYPES.new(STRING, data="hello"))
@@ -67,16 +69,37 @@ def test_topics_have_types_rates_and_nodes(robot: ZenohLink, connect: Connect) -
     assert seen["/other"].note == f"{STRING} has another definition than in ROS 2 jazzy"
 
 
+class Slow:
+    """A link that sees what is there late, one after the other, as on a busy machine."""
+
+    def __init__(self, link: ZenohLink, seconds: float) -> None:
+        self._link, self._began, self._seconds = link, WALL_CLOCK.monotonic(), seconds
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._link, name)
+
+    def endpoints(self) -> list[Endpoint]:
+        seen = int((WALL_CLOCK.monotonic() - self._began) / self._seconds)
+        return self._link.endpoints()[:seen]
+
+
+def test_a_look_waits_for_what_comes_to_be_seen_late(robot: ZenohLink, connect: Connect) -> None:
+    looking = connect("/looking")
+    eventually(lambda: len(looking.endpoints()) == 6)
+    found = look(cast(RosLink, Slow(looking, 0.4)), TYPES, 0.0)
+    assert {one.name for one in found} == {"/said", "/wanted", "/silent", "/reset", "/odd", "/other"}
+
+
 def test_check_tells_why_nothing_arrives(robot: ZenohLink, connect: Connect, router: Router) -> None:
     config = LinkConfig(router=router.endpoint)
     asked = ["/said", "/wanted", "/odd", "/other", "/silent", "/reset", "/nowhere"]
-    found = check(connect("/looking"), config, TYPES, asked, 0.5)
+    found = check(connect("/looking"), config, TYPES, asked, 3.0)
     assert found.problems == [
         "/nowhere: nobody has this topic",
         "/wanted: nobody publishes (/robot listens)",
         "/odd: odd_msgs/msg/Odd is not known here",
         f"/other: {STRING} has another definition than in ROS 2 jazzy",
-        "/silent: /robot publishes, but nothing came within 0.5 s",
+        "/silent: /robot publishes, but nothing came within 3 s",
         "/reset: is a service, no topic",
     ]
     assert found.nodes == ["/odd", "/old", "/robot"] and found.versions["rosbags"].startswith("0.11.")

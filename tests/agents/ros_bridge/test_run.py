@@ -9,13 +9,16 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from typer.testing import CliRunner
 
+from agents.ros_bridge import RosBridge
 from agents.ros_bridge.bridge.topics import receive
 from agents.ros_bridge.cli import app
-from agents.ros_bridge.link.link import Qos, Topic
+from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.link.link import LinkConfig, Qos, Topic
 from agents.ros_bridge.link.zenoh.zenoh_link import ZenohLink
 from agents.ros_bridge.mapping.transforms import to_stamped
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, decode_transforms, encode_transforms
@@ -147,7 +150,22 @@ def test_what_is_received_follows_from_names_and_types() -> None:
 def test_the_command_tells_what_is_wrong(router: Router) -> None:
     assert "--topics" in CliRunner().invoke(app, ["run", "--help"]).output
     refused = CliRunner().invoke(app, ["run", "--topics", "/tf", "--transport", "pigeon"])
-    assert isinstance(refused.exception, ConfigError) and "pigeon" in str(refused.exception)
+    assert refused.exit_code == 2 and "'pigeon' is not one of" in refused.output
+
+
+def test_the_environment_of_ros_is_that_of_each_command(router: Router, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`ROS_DOMAIN_ID` and `ROS_DISTRO` are set where ROS is."""
+    asked: list[LinkConfig] = []
+
+    def refuse(link: LinkConfig, node: str) -> NoReturn:
+        asked.append(link)
+        raise RosLinkError("seen")
+
+    monkeypatch.setattr(RosBridge, "connect", staticmethod(refuse))
+    monkeypatch.setattr("agents.ros_bridge.looking_cli.open_link", refuse)
+    for command in (["run", "--topics", "/tf"], ["list"], ["check"]):
+        CliRunner().invoke(app, command, env={"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "humble"})
+    assert [(link.domain, link.distro) for link in asked] == [(7, "humble")] * 3
 
 
 def test_the_system_file_is_a_whole_system() -> None:

@@ -84,3 +84,13 @@ def test_publishers_that_are_made_up_do_not_fill_the_memory() -> None:
     for number in range(1000):
         decoder.decode(message(frames, number), number.to_bytes(16, "little"))
     assert len(decoder._layouts) == 256
+
+
+def test_long_names_do_not_fill_the_memory() -> None:
+    decoder = TfDecoder()
+    for length in range(20):
+        name = "w" * (100_000 + length)
+        decoder.decode(message([(name, f"link_{number}") for number in range(8)], length), WRITER)
+    assert 1 <= len(decoder._layouts) <= 5 and decoder._bytes == sum(size for _, size in decoder._layouts) <= 1 << 22
+    decoder.decode(message([("w" * 1_000_000, f"link_{number}") for number in range(8)], 1), WRITER)
+    assert decoder._bytes <= 1 << 22, "one that is larger than all that may be remembered is not"

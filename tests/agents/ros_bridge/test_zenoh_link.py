@@ -153,7 +153,9 @@ def test_a_request_without_attachment_is_refused(connect: Connect, topic: str) -
     assert reply.err is not None and "no attachment" in reply.err.payload.to_string() and served.refused == 1
 
 
-def test_messages_without_attachment_are_counted_and_dropped(connect: Connect, topic: str) -> None:
+def test_messages_without_attachment_are_counted_and_dropped(
+    connect: Connect, topic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     link, got = connect("/listener"), []
     subscription = link.subscribe(Topic(topic, STRING), got.append)
     stranger = connect("/stranger")
@@ -166,6 +168,10 @@ def test_messages_without_attachment_are_counted_and_dropped(connect: Connect, t
     assert (read(got[0]), got[0].sent, got[0].writer) == ("right", 5.0, b"g" * 16)
     assert subscription.malformed == 4
     assert any("4 messages" in problem and topic in problem for problem in link.problems())
+    monkeypatch.setattr("agents.ros_bridge.link.telling._SHOWN", 0.2)
+    eventually(lambda: link.problems() == [])
+    stranger._session.put(key, b"\0\1\0\0", attachment=b"")
+    eventually(lambda: any("5 messages" in problem for problem in link.problems()))
 
 
 def test_messages_of_an_old_rmw_zenoh_are_told_as_such(connect: Connect, topic: str) -> None:
@@ -261,6 +267,38 @@ def test_a_flood_of_announcements_is_bounded(connect: Connect, monkeypatch: pyte
     tokens += [live.declare_token(f"@ros2_lv/0/{number}") for number in range(10)]
     told = eventually(lambda: [one for one in link.problems() if "were ignored" in one and int(one.split()[0]) >= 60])
     assert len(told) == 1 and len(link._discovery.entities()) <= 50
+
+
+def test_what_is_told_of_announcements_is_bounded(connect: Connect, topic: str) -> None:
+    link, flooder = connect("/bridge"), connect("/flooder")
+    link.subscribe(Topic(topic, STRING), lambda _: None)
+    live, name = flooder._session.liveliness(), topic.replace("/", "%")
+    tokens = [
+        live.declare_token(
+            f"@ros2_lv/0/f{number}/0/9/MP/%/%/n{number}/{name}/std_msgs::msg::dds_::Int8_/H/::,10:,:,:,,"
+        )
+        for number in range(100)
+    ]
+    tokens.append(live.declare_token(f"@ros2_lv/0/x/0/9/NN/%/%/{'n' * 5000}"))
+    eventually(lambda: len(link.problems()) >= 21 and link._discovery.ignored)
+    found = link.problems()
+    assert "and 80 more of this kind" in found and len(found) == 22
+    assert max(map(len, found)) < 300
+
+
+def test_numbers_that_no_publisher_has_are_no_loss(connect: Connect, topic: str) -> None:
+    """A few messages would else make counts of more than 64 bits, which no status can hold."""
+    link, got = connect("/listener"), []
+    link.subscribe(Topic(topic, STRING, Qos(depth=100)), got.append)
+    stranger = connect("/stranger")
+    eventually(lambda: [one for one in stranger.endpoints() if one.kind == "subscriber"])
+    key = f"0{topic}/std_msgs::msg::dds_::String_/{TYPES.hash(STRING)}"
+    numbers = [1, 2**63 - 1, -(2**63), 5, 8]
+    for writer in (b"a" * 16, b"b" * 16, b"c" * 16):
+        for number in numbers:
+            stranger._session.put(key, text("x"), attachment=attachment(number, 0, writer))
+    eventually(lambda: len(got) == 3 * len(numbers))
+    assert link.lost() == {topic: 3 * 2}
 
 
 def test_a_router_that_goes_and_comes_back(connect: Connect, router: Router, topic: str) -> None:

@@ -234,3 +234,21 @@ def test_it_writes_only_what_it_declares(bench: Bench) -> None:
     assert "Virtual_RT" not in SceneEstimator.writes.edges
     with pytest.raises(AgentError):
         bench.own.update_node("camera_overhead", surprising=True)
+
+
+def test_a_camera_without_depth_is_told_where_only_depth_would_show_a_thing(
+    bench: Bench, cube: Frame, caplog: pytest.LogCaptureFixture
+) -> None:
+    flat = msgspec.structs.replace(cube, arrays={"color": cube.arrays["color"]})
+    bench.show(flat, ticks=3)
+    assert bench.agent.degraded == "" and bench.perceived(NAME)  # all that is known has a tag
+    bench.memory.add_node("ball", "ball", size=(0.05, 0.05, 0.05), color=(0.9, 0.1, 0.1))
+    bench.memory.put_frame("camera_overhead", msgspec.structs.replace(flat, stamp=bench.clock.now()))
+    bench.exchange(0.0)
+    bench.runner.tick(bench.clock.now())
+    assert bench.agent.degraded == "no depth from camera_overhead: only tags are recognised there"
+    assert bench.agent.skipped["no depth"] == 1 and "camera_overhead gives no depth" in caplog.text
+    bench.memory.put_frame("camera_overhead", msgspec.structs.replace(cube, stamp=bench.clock.now()))
+    bench.exchange(0.05)
+    bench.runner.tick(bench.clock.now())
+    assert bench.agent.degraded == ""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from agents.drivers import TagCorners, TagReadings
 from agents.scene_estimator.detection import Tag, tag_corners
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
 from agents.scene_estimator.sighting import FrameSource
@@ -92,6 +93,23 @@ def test_a_bias_of_depth_makes_percepts_uncertain_along_the_ray() -> None:
         assert along == pytest.approx(0.01, rel=0.1)
         assert across < 0.001
         assert max(spread(trial.estimate(reader(EXACT)))) < 0.001
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(100.0, 100.0)] * 4,
+        [(100.0, 100.0), (200.0, 100.0), (300.0, 100.0), (400.0, 100.0)],
+        [(0.0, 0.0), (320.0, 320.0), (100.0, 2147483648.0), (496.5360959743777, 354.34342279924044)],
+    ],
+)
+def test_corners_that_no_square_has_are_no_percept(corners: list[tuple[float, float]]) -> None:
+    """A detector elsewhere may tell any: the others that it sees still count."""
+    intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
+    square = [(300.0, 200.0), (340.0, 200.0), (340.0, 240.0), (300.0, 240.0)]
+    tags = [TagCorners(number, (a, b, c, d), 0.2) for number, (a, b, c, d) in enumerate((corners, square))]
+    found = reader(NoiseModel()).read_corners(TagReadings(1.0, [], intrinsics, corners=tags))
+    assert [one.marker_id for one in found] == [1]
 
 
 def test_near_the_camera_the_size_tells_the_distance() -> None:

@@ -94,6 +94,13 @@ def test_the_page_is_served_to_this_machine_only_until_ctrl_c(served: Served) ->
         socket.create_connection((LOOPBACK, served.web_port), 1.0)
 
 
+def test_it_says_when_the_system_has_gone_also_beside_others_that_look(table: Memory, served: Served) -> None:
+    with connect("served", agent="record", must_exist=True):
+        table.close()
+        assert served.process.stdout is not None
+        assert "nobody else is in the graph any more" in served.process.stdout.readline()
+
+
 GRAPH_TAB = (180, 50)
 BLUE, AMBER, TABLE = "blue", "amber", "table"
 

@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from agents.viewer import palette
-from agents.viewer.layout import Drawing, arrange
+from agents.viewer.layout import Drawing, arrange, in_two_lines
 
 NODES = {"world": "world", "robot": "robot", "body": "body", "camera": "camera", "table": "table"} | {
     f"cube_{number}": "cube" for number in range(3, 7)
@@ -46,6 +46,49 @@ def test_everything_is_in_the_frame_with_its_label() -> None:
         half = 7 * len(node.label) / 2
         assert left < node.at[0] - half and node.at[0] + half < right
         assert top < node.at[1] and node.at[1] + 30 < bottom
+
+
+def test_long_names_take_two_lines_where_one_would_be_too_wide() -> None:
+    """As wide as the view in a small window, the labels of what hangs on an arm do not touch; no letter is missing."""
+    chain = ["mobile_base_footprint", "arm_shoulder_mount", "robotiq_85_left_knuckle", "camera_color_optical_frame"]
+    boxes = [f"breakfast_cereal_package_{number}" for number in range(4)]
+    nodes = {"world": "world"} | dict.fromkeys(chain, "body") | dict.fromkeys(boxes, "box")
+    edges = [(a, b, "RT") for a, b in itertools.pairwise(["world", *chain])]
+    edges += [(chain[-1], box, "RT") for box in boxes] + [("world", box, "Virtual_RT") for box in boxes]
+    drawing = arrange(nodes, edges)
+    (left, top), (right, bottom) = drawing.frame
+    scale = min(1.0, 800.0 / (right - left), 290.0 / (bottom - top))
+    for a, b in itertools.combinations(drawing.nodes, 2):
+        apart = scale * abs(a.at[0] - b.at[0]) - 7 * (widest(a.label) + widest(b.label)) / 2
+        rows = a.label.count("\n") + 1 if a.at[1] < b.at[1] else b.label.count("\n") + 1
+        assert apart > 0 or scale * abs(a.at[1] - b.at[1]) > 16 * rows, (a.label, b.label)
+    assert {node.name: node.label.replace("\n", "") for node in drawing.nodes} == {name: name for name in nodes}
+    assert max(node.label.count("\n") for node in drawing.nodes) == 1
+
+
+def widest(label: str) -> int:
+    """Letters of the longest line."""
+    return max(map(len, label.split("\n")))
+
+
+@pytest.mark.parametrize(
+    ("label", "lines"),
+    [
+        ("camera_wrist", ["camera_wrist"]),
+        ("camera_overhead", ["camera_", "overhead"]),
+        ("wrist_camera_color_optical", ["wrist_camera_", "color_optical"]),
+        ("arm_of_the_left (7 links)", ["arm_of_the_", "left (7 links)"]),
+        ("intention_of_mine (1 done)", ["intention_of_", "mine (1 done)"]),
+        ("thenameofathingofonewordonly", ["thenameofathingofonewordonly"]),
+        ("a_name_that_ends_so_", ["a_name_that_", "ends_so_"]),
+    ],
+)
+def test_a_long_label_is_broken_between_words_near_its_middle(label: str, lines: list[str]) -> None:
+    assert in_two_lines(label).split("\n") == lines
+
+
+def test_names_of_a_drawing_that_fits_stay_on_one_line() -> None:
+    assert not any("\n" in node.label for node in arrange(NODES, EDGES).nodes)
 
 
 def test_what_lies_on_something_stands_right_of_it() -> None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ import pytest
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
 from dsr import Frame, Pose
+from dsr.clock import WALL_CLOCK
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.timeline import Chronicle
@@ -28,6 +30,24 @@ from dsr.vocabulary.scenario_start import Start, start_key
 def rgba(color: palette.Color) -> int:
     red, green, blue = color
     return red << 24 | green << 16 | blue << 8 | 255
+
+
+def send_noise(stage: Any, images: int) -> None:
+    """Let the camera send images that take much room, and wait until each is in the file."""
+    generator = np.random.default_rng(0)
+    for _ in range(images):
+        noise = generator.integers(0, 256, (480, 640, 3), dtype=np.uint8)
+        stage.memory.put_frame("camera", Frame(stage.clock.now(), {"color": noise}, {}))
+        before = written(stage.folder)
+        stage.run(0.5)
+        deadline = WALL_CLOCK.now() + 10.0
+        while written(stage.folder) == before and WALL_CLOCK.now() < deadline:  # rerun writes from a thread of its own
+            WALL_CLOCK.wait(threading.Event(), 0.01)
+
+
+def written(folder: Path) -> list[tuple[str, int]]:
+    """The files of the view with their sizes."""
+    return sorted((file.name, file.stat().st_size) for file in folder.glob("*.rrd"))
 
 
 def test_percepts_and_beliefs_are_drawn_apart(stage: Any) -> None:
@@ -178,8 +198,8 @@ def test_images_and_detections_are_shown(stage: Any) -> None:
     stage.build_table()
     stage.run(0.5)
     corners = np.array([[[10, 10], [50, 10], [50, 50], [10, 50]]], np.float32)
-    for _ in range(20):
-        stage.memory.put_frame("camera", Frame(1.0, {"color": np.full((48, 64, 3), 90, np.uint8)}, {}))
+    for grey in range(20):
+        stage.memory.put_frame("camera", Frame(1.0, {"color": np.full((48, 64, 3), 10 * grey, np.uint8)}, {}))
         detections = {"corners": corners, "ids": np.array([3], np.int32)}
         stage.memory.put_frame("camera/detections", Frame(1.0, detections, {}))
         stage.run(0.1)
@@ -447,6 +467,28 @@ def test_a_window_that_hangs_holds_nothing_up(stage: Any, monkeypatch: pytest.Mo
     assert viewer._window.exit_code is not None
 
 
+def test_a_full_file_goes_on_while_a_window_hangs(
+    stage: Any, shown: Callable[[Path], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rerun lets nothing follow before the window has all that went before; the agent does not wait for that."""
+    monkeypatch.setattr("agents.viewer.agent._PIECES", 0.01)
+    stage.build_table("cube_3")
+    viewer = stage.start_viewer(keep_mb=20.0)
+    answers, begin = threading.Event(), viewer._recording.set_sinks
+    monkeypatch.setattr(viewer._recording, "set_sinks", lambda *sinks: answers.wait(60.0) and begin(*sinks))
+    send_noise(stage, 14)
+    stage.memory.add_node("cube_9", "cube", size=(0.04, 0.04, 0.04))
+    stage.run(0.5)
+    assert viewer._switching is not None and viewer._switching.is_alive()
+    answers.set()
+    viewer._switching.join(60.0)
+    stage.run(0.5)
+    assert viewer._switching is None
+    viewer.teardown()
+    files = ("recording.rrd", "recording-2.rrd")
+    assert all("/graph/nodes/cube_9" in shown(stage.folder / name).entities for name in files)
+
+
 def test_a_killed_viewer_leaves_a_readable_file(tmp_path: Path, shown: Callable[[Path], Any]) -> None:
     script = textwrap.dedent("""
         import sys, time
@@ -459,7 +501,7 @@ def test_a_killed_viewer_leaves_a_readable_file(tmp_path: Path, shown: Callable[
         for step in range(10_000):
             stage.run(0.1)
             time.sleep(0.02)
-            if step == 50:
+            if step == 100:  # after 2 s; the file is written once a second
                 print("running", flush=True)
     """)
     command = [sys.executable, "-c", script, str(tmp_path), str(Path(__file__).parent)]
@@ -468,3 +510,37 @@ def test_a_killed_viewer_leaves_a_readable_file(tmp_path: Path, shown: Callable[
         assert process.stdout.readline() == b"running\n"
         os.kill(process.pid, signal.SIGKILL)
     assert {"/graph/nodes/cube_3", "/world/percepts", "/world/beliefs"} <= shown(tmp_path / "recording.rrd").entities
+
+
+def test_the_view_takes_no_more_room_than_it_may(
+    stage: Any, shown: Callable[[Path], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that is full is followed by another one, which shows all that is there; the oldest go."""
+    monkeypatch.setattr("agents.viewer.agent._PIECES", 0.01)
+    stage.build_table("cube_3", "cube_4")
+    Chronicle(stage.memory, "writer").begin("on", ["cube_3", "table"])
+    viewer = stage.start_viewer(keep_mb=8.0)
+    send_noise(stage, 60)
+    viewer.teardown()
+    files = sorted(stage.folder.glob("*.rrd"), key=lambda file: file.stat().st_mtime)
+    assert stage.folder / "recording.rrd" not in files
+    assert 2 < len(files) <= 8
+    assert sum(file.stat().st_size for file in files) <= 9e6  # the last file may be larger by what was under way
+    newest = shown(files[-1])
+    assert newest.blueprints
+    assert len(newest.values("/world/beliefs", "Boxes3D:centers")[-1]) == 2
+    assert newest.values("/graph/nodes/cube_3", "Points2D:labels") == [["cube_3"]]
+    assert newest.values("/timeline/on/cube_3", "StateChange:state") == [["table"]]
+    assert newest.values("/world/cameras/camera/image", "EncodedImage:blob")
+    assert newest.texts() == []
+
+
+def test_a_picture_that_stays_the_same_is_written_once(stage: Any) -> None:
+    stage.build_table()
+    stage.start_viewer()
+    stage.memory.update_node("camera", stream="camera")
+    for grey in (10, 10, 10, 20):
+        color = np.full((48, 64, 3), grey, dtype=np.uint8)
+        stage.memory.put_frame("camera", Frame(stage.clock.now(), {"color": color}, {}))
+        stage.run(0.5)
+    assert len(stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")) == 2

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from dsr.cli.background import start_in_background
 from dsr.network.rendezvous import graphs, read_claim
 
 SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
@@ -67,7 +68,7 @@ def test_a_system_that_does_not_start_says_why(tmp_path: Path, private_runtime_d
     file = tmp_path / "broken.toml"
     file.write_text('graph = "g"\n[[agent]]\nname = "a"\nclass = "nowhere"\n')
     result = dsr("run", str(file), "-dg", "kitchen", "--folder", str(tmp_path / "run"))
-    assert result.returncode == 1
+    assert result.returncode == dsr("run", str(file)).returncode == 2
     assert "the system did not start" in result.stderr and "class 'nowhere' cannot be loaded" in result.stderr
 
 
@@ -109,6 +110,23 @@ def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path,
         process.send_signal(signal.SIGINT)
         assert process.wait(40) == 130
     assert read_claim("counters") is None and graphs() == []
+
+
+def test_interrupted_while_its_process_is_being_made_it_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[subprocess.Popen[bytes]] = []
+    popen = subprocess.Popen
+
+    def interrupted(*_: object, **__: object) -> subprocess.Popen[bytes]:
+        started.append(popen([sys.executable, "-c", "import time; time.sleep(60)"]))
+        os.kill(os.getpid(), signal.SIGINT)
+        return started[0]
+
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        start_in_background(tmp_path / "run")
+    assert started[0].poll() is not None
 
 
 def test_logs_of_a_system_that_has_ended_are_those_of_its_last_run(

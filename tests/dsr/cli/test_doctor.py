@@ -67,6 +67,21 @@ def test_without_egl_or_a_display_things_are_limited(monkeypatch: pytest.MonkeyP
     assert doctor.check_display().state == "limited"
 
 
+def test_the_library_of_realsense_cameras_is_optional(monkeypatch: pytest.MonkeyPatch) -> None:
+    without("pyrealsense2", monkeypatch=monkeypatch)
+    check = doctor.check_realsense()
+    assert check.state == "limited" and check.detail.endswith("pip install 'dsr-memory[realsense]'")
+
+
+def test_a_library_that_cannot_be_loaded_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    said = "Traceback\nImportError: libusb-1.0.so.0: cannot open shared object file"
+    monkeypatch.setattr(subprocess, "run", lambda *a, **k: SimpleNamespace(returncode=1, stderr=said))
+    check = doctor.check_realsense()
+    assert check.state == "limited"
+    assert check.detail == f"{said.splitlines()[1]}; Debian, Ubuntu: apt install libusb-1.0-0"
+
+
 def test_a_runtime_folder_that_cannot_be_written_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(doctor, "runtime_dir", lambda: tmp_path / "none")
     results = {check.name: check for check in only(doctor.check_runtime_folder, monkeypatch)}

@@ -30,6 +30,21 @@ def test_ls_tells_where_things_were_perceived_and_are_believed_to_be(
     assert notes == ["not seen"]
 
 
+def test_things_of_types_of_ones_own_are_listed(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    memory.schema.register_node_type("drone", "it flies")
+    memory.add_node("drone_1", "drone")
+    while [row["name"] for row in cli_json("ls")] != ["cube_3", "drone_1"]:
+        pass
+
+
+def test_ls_says_if_there_is_nothing_to_list(memory: Memory, cli: Callable[..., str]) -> None:
+    assert cli("ls", "--type", "cup") == "there are no nodes of type cup\n"
+    memory.remove_node("cube_3")
+    while "no things" not in (text := cli("ls")):
+        pass
+    assert text == "there are no things\n3 other nodes: --all\n"
+
+
 def test_ls_of_one_type_for_people(memory: Memory, cli: Callable[..., str]) -> None:
     text = cli("ls", "--type", "cube")
     assert "cube_3" in text and "0.0300" in text and "table" not in text

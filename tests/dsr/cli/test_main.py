@@ -34,6 +34,13 @@ def test_help_names_the_commands() -> None:
     assert all(f" {command} " in result.stdout for command in ("run", "ls", "show", "tree", "watch", "top", "doctor"))
 
 
+@pytest.mark.parametrize("line", ["view runs/mine", "replay runs/mine more", "demo towers twice"])
+def test_words_that_a_command_does_not_take_are_no_commands(line: str) -> None:
+    result = dsr(*line.split())
+    assert result.returncode == 2
+    assert "Got unexpected extra argument" in result.stderr and "No such command" not in result.stderr
+
+
 def test_a_wrong_system_file_is_told_with_its_line(tmp_path: Path) -> None:
     file = tmp_path / "wrong.toml"
     file.write_text('graph = "g"\n[[agent]]\nname = "a"\nclas = "x:Y"\n')

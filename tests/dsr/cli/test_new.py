@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import dsr
 from agents.scenario.check.file_check import Findings, look_through
 from agents.scenario.judge.result import Result
 from agents.scenario.run.runner import run_lockstep
@@ -50,6 +52,15 @@ def test_its_tests_pass(made: Path) -> None:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", "addopts=", "tests"]
     result = subprocess.run(command, cwd=made, capture_output=True, text=True, check=False)
     assert result.returncode == 0 and "1 passed" in result.stdout, result.stdout
+
+
+def test_its_command_says_if_the_system_does_not_run(made: Path) -> None:
+    command = importlib.import_module("lab_bot.cli").app
+    result = CliRunner().invoke(command, env={"DSR_GRAPH": "kitchen"})
+    assert isinstance(result.exception, ConfigError) and "nobody holds graph 'kitchen'" in str(result.exception)
+    with dsr.connect("lab_bot", agent="owner", must_exist=False) as memory:
+        memory.add_node("table", "table", seen=2)
+        assert CliRunner().invoke(command).output == "2 boxes in view\n"
 
 
 @pytest.mark.parametrize("name", ["Lab", "1lab", "lab-bot", "class", "json", "agents", "dsr", "a" * 41, ""])

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from dsr import Memory, WallClock
-from dsr.cli.status_table import overloaded
+from dsr.cli.status_table import overloaded, status_table
 from dsr.network.rendezvous import Registration
 from dsr.network.transport import Qos
 from dsr.runtime.launcher import AgentRow
@@ -76,3 +78,37 @@ def test_agents_that_lag_are_named_worst_first_and_others_are_not() -> None:
     rows = [row("arm", 0.3, late=True), row("idle", 0.9, late=False), row("plant", 0.61, late=True)]
     assert overloaded(rows).endswith("time of waiting for a processor: plant (61 %), arm (30 %)")
     assert overloaded(rows[1:2]) == "" and overloaded([AgentRow("new", "starting", 1, None, 0, "")]) == ""
+
+
+def test_the_numbers_of_an_agent_that_stopped_are_over() -> None:
+    status = Status(agent="arm", rid="arm-1", pid=7, state=State.STOPPED, rate_hz=49.9, restarts=2, stamp=1.0)
+    row = AgentRow("arm", str(status.state), 7, Heard(status, 1.0, 0.0), 2, "")
+    text = printed(status_table([row], "graph scene"))
+    assert "stopped" in text and "2" in text and "49.9" not in text
+
+
+def test_names_of_the_agents_that_come_along_are_whole_at_80_columns() -> None:
+    states = (State.READY, State.DEGRADED)
+    statuses = [
+        Status(
+            agent="simulation_handler", rid="a-1", pid=7, state=state, rate_hz=20.0, tick_ms_p50=123.4,
+            tick_ms_p95=234.5, missed=1234, errors=12, behind=12.3, stamp=1.0,
+        )
+        for state in states
+    ]  # fmt: skip
+    rows = [AgentRow(one.agent, str(one.state), 7, Heard(one, 1.0, 0.012), 2, "") for one in statuses]
+    rows.append(AgentRow("simulation_handler", "restarting", 7, None, 2, ""))
+    lines = [line for line in printed(status_table(rows, "graph scene")).splitlines() if "simulation_handler" in line]
+    assert len(lines) == 3
+
+
+def test_it_says_when_all_have_left(memory: Memory, cli: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "nobody else" not in cli("top")
+    monkeypatch.setattr("dsr.cli.common.ONLOOKERS", {"owner"})
+    assert "nobody else is in the graph any more" in cli("top")
+
+
+def printed(content: Any) -> str:
+    stream = io.StringIO()
+    Console(file=stream, width=80).print(content)
+    return stream.getvalue()

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import dsr
-from dsr import Memory
+from dsr import AttributeType, Memory
 
 
 @contextmanager
@@ -25,7 +25,7 @@ def test_changes_come_line_by_line_until_ctrl_c(memory: Memory) -> None:
     with watching("--node-type", "cube") as process:
         assert process.stdout and process.stderr
         first = process.stdout.readline()
-        assert "added" in first and "cube cube_3  perceived True  size (0.04, 0.04, 0.04)" in first
+        assert "added" in first and "cube cube_3  perceived True  size (0.04, 0.04, 0.04) m" in first
         memory.update_node("cube_3", perceived=False)
         assert process.stdout.readline().rstrip().endswith("updated cube cube_3  perceived False")
         memory.remove_node("cube_3")
@@ -67,3 +67,20 @@ def test_it_says_when_the_last_one_has_left_and_when_somebody_comes(memory: Memo
             assert "somebody is in the graph again" in process.stderr.readline()
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
+
+
+def test_another_one_that_only_looks_is_no_company(memory: Memory) -> None:
+    with watching("--node-type", "cube") as first, watching("--node-type", "cube") as second:
+        for process in (first, second):
+            assert process.stdout and "cube_3" in process.stdout.readline()
+        memory.close()
+        for process in (first, second):
+            assert process.stderr and "nobody else is in the graph any more" in process.stderr.readline()
+
+
+def test_names_of_ones_own_have_their_units(memory: Memory) -> None:
+    memory.schema.register_attribute("battery", AttributeType("float", unit="%", meaning="charge left"))
+    memory.update_node("cube_3", battery=87.5)
+    with watching("--attribute", "battery") as process:
+        assert process.stdout
+        assert process.stdout.readline().rstrip().endswith("cube cube_3  battery 87.5 %")

@@ -19,6 +19,7 @@ from agents.ros_bridge.link.dds.discovery import DdsDiscovery, dds_qos
 from agents.ros_bridge.link.dds.participant import join
 from agents.ros_bridge.link.dds.raw_type import RawMessage, raw_type
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, Topic
+from agents.ros_bridge.link.telling import Lately, few
 from agents.ros_bridge.messages.names import check_name
 from agents.ros_bridge.messages.types import RosTypes, types_of
 
@@ -150,6 +151,7 @@ class DdsLink:
         self._topics: dict[tuple[str, str], DdsTopic[Any]] = {}
         self._publishers: list[DdsPublisher] = []
         self._subscriptions: list[DdsSubscription] = []
+        self._lately = Lately()
         self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
         self._tell()
 
@@ -198,8 +200,8 @@ class DdsLink:
                     found.add(
                         f"{other.node or 'somebody'} has {other.topic.name} {reason}: they do not hear each other"
                     )
-        failures = [one for one in self._subscriptions if one.failures]
-        return [*sorted(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
+        failures = [one for one in self._subscriptions if self._lately.grew(id(one), one.failures)]
+        return [*few(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
 
     def lost(self) -> dict[str, int]:
         """Nothing: DDS does not say what it lost."""

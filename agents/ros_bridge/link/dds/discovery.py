@@ -26,6 +26,8 @@ _INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _TYPE_HASH = re.compile(rb"typehash=([^;]*);")
 _MOST = 20_000
 """Endpoints that are looked at: robots have some hundreds"""
+_MOST_PARTICIPANTS = 1000
+"""Whose nodes are remembered: a machine has room for some hundred in a domain"""
 _DEPTH_UNKNOWN = 0
 
 Kind = Literal["publisher", "subscriber", "service", "client"]
@@ -114,11 +116,19 @@ class DdsDiscovery:
                 info = self._types.decode(_INFO, sample.cdr)
             except RosMessageError:
                 continue  # of a release with other gids: its nodes have no names for us
-            self._nodes[bytes(info.gid.data)[:16]] = {
+            self._remember(bytes(info.gid.data)[:16], {
                 bytes(gid.data)[:16]: f"{node.node_namespace.rstrip('/')}/{node.node_name}"
                 for node in info.node_entities_info_seq
                 for gid in (*node.reader_gid_seq, *node.writer_gid_seq)
-            }
+            })  # fmt: skip
+
+    def _remember(self, participant: bytes, nodes: dict[bytes, str]) -> None:
+        """Instead of those of the participants that told theirs longest ago, if there are too many."""
+        self._nodes.pop(participant, None)
+        self._nodes[participant] = nodes
+        number = sum(map(len, self._nodes.values()))
+        while self._nodes and (number > _MOST or len(self._nodes) > _MOST_PARTICIPANTS):
+            number -= len(self._nodes.pop(next(iter(self._nodes))))
 
     def _padded(self, gid: bytes) -> bytes:
         """Gids have 16 bytes, and 24 in releases before Iron."""

@@ -36,6 +36,8 @@ _ATTACHMENT = struct.Struct(f"<qqB{GID_BYTES}s")
 _OLD_ATTACHMENT = b"sequence_number"
 """Name that rmw_zenoh wrote before each number up to 0.1.1 (Humble), 0.2.3 (Jazzy) and 0.5 (Rolling)"""
 _MOST_DEPTH = 1 << 31
+_LONGEST = 4096
+"""Characters of a token: DDS, and so ROS, allows 255 for each of its names"""
 
 
 class Entity(msgspec.Struct, frozen=True):
@@ -75,7 +77,7 @@ class Entity(msgspec.Struct, frozen=True):
 
 def read_token(key: str) -> Entity | None:
     """What a liveliness token tells; None if it is none of ROS, or malformed."""
-    parts = key.split("/")
+    parts = key.split("/") if len(key) <= _LONGEST else []
     kind = _KINDS.get(parts[5]) if len(parts) >= _NODE_PARTS else None
     if kind is None or parts[0] != ADMIN or not all(parts):
         return None

@@ -23,6 +23,9 @@ _HEARTBEAT = 0.5  # s, as rmw_zenoh has it
 _PATIENCE = 2.0  # s
 _MOST_WRITERS = 1000
 """Whose messages are numbered; beyond these, the oldest is forgotten"""
+_LARGEST_GAP = 1_000_000
+"""Messages that may be missing between two: a publisher of 1000 Hz sends as many in a quarter of an hour. Beyond that,
+its numbers are of another life, or made up"""
 
 
 class ZenohPublisher:
@@ -170,8 +173,8 @@ class ZenohSubscription:
         last = self._numbers.get(writer)
         if last is None and len(self._numbers) >= _MOST_WRITERS:
             del self._numbers[next(iter(self._numbers))]
-        if last is not None and number > last + 1:
-            self.lost += number - last - 1
+        if last is not None and 0 < (missing := number - last - 1) <= _LARGEST_GAP:
+            self.lost += missing
         self._numbers[writer] = number
 
 

@@ -11,6 +11,7 @@ import zenoh
 
 from agents.ros_bridge.errors import RosAbsentError, RosLinkError
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Qos, Received, Topic
+from agents.ros_bridge.link.telling import Lately, few
 from agents.ros_bridge.link.zenoh.discovery import ZenohDiscovery
 from agents.ros_bridge.link.zenoh.routing import places_beyond
 from agents.ros_bridge.link.zenoh.services import ZenohClient, ZenohServed
@@ -49,6 +50,7 @@ class ZenohLink:
         self._closed = False
         self._declared: list[ZenohPublisher | ZenohSubscription | ZenohServed] = []
         self._clients: dict[str, ZenohClient] = {}
+        self._lately = Lately()
         self._lost_before: Counter[str] = Counter()
         """By topic, of subscriptions that were taken back"""
         self._discovery = ZenohDiscovery(self._session, config.domain)
@@ -104,7 +106,7 @@ class ZenohLink:
                 ),
                 (subscription.failures, "could not be handled"),
             ):
-                if number:
+                if self._lately.grew((id(subscription), what), number):
                     found.append(f"{number} messages of {subscription.topic} {what}")
         return found
 
@@ -166,7 +168,8 @@ class ZenohLink:
     def _others(self, entity: Entity) -> int:
         """How many entities elsewhere send what this one receives, or receive what it sends."""
         found = self._discovery.entities(_OPPOSITE[entity.kind], entity.topic)
-        return sum(other.key() == entity.key() and not self._discovery.is_mine(other) for other in found)
+        as_this = entity.type, entity.hash
+        return sum((other.type, other.hash) == as_this and not self._discovery.is_mine(other) for other in found)
 
     def _network_problems(self) -> list[str]:
         found = []
@@ -179,14 +182,14 @@ class ZenohLink:
         elif not self._session.info.routers_zid():
             found.append(f"the Zenoh router at {self._config.router} is gone: nodes that start now are not found")
         if not any(not self._discovery.is_mine(entity) for entity in self._discovery.entities()):
-            found += [
+            found += few(
                 f"nobody is visible in domain {self._config.domain}, but {number} nodes in domain {domain}"
-                for domain, number in sorted(self._discovery.elsewhere().items())
-            ]
+                for domain, number in self._discovery.elsewhere().items()
+            )
         if not self._config.beyond_loopback:
             others = sorted({link.dst for link in links if not _is_here(link)})
             found += [f"{place} is on another machine: nothing passes without beyond_loopback" for place in others]
-        if self._discovery.ignored:
+        if self._lately.grew("ignored", self._discovery.ignored):
             found.append(f"{self._discovery.ignored} announcements were malformed or too many, and were ignored")
         return found
 
@@ -207,7 +210,7 @@ class ZenohLink:
                     f"{who} with another definition ({entity.hash}) than that of ROS 2 {self._types.distro} "
                     f"({mine.hash}): they do not hear each other"
                 )
-        return sorted(found)
+        return few(found)
 
 
 _OPPOSITE: dict[Kind, Kind] = {

@@ -221,6 +221,21 @@ def test_the_root_of_the_frames_is_the_world_and_depth_that_is_not_aligned_a_cam
     assert f"camera 'camera_depth_image_raw' from {DEPTH}" in notes[0]
 
 
+@pytest.mark.parametrize(
+    ("image", "camera"),
+    [("/cam/0/image", "cam"), ("image", "image"), ("/a b/\x1b[31mü/image", "a-20-b"), ("/a.b/image", "a-2e-b")],
+)
+def test_topics_may_have_names_that_ros_2_has_not(tmp_path: Path, image: str, camera: str) -> None:
+    """Bags of ROS 1, and files that others write."""
+    drive = [one._replace(topic=image) if one.topic == COLOR else one for one in DRIVE]
+    odd = [one._replace(topic=name) for one in DRIVE if one.topic == COLOR for name in ("", "/", "/" + "x" * 200)]
+    theatre = Theatre(mcap(tmp_path / "a.mcap", [*drive, *odd[:3]], CompressionType.NONE))
+    theatre.run(0.5)
+    check(theatre.audience, 0.5)
+    assert theatre.audience.node(camera).type == "camera"
+    assert "its name is none that a topic can have" in theatre.source.index.notes[1]
+
+
 def test_the_command_plays_a_bag(bag: Path) -> None:
     options = ["--graph", f"bag_{os.getpid()}", "--speed", "max", "--no-stay", "--set", "ros_bridge.world_frame=odom"]
     done = CliRunner().invoke(app, [str(bag), *options])

@@ -12,6 +12,7 @@ import pytest
 from agents.ros_bridge import RosBridge
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
+from agents.ros_bridge.link.local import LocalLink
 from agents.ros_bridge.mapping.detections import position_ellipsoid, read_detections
 from agents.ros_bridge.mapping.stamps import to_seconds, to_time
 from agents.ros_bridge.messages.transforms import encode_transforms
@@ -56,7 +57,7 @@ def test_beliefs_go_out_with_their_covariance() -> None:
         system.run(0.5)
         messages = system.robot.heard["/dsr/beliefs"]
         assert 4 <= len(messages) <= 6
-        found = {one.id: one for one in read_detections(messages[-1])}
+        found = {one.id: one for one in read_detections(messages[-1])[0]}
         assert found.keys() == {"cube_1", "cup_1"}
         cube = found["cube_1"]
         assert (cube.frame, cube.kind, cube.size) == ("world", "cube", (0.04, 0.04, 0.04))
@@ -202,9 +203,32 @@ def test_the_bridge_may_write_what_it_receives_and_no_more() -> None:
     assert not RosBridge.configured({"send": {"services": ""}}).writes.includes("intention")
 
 
+def test_problems_that_last_are_logged_once_while_they_last(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Who runs `dsr ros run` sees its log only; at first there is no connection yet."""
+    problems: list[str] = []
+    monkeypatch.setattr(LocalLink, "problems", lambda self: list(problems))
+    with bridged() as system:
+        problems.append("no router: 1 try")
+        system.run(1.0)
+        problems.clear()
+        system.run(2.0)
+        assert "no router" not in caplog.text and system.trouble == ""
+        for number in range(5):
+            problems[:] = [f"no router: {number} tries"]
+            system.run(1.0)
+        assert caplog.text.count("no router") == 1 and "no router: 4 tries" in system.trouble
+        problems.clear()
+        system.run(2.0)
+        problems.append("no router: 1 try")
+        system.run(3.0)
+        assert caplog.text.count("no router") == 2
+
+
 def test_a_huge_message_is_dropped_and_told() -> None:
     with bridged() as system:
-        system.robot.tf_cdr(bytes((1 << 26) + 1))
+        system.robot.tf_cdr(bytes((1 << 22) + 1))
         system.robot.tf_cdr(encode_transforms([]))
         system.run()
-        assert system.counts["too large"] == 1 and "67108865 bytes on /tf" in system.trouble
+        assert system.counts["too large"] == 1 and "4194305 bytes on /tf" in system.trouble

@@ -15,6 +15,7 @@ from agents.ros_bridge.mapping.images import pixels, to_image
 from agents.ros_bridge.mapping.joints import to_joint_state
 from agents.ros_bridge.mapping.stamps import to_seconds
 from dsr import Frame, Pose
+from dsr.errors import ConfigError
 from dsr.vocabulary.distortion import Distortion
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from tests.agents.ros_bridge.robot import TYPES, Bridged, Robot, bridged
@@ -96,8 +97,53 @@ def test_depth_of_other_moments_is_told_and_colour_goes_on_alone() -> None:
             system.run(0.1)
         frame = frames.latest()
         assert frame is not None and frame.arrays.keys() == {"color"}
-        assert "stamped 50 ms apart, more than 20: they are of different moments" in system.trouble
+        assert "stamped 50 ms apart, more than 33: they are of different moments" in system.trouble
         assert system.counts["colour without depth on /cam/color/image_raw"] > 0
+
+
+def test_depth_of_a_camera_beside_is_shown_in_the_image_of_colour() -> None:
+    """The depth camera has half the focal length, and sees a wall that is 0.25 m nearer to it."""
+    beside = Intrinsics(250.0, 250.0, 5.5, 4.5, 12, 10)
+    topics = {
+        "color": "/cam/color/image_raw", "depth": "/cam/depth/image", "depth_info": "/cam/depth/camera_info",
+        "depth_pose": {"translation": [0.0, 0.0, 0.25]},
+    }  # fmt: skip
+    with bridged({"receive": {"cameras": {"eye": topics}}}) as system:
+        frames = system.memory.frames("eye")
+
+        def show(size: tuple[int, int]) -> Frame:
+            wall = to_image(TYPES, system.now + 0.004, "eye_depth", np.full(size, 1.0, np.float32))
+            look(system, depth=False)
+            publish(system.robot, "/cam/depth/image", IMAGE, wall)
+            system.run()
+            frame = frames.latest()
+            assert frame is not None
+            return frame
+
+        tell_intrinsics(system)
+        assert show((10, 12)).arrays.keys() == {"color"}
+        assert system.counts["depth before /cam/depth/camera_info"] == 1
+        message = to_camera_info(TYPES, system.now, "eye_depth", beside)
+        publish(system.robot, "/cam/depth/camera_info", INFO, message)
+        np.testing.assert_array_equal(show((10, 12)).arrays["depth"], DEPTH)
+        assert show((4, 6)).arrays.keys() == {"color"}
+        assert "/cam/depth/camera_info is not about /cam/depth/image" in system.trouble
+
+
+@pytest.mark.parametrize(
+    "topics",
+    [
+        {"color": "/c", "depth": "/d", "depth_info": "/i"},
+        {"color": "/c", "depth": "/d", "depth_pose": {}},
+        {"depth": "/d", "depth_info": "/i", "depth_pose": {}},
+    ],
+)
+def test_depth_that_is_not_aligned_needs_its_intrinsics_and_its_pose(topics: dict[str, Any]) -> None:
+    with (
+        pytest.raises(ConfigError, match="`depth_info` and `depth_pose` go together"),
+        bridged({"receive": {"cameras": {"eye": topics}}}),
+    ):
+        pass
 
 
 def test_images_without_intrinsics_or_with_those_of_another_size_have_none() -> None:

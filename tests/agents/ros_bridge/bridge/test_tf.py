@@ -87,6 +87,22 @@ def test_a_late_listener_gets_the_static_edges(system: Bridged) -> None:
     assert {one.child for one in found} == {"arm", "camera"}
 
 
+def test_a_late_listener_gets_no_static_edge_that_is_gone_or_moves_now(system: Bridged) -> None:
+    memory = system.memory
+    for name in ("world", "arm", "camera", "table"):
+        memory.add_node(name, "world" if name == "world" else "body")
+    for name in ("arm", "camera", "table"):
+        memory.add_edge("world", name, "RT", pose=A)
+    system.run()
+    memory.remove_edge("world", "arm", "RT")
+    memory.update_edge("world", "camera", "RT", pose=B.with_stamp(system.now))
+    system.run()
+    assert [one.child for one in system.robot.listen_tf()] == ["table"]
+    memory.remove_edge("world", "table", "RT")
+    system.run()
+    assert system.robot.listen_tf() == []
+
+
 def test_what_we_publish_is_not_taken_back_through_another_node(system: Bridged) -> None:
     """Somebody republishes our frames: as they are, and then below another parent."""
     memory = system.memory
@@ -105,6 +121,19 @@ def test_what_we_publish_is_not_taken_back_through_another_node(system: Bridged)
     assert [edge.src for edge in memory.edges("RT", dst="cube_1")] == ["world"]
     assert memory.edge("world", "cube_1", "RT")["pose"].distance(A) == pytest.approx((0.0, 0.0))
     assert "belief.cube_1" not in memory and "odom" not in memory
+
+
+def test_a_frame_below_a_belief_is_told_and_makes_no_second_thing(system: Bridged) -> None:
+    """A grasp that a node of ROS plans, relative to where the memory believes the cup to be."""
+    memory = system.memory
+    memory.add_node("world", "world")
+    memory.add_node("cup", "cup")
+    memory.add_edge("world", "cup", "Virtual_RT", pose=A.with_stamp(system.now))
+    system.run()
+    system.robot.tf(("belief/cup", "grasp", system.now, B))
+    system.run()
+    assert "'grasp' hangs from 'belief/cup' in ROS" in system.trouble
+    assert "grasp" not in memory and "belief.cup" not in memory
 
 
 def test_a_frame_that_the_memory_knows_is_not_taken_over() -> None:
@@ -281,6 +310,25 @@ def test_a_tree_that_hangs_from_nothing_is_told_and_a_root_hangs_it_into_the_wor
         assert system.memory.transform("world", "base").distance(Pose((0.0, 0.0, 1.0)) @ A) == pytest.approx((0.0, 0.0))
         assert [(one.parent, one.child) for one in found] == [("world", "odom")], "ROS does not know where its root is"
         assert system.trouble == ""
+
+
+def test_the_world_may_be_in_the_middle_of_the_tree() -> None:
+    """`odom` is the memory's world, and a robot that knows its map hangs `odom` from `map`."""
+    with bridged({"world_frame": "odom"}) as system:
+        for _ in range(30):
+            system.robot.tf(("map", "odom", system.now, A), ("odom", "base", system.now, B))
+            system.run()
+        assert system.memory.transform("world", "base").distance(B) == pytest.approx((0.0, 0.0))
+        assert system.memory.transform("map", "base").distance(A @ B) == pytest.approx((0.0, 0.0), abs=1e-9)
+        assert system.trouble == ""
+
+
+def test_stamps_of_long_ago_are_told_and_kept(system: Bridged) -> None:
+    """A bag that is played without `--clock`, or a robot whose clock is wrong."""
+    system.robot.tf(("map", "base", system.now - 3600.0, A))
+    system.run()
+    assert "'base' is stamped 3600.0 s behind our clock" in system.trouble
+    assert system.memory.edge("world", "base", "RT")["pose"].stamp == pytest.approx(system.now - 3600.0, abs=0.1)
 
 
 def test_two_cameras_that_see_one_thing_give_it_one_parent_in_tf(system: Bridged) -> None:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping import images
-from agents.ros_bridge.mapping.cameras import read_camera_info, to_camera_info
-from agents.ros_bridge.mapping.clouds import CLOUD, read_cloud, to_cloud
+from agents.ros_bridge.mapping.cameras import read_camera_info, read_lens, read_pinhole, to_camera_info
+from agents.ros_bridge.mapping.clouds import CLOUD, check_fields, read_cloud, to_cloud
 from agents.ros_bridge.messages.types import types_of
 from dsr.vocabulary.distortion import Distortion
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -195,7 +195,7 @@ def test_intrinsics_come_back_with_their_distortion() -> None:
     distorted = replace(INTRINSICS, distortion=Distortion("plumb_bob", (0.1, -0.2, 0.001, 0.002, 0.05)))
     message = to_camera_info(TYPES, 3.0, "camera", distorted)
     again = TYPES.decode("sensor_msgs/msg/CameraInfo", TYPES.encode("sensor_msgs/msg/CameraInfo", message))
-    assert read_camera_info(again) == distorted
+    assert read_camera_info(again) == distorted and read_lens(again) == distorted.distortion
     assert read_camera_info(again, rectified=True) == INTRINSICS
     assert read_camera_info(to_camera_info(TYPES, 3.0, "camera", INTRINSICS)) == INTRINSICS
 
@@ -214,7 +214,10 @@ def test_a_camera_that_was_not_calibrated_is_told() -> None:
     message = to_camera_info(TYPES, 3.0, "camera", INTRINSICS)
     message.d = np.full(100, 0.5)
     with pytest.raises(RosMessageError, match="coefficients"):
+        read_lens(message)
+    with pytest.raises(RosMessageError, match="coefficients"):
         read_camera_info(message)
+    assert read_pinhole(message) == INTRINSICS
 
 
 def test_a_cloud_comes_back() -> None:
@@ -265,6 +268,21 @@ def test_any_layout_of_a_cloud_is_read(dtype: str, big: bool, padding: int) -> N
     np.testing.assert_array_equal(read_cloud(cloud(dtype, big, padding))[0], expected)
 
 
+def test_a_cloud_of_very_many_fields_is_refused() -> None:
+    message = cloud("f4", False, 0)
+    message.fields = message.fields * 60
+    with pytest.raises(RosMessageError, match="300 fields"):
+        read_cloud(message)
+    for frame in ("", "lidar", "lidar_link"):
+        message.header.frame_id = frame
+        cdr = TYPES.encode(CLOUD, message)
+        with pytest.raises(RosMessageError, match="300 fields"):
+            check_fields(cdr)
+    few = TYPES.encode(CLOUD, cloud("f4", False, 0))
+    for end in range(len(few) + 1):
+        check_fields(few[:end])  # the decoder tells what is wrong with it
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("width", 2**31), ("height", 3), ("point_step", 2), ("row_step", 0), ("point_step", 0)],
@@ -275,9 +293,10 @@ def test_a_cloud_that_does_not_fit_its_data_is_refused(name: str, value: int) ->
     with pytest.raises(RosMessageError):
         read_cloud(message)
     message = cloud("f4", False, 0)
-    message.fields[1].offset = 2**31
-    with pytest.raises(RosMessageError):
-        read_cloud(message)
+    for offset in (2**31, 2**31 - 1, 2**31 - 4, 2**32 - 1, message.point_step - 3):  # numpy adds in 32 bits
+        message.fields[1].offset = offset
+        with pytest.raises(RosMessageError, match="do not fit"):
+            read_cloud(message)
     message.fields[1].name = "w"
     with pytest.raises(RosMessageError):
         read_cloud(message)

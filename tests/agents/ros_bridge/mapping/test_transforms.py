@@ -85,6 +85,9 @@ def test_unknown_covariances_and_broken_poses() -> None:
     zeros = to_pose_with_covariance(TYPES, Pose((1.0, 2.0, 3.0)))
     assert not np.any(zeros.covariance)
     assert read_pose_with_covariance(zeros, 0.0).covariance is None
+    zeros.covariance[:] = np.eye(6).ravel()
+    zeros.covariance[35] = 1e308
+    assert read_pose_with_covariance(zeros, 0.0).covariance is None
     zeros.covariance[0] = -1.0
     assert read_pose_with_covariance(zeros, 0.0).covariance is None
     zeros.pose.orientation.w = 0.0

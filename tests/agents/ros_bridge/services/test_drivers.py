@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
 import pytest
 
-from agents.drivers import make_driver
+from agents.drivers import SILENCE, Diagnosed, make_driver
 from agents.ros_bridge import RosArm, RosCamera, RosTags
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.link.local import LocalLink, LocalRos
@@ -148,6 +148,38 @@ def test_the_state_is_that_of_all_joints(arm: Arm) -> None:
     assert state.gripper_opening == pytest.approx(0.0425) and state.stamp == pytest.approx(arm.ros.clock.now())
     arm.tell(("j1",), (0.5,), stamp=arm.ros.clock.now() + 10.0)
     assert arm.driver.state() is state and arm.driver.tally.counts["from the future"] == 1
+    arm.tell(("j1",), (0.6,))
+    state = arm.driver.state()
+    assert state is not None and state.positions == (0.6, 0.2), "what came from the future holds nothing up"
+    arm.tell(NAMES, (0.7, float("nan")))
+    assert arm.driver.state() is state and arm.driver.tally.counts["malformed"] == 1
+
+
+def test_a_stamp_of_long_ago_is_told(arm: Arm) -> None:
+    arm.tell(NAMES, (0.1, 0.2), stamp=arm.ros.clock.now() - 100.0)
+    assert arm.driver.state() is not None
+    assert arm.driver.tally.told == [
+        "a sample is stamped 100.0 s behind our clock: set the clocks, or `restamp = true`"
+    ]  # fmt: skip
+
+
+def test_velocities_that_are_not_told_are_measured(arm: Arm) -> None:
+    """An arm that seems to stand still would be stopped on its way."""
+    began, clock = arm.ros.clock.now(), cast(ManualClock, arm.ros.clock)
+    for step in range(41):  # at 100 Hz
+        clock.advance_to(began + 0.01 * step)
+        arm.tell(NAMES, (0.02 * step, 1.0))
+    state = arm.driver.state()
+    assert state is not None and state.velocities == pytest.approx((2.0, 0.0))
+    for step in range(41, 71):
+        clock.advance_to(began + 0.01 * step)
+        arm.tell(NAMES, (0.8, 1.0))
+    state = arm.driver.state()
+    assert state is not None and state.velocities == (0.0, 0.0)
+    clock.advance(5.0)
+    arm.tell(NAMES, (0.0, 1.0))
+    state = arm.driver.state()
+    assert state is not None and state.velocities == (0.0, 0.0), "nobody knows how long it took"
 
 
 def test_a_trajectory_goes_to_the_controller(arm: Arm) -> None:
@@ -180,6 +212,17 @@ def test_stop_cancels_everything_and_holds_where_the_arm_is(arm: Arm) -> None:
     assert arm.follow.cancelled[0] == bytes(16)
     (point,) = arm.follow.goals[1].trajectory.points
     assert point.positions.tolist() == [0.4, 0.5]
+
+
+def test_stop_holds_the_arm_whatever_the_controller_answers(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm.tell(NAMES, (0.3, -0.3))
+    assert arm.driver.state() is not None
+    served = next(one for one in arm.ros.services if one.topic.name == "/arm/follow/_action/cancel_goal")
+    monkeypatch.setattr(served, "answer", lambda request: b"nonsense")
+    arm.driver.stop()
+    arm.follow.wait(1)
+    assert arm.follow.goals[0].trajectory.points[-1].positions.tolist() == [0.3, -0.3]
+    assert any("did not answer to a cancel" in text for text in arm.driver.tally.told)
 
 
 def test_a_goal_that_is_accepted_after_a_stop_is_cancelled(arm: Arm) -> None:
@@ -290,7 +333,9 @@ def test_tags_found_in_ros_are_where_the_scene_estimator_finds_them(ros: LocalRo
         corners=[TYPES.new(point, x=x, y=y) for x, y in corners[[1, 0, 3, 2]].tolist()],
     )  # fmt: skip
     other = TYPES.new("apriltag_msgs/msg/AprilTagDetection", family="tag25h9", id=7, corners=detection.corners)
-    message = {"header": to_header(TYPES, now, "camera"), "detections": [detection, other]}
+    far = TYPES.new("apriltag_msgs/msg/AprilTagDetection", family="tag36h11", id=8)
+    far.corners = [TYPES.new(point, x=1e308, y=float(number)) for number in range(4)]
+    message = {"header": to_header(TYPES, now, "camera"), "detections": [detection, other, far]}
     robot.send("/tags", "apriltag_msgs/msg/AprilTagDetectionArray", **message)
     assert driver.readings() is None and driver.tally.counts["tags before the first CameraInfo"] == 1
     info = to_camera_info(TYPES, now, "camera", INTRINSICS)
@@ -317,5 +362,9 @@ def test_a_camera_of_ros_is_a_camera_driver(ros: LocalRos) -> None:
         robot.publisher(name, message.__msgtype__, Qos()).send(TYPES.encode(message.__msgtype__, message))
     frame = driver.frame()
     assert frame is not None and frame.meta["fx"] == 600.0 and frame.arrays["color"].shape == (480, 640, 3)
-    assert driver.frame() is None
+    assert driver.frame() is None and driver.trouble == ""
+    clock = RosCamera.clock
+    assert isinstance(clock, ManualClock) and isinstance(driver, Diagnosed)
+    clock.advance(SILENCE + 1.0)
+    assert driver.frame() is None and "no picture on /cam/image_rect for 4 s" in driver.trouble
     driver.close()

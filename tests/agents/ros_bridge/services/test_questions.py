@@ -152,6 +152,24 @@ def test_a_goal_becomes_an_intention(system: Bridged) -> None:
     assert not ask(system, "mission", ASK, question="fly(cube_1)").success
 
 
+def test_a_flood_of_missions_is_refused(system: Bridged) -> None:
+    for _ in range(100):
+        assert ask(system, "mission", ASK, question="on(cube_1,table)").success
+    refused = ask(system, "mission", ASK, question="on(cube_1,table)")
+    assert not refused.success and "100 missions are not at their end" in refused.answer
+    system.run()
+    system.memory.update_node("intention_7", status="reached")
+    system.run()
+    assert ask(system, "mission", ASK, question="on(cube_1,table)").success
+    system.run()
+    assert len(system.memory.nodes("intention")) == 101
+
+
+def test_a_goal_that_is_a_book_is_refused(system: Bridged) -> None:
+    long = ask(system, "mission", ASK, question=" and ".join(["on(cube_1,table)"] * 5000))
+    assert not long.success and "a question of 104995 characters" in long.answer
+
+
 @settings(max_examples=50)
 @given(st.binary(max_size=100))
 def test_any_bytes_get_an_answer_or_are_refused(request: bytes) -> None:
