@@ -4,6 +4,7 @@
     python -m benchmarks.perception --distances 0.6 --bias 0.01 --json perception.json
     python -m benchmarks.perception --colors --distances 0.6 1.0 1.3
     python -m benchmarks.perception --tilted --distances 0.9 1.4 --trials 5
+    python -m benchmarks.perception --shapes --distances 0.6 1.0 1.4
 
 A 40 mm cube with a 32 mm tag stands at each distance, turned and tilted at random by up to 50 degrees; grey and depth
 are as noisy as a RealSense's at 640 x 480, depth alike over 4 px. The peer is what most tag libraries do: OpenCV's
@@ -18,6 +19,9 @@ the fourth frame of a camera that stands still, median and 95 %.
 With --tilted, it is turned in the air by 0.1 rad a frame about a random horizontal axis, up to 135 degrees, as often as
 --trials says, and followed: errors of its centre and of the direction of its own z axis, over the frames in which that
 is told.
+
+With --shapes, boxes and cylinders without tags are found by depth (benchmarks/blocks.py): errors of centre, extents and
+yaw, counts of wrong shapes, CPU time, and the smallest rectangle around the points for comparison.
 """
 
 from __future__ import annotations
@@ -42,6 +46,7 @@ from agents.scene_estimator.detection import tag_corners
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.sighting import FrameSource
 from agents.scene_estimator.turning import nearest_alike, order
+from benchmarks.blocks import shape_rows, shape_table
 from benchmarks.color_scene import ColorScene, looking_at
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
 from dsr.clock import WALL_CLOCK
@@ -78,6 +83,11 @@ class Result(NamedTuple):
 def main() -> None:
     """Measure what the command line asks for and print a row for each distance and method."""
     options = _parser().parse_args()
+    if options.shapes:
+        blocks = list(shape_rows(options.distances, options.trials, options.seed))
+        Console().print(shape_table(blocks))
+        _write(blocks, options)
+        return
     if options.colors or options.tilted:
         trial = _turning if options.tilted else _standing
         rows = [row for model in sorted(model_files()) for row in _rows(model, trial, options)]
@@ -120,6 +130,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--colors", action="store_true", help="objects recognised by their colour instead of tags")
     parser.add_argument("--tilted", action="store_true", help="the same, tilted in the air")
+    parser.add_argument("--shapes", action="store_true", help="boxes and cylinders found by depth")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser
 

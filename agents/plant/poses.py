@@ -71,12 +71,16 @@ def read_tags(camera: SimulatedCamera, world: World, hands: Hands, stamp: float)
 
 
 def recognisable(camera: SimulatedCamera, world: World, hands: Hands) -> list[str]:
-    """Names of the objects that `camera` could recognise now."""
+    """Names of the objects that `camera` could recognise now, those without tag and known colour by their shape."""
     camera_from_world = camera.pose.inverse()
     specs = [] if camera.covers else [spec for name, spec in world.specs.items() if name in world]
     poses = [camera_from_world @ world.pose(spec.name) for spec in specs]
-    found = zip(specs, poses, strict=True)
-    return [spec.name for spec, pose in found if _share_seen(camera, world, hands, spec, pose) >= _ENOUGH]
+    found = []
+    for spec, pose in zip(specs, poses, strict=True):
+        share = _share_of_color if spec.by_depth else _share_seen
+        if share(camera, world, hands, spec, pose) >= _ENOUGH:
+            found.append(spec.name)
+    return found
 
 
 def _share_seen(

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from typing import NamedTuple
 
 from agents.drivers import TagDriver, TagReadings, make_driver
+from agents.frame_images import images
+from agents.scene_estimator.blocks import BlockSighting, KnownVolume, UntaggedObjects
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
+from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameSource, Outlines, Sighting, read_sensor
 from agents.stillness import stood_still
@@ -21,12 +25,19 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
 from dsr.vocabulary.relations import THINGS
 
-Seen = tuple[list[Sighting], list[ColorSighting]]
-"""Sightings of one camera: by tags, and by colours."""
+_OF_BLOCKS = ("size_sigma", "source")  # attributes of what is found by depth
+
+
+class ExposureSightings(NamedTuple):
+    """Sightings of one exposure."""
+
+    tags: list[Sighting]
+    colors: list[ColorSighting]
+    blocks: list[BlockSighting]
 
 
 class SceneEstimator(Agent):
-    """Recognises objects by AprilTags and by colours in the frames of all cameras, and publishes poses with covariance.
+    """Recognises objects by AprilTags, colours and depth in all cameras' frames, and publishes poses with covariance.
 
     Objects that no camera has seen for `max_age` are not `perceived`; their last percept stays.
     """
@@ -36,12 +47,12 @@ class SceneEstimator(Agent):
     reads = Access(
         nodes=("camera", *THINGS),
         edges=("RT",),
-        attributes=("marker_id", "color", "size", "shape", "perceived", "last_seen"),
+        attributes=("marker_id", "color", "size", "shape", "perceived", "last_seen", *_OF_BLOCKS),
     )
     writes = Access(
         nodes=("camera", *THINGS),
         edges=("RT",),
-        attributes=("marker_id", "size", "perceived", "last_seen", *INTRINSICS),
+        attributes=("marker_id", "color", "size", "shape", "perceived", "last_seen", *_OF_BLOCKS, *INTRINSICS),
     )
     publishes = ("blob/*/detections",)
     Config = SceneEstimatorConfig
@@ -56,6 +67,7 @@ class SceneEstimator(Agent):
         take = self._closing.enter_context
         self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
         self._colored = take(closing(ColoredObjects(self.memory)))
+        self._untagged = take(closing(UntaggedObjects(self.memory, config, self.log)))
         self._tag_readers = {
             camera: FrameSource(self._objects.size, config.tag_ratio, config.noise)
             for camera in (*config.cameras, *config.tag_sensors)
@@ -75,6 +87,7 @@ class SceneEstimator(Agent):
         """Look at each camera's newest frame, then at who was not seen for long."""
         self._objects.update()
         self._colored.update()
+        self._untagged.update()
         for camera, stamp, sightings in self._look():
             if camera not in self.memory:
                 self.skipped["no camera node yet"] += 1
@@ -84,7 +97,7 @@ class SceneEstimator(Agent):
                 self._publish(camera, stamp, sightings)
         self._age(now)
 
-    def _look(self) -> Iterator[tuple[str, float, Seen]]:
+    def _look(self) -> Iterator[tuple[str, float, ExposureSightings]]:
         """(camera, stamp, sightings) of everything new."""
         for camera, stream in self._streams.items():
             frame = stream.latest()
@@ -96,7 +109,7 @@ class SceneEstimator(Agent):
                 self._describe(camera, readings.intrinsics)
                 try:
                     tags = read_sensor(readings, self.config.noise) + self._tag_readers[camera].read_corners(readings)
-                    yield camera, readings.stamp, (tags, self._sensed_colors(camera, readings))
+                    yield camera, readings.stamp, ExposureSightings(tags, self._sensed_colors(camera, readings), [])
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
 
@@ -112,14 +125,16 @@ class SceneEstimator(Agent):
         if node is not None and any(node.get(name) != value for name, value in values.items()):
             self.memory.update_node(camera, **values)
 
-    def _read(self, camera: str, frame: Frame) -> Seen | None:
+    def _read(self, camera: str, frame: Frame) -> ExposureSightings | None:
         try:
             sightings, outlines = self._tag_readers[camera].read(frame)
         except WireError as error:
             self._skip("malformed", f"{camera}: {error}")
             return None
         self._show(camera, frame.stamp, outlines)
-        return sightings, self._read_colors(camera, frame)
+        return ExposureSightings(
+            sightings, self._read_colors(camera, frame), self._read_blocks(camera, frame, sightings)
+        )
 
     def _read_colors(self, camera: str, frame: Frame) -> list[ColorSighting]:
         self._note_depth(camera, "depth" in frame.arrays or not self._colored.known)
@@ -127,6 +142,17 @@ class SceneEstimator(Agent):
         if world_from_camera is None:
             return []
         return self._color_reader.read(frame, self._colored.known, world_from_camera)
+
+    def _read_blocks(self, camera: str, frame: Frame, tags: list[Sighting]) -> list[BlockSighting]:
+        color, depth, intrinsics = images(frame)
+        if not self.config.blocks or depth is None or not self._camera_stood_still(camera, frame.stamp):
+            return []
+        world_from_camera = self._world_from_camera(camera, frame.stamp)
+        if world_from_camera is None:
+            return []
+        tagged = [KnownVolume.box(world_from_camera @ tag.pose, self._objects.size(tag.marker_id)) for tag in tags]
+        view = FrameView(depth, intrinsics, world_from_camera)
+        return self._untagged.read(view, color, frame.stamp, self.clock.now(), tagged)
 
     def _note_depth(self, camera: str, has_depth: bool) -> None:
         """Tell, in the status too, which cameras lack the depth without which colours tell no place."""
@@ -152,8 +178,8 @@ class SceneEstimator(Agent):
     def _camera_stood_still(self, camera: str, stamp: float) -> bool:
         return stood_still(self.memory, camera, stamp, self.config.max_camera_speed, self.config.max_camera_turn)
 
-    def _publish(self, camera: str, stamp: float, seen: Seen) -> None:
-        tags, colors = seen
+    def _publish(self, camera: str, stamp: float, seen: ExposureSightings) -> None:
+        tags, colors, blocks = seen
         with self.memory.batch():
             self._objects.consider(camera, tags)
             for sighting in tags:
@@ -162,6 +188,8 @@ class SceneEstimator(Agent):
                     self._write(camera, node.name, sighting.pose)
             if colors:
                 self._publish_colors(camera, stamp, colors)
+            if blocks:
+                self._publish_blocks(camera, stamp, blocks)
 
     def _publish_colors(self, camera: str, stamp: float, sightings: list[ColorSighting]) -> None:
         """They stand upright in the world, as far as anybody knows, so that the camera's pose there is needed."""
@@ -171,6 +199,15 @@ class SceneEstimator(Agent):
         for sighting in sightings:
             if sighting.name in self.memory:
                 self._write(camera, sighting.name, sighting.pose(world_from_camera))
+
+    def _publish_blocks(self, camera: str, stamp: float, sightings: list[BlockSighting]) -> None:
+        world_from_camera = self._world_from_camera(camera, stamp)
+        if world_from_camera is None:
+            return
+        camera_from_world = world_from_camera.with_covariance(None).inverse()
+        for name, world_from_object in self._untagged.consider(camera, sightings, stamp):
+            if name in self.memory:
+                self._write(camera, name, (camera_from_world @ world_from_object).with_stamp(stamp))
 
     def _write(self, camera: str, name: str, camera_from_object: Pose) -> None:
         self.memory.add_edge(camera, name, "RT", pose=camera_from_object)

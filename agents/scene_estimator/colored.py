@@ -18,6 +18,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape, from_numbers
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.vocabulary.perceived import BY_DEPTH
 from dsr.vocabulary.relations import THINGS
 
 ANY_ROTATION = math.pi
@@ -165,9 +166,11 @@ def _near(position: Array) -> bool:
 
 
 def _colored(node: Node) -> ColoredObject | None:
-    """None for an object with a tag, without colour or size, or with a shape that is none."""
+    """None for an object with a tag, without colour or size, with a shape that is none, or that is found by depth."""
     color, size, numbers = node.get("color"), node.get("size"), node.get("shape")
     if color is None or size is None or min(size) <= 0.0 or node.get("marker_id") is not None:
+        return None
+    if node.get("source") == BY_DEPTH:
         return None
     try:
         shape = () if numbers is None else from_numbers(numbers)

@@ -34,6 +34,12 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     """Frames in a row, after the first, in which an unknown tag must be seen to become a node."""
     insert_within: Positive = 0.03
     """m, how far it may seem to move meanwhile."""
+    blocks: bool = False
+    """Whether boxes and cylinders that nobody tagged are found by depth, on tables."""
+    blocks_after: Annotated[int, msgspec.Meta(ge=0)] = 8
+    """Frames in a row, after the first, in which one must be seen to become a node: more than an unknown tag needs."""
+    most_hidden: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.15
+    """Share of its edge in the image that something may hide meanwhile."""
     max_age: Positive = 0.7
     """s after which an object that was not seen again is not `perceived` any more (Sallami et al., Sec. V)."""
     max_camera_speed: NotNegative = 0.02

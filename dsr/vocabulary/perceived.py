@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dsr.graph.elements import Node
 
+BY_DEPTH = "depth"
+"""Attribute `source` of things that were found by their shape alone, in depth images."""
 MOST_SILENT = 1.0
 """s since `last_seen`, from which what a node says of being perceived counts no more: longer than writers wait."""
 

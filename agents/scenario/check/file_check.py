@@ -19,7 +19,7 @@ from agents.scenario.run.staging import Run, make_run, staged_system
 from dsr.config.extras import MissingExtraError
 from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError
-from dsr.runtime.system import agent_names, find_system
+from dsr.runtime.system import agent_names, find_system, load_system
 from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.intentions import GIVEN_UP
@@ -95,8 +95,14 @@ def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
         yield Fault((), "there is no [[expect]]: nothing is judged")
     yield from _goals_that_never_hold(scenario)
     needed = _to_be_recognised(scenario)
+    finds_blocks = _finds_blocks(scenario, folder)
     for index, spec in enumerate(scenario.objects):
-        if spec.name in needed and spec.marker_id is None and not spec.by_color:
+        if (
+            spec.name in needed
+            and spec.marker_id is None
+            and not spec.by_color
+            and not (spec.by_depth and finds_blocks)
+        ):
             text = f"{spec.name!r} is never recognised: it has no `marker_id`, and is not `known` with a `color`"
             yield Fault(("object", index), text)
     if scenario.persons and not of_own_system(scenario):
@@ -104,6 +110,12 @@ def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
         if _MINDS not in agents:
             text = f"nobody keeps what persons believe: the system {scenario.system!r} has no agent {_MINDS!r}"
             yield Fault(("person", 0), f"{text}; 'people' has one")
+
+
+def _finds_blocks(scenario: Scenario, folder: FilePath) -> bool:
+    """Whether an agent of the system finds objects by depth."""
+    system = load_system(find_system(scenario.system, folder))
+    return any(spec.config.get("blocks") is True for spec in system.agents)
 
 
 def _goals_that_never_hold(scenario: Scenario) -> Iterator[Fault]:

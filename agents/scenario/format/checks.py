@@ -176,14 +176,15 @@ def _check_names(scenario: Scenario, folder: FilePath) -> None:
 
 
 def _check_recognised(spec: ObjectSpec, path: Path) -> None:
-    """An object has a face for its tag; one that is made of a model has a tag, or is known by its colour."""
+    """An object has a face for its tag; one made of a model has a tag, a known colour, or the shape of a block."""
     if spec.marker_id is not None:
         message = f"{spec.name!r} has no closed upper face for a tag; leave `marker_id` out, to recognise it by colour"
         require(has_face(spec.shape, spec.size), (*path, "marker_id"), message)
     if spec.model is None or spec.marker_id is not None:
         return
     require(spec.color is not None, path, f"{spec.name!r}: expected a `marker_id` or a `color` to recognise it by")
-    require(spec.known, path, f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`")
+    message = f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`"
+    require(spec.known or spec.by_depth, path, message)
 
 
 def _check_colors(scenario: Scenario, etc: FilePath | None) -> None:

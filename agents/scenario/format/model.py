@@ -121,6 +121,12 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
         """Whether it can be recognised by its colour: it has one and no marker, and the working memory knows it."""
         return self.known and self.marker_id is None and self.color is not None
 
+    @property
+    def by_depth(self) -> bool:
+        """Whether it can only be found by its shape: a box or a cylinder that the working memory does not know."""
+        is_block = not self.shape or (len(self.shape) == 1 and self.shape[0].kind == "cylinder")
+        return not self.known and self.marker_id is None and is_block
+
 
 class PersonSpec(Section, frozen=True, kw_only=True):
     """A person, of whom only the eyes count; the hands are events of their own."""

@@ -11,6 +11,7 @@ import msgspec
 from agents.scenario.format.expectations import Attribute, Edges
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.course import missing_events
+from agents.scenario.judge.found_names import FoundNames
 from agents.scenario.judge.metrics import curves, measure
 from agents.scenario.judge.overload import moment, overload
 from agents.scenario.judge.result import Result
@@ -110,6 +111,7 @@ class Judge:
         """Messages that were no valid truth or status."""
         self._memory = memory
         self._worlds = WorldWatch(scenario, memory)
+        self._names = FoundNames(scenario, memory)
         self.triggered: dict[int, float] = {}
         """By the number of an event that the runner carries out: when its condition came true, s after the start."""
         self._start = 0.0
@@ -198,15 +200,16 @@ class Judge:
             subscription.close()
 
     def _look(self, time: float, truth: TruthReader) -> Sample:
-        memory = self._memory
-        nodes = {spec.name: node for spec in self.history.scenario.objects if (node := memory.get_node(spec.name))}
+        poses = truth.poses()
+        self._names.update(poses)
+        nodes = {spec.name: node for spec in self.history.scenario.objects if (node := self._node(spec.name))}
         return Sample(
             time=time,
-            truth=truth.poses(),
-            percepts=_present({name: self._memory.get_transform(WORLD, name) for name in nodes}),
-            beliefs=_present({name: self._belief(name) for name in nodes}),
+            truth=poses,
+            percepts=_present({name: self._memory.get_transform(WORLD, node.name) for name, node in nodes.items()}),
+            beliefs=_present({name: self._belief(node.name) for name, node in nodes.items()}),
             perceived={name: bool(node.get("perceived", False)) for name, node in nodes.items()},
-            edges=frozenset((edge.type, edge.src, edge.dst) for edge in self._relations()),
+            edges=frozenset((edge.type, *map(self._names.object, (edge.src, edge.dst))) for edge in self._relations()),
             attributes=self._attributes(),
             held=truth.held,
             grasped=truth.grasped,
@@ -252,8 +255,12 @@ class Judge:
             self.history.explanations.append(Explained(time, node.name, node["explanation"]))
 
     def _is_surprising(self, name: str) -> bool:
-        node = self._memory.get_node(name)
+        node = self._node(name)
         return node is not None and bool(node.get("surprising", False))
+
+    def _node(self, name: str) -> Node | None:
+        """The node of an object."""
+        return self._memory.get_node(self._names.node(name))
 
     def _belief(self, name: str) -> Pose | None:
         edge = self._memory.get_edge("world", name, "Virtual_RT")
@@ -275,7 +282,7 @@ class Judge:
 
     def _attributes(self) -> dict[tuple[str, str], Any]:
         wanted = [check for check in self.history.scenario.expectations if isinstance(check, Attribute)]
-        nodes = {(check.node, check.name): self._memory.get_node(check.node) for check in wanted}
+        nodes = {(check.node, check.name): self._node(check.node) for check in wanted}
         return _present({key: node.get(key[1], None) for key, node in nodes.items() if node})
 
     def _on_truth(self, key: str, payload: bytes) -> None:

@@ -208,6 +208,8 @@ def test_what_nothing_is_recognised_by_is_told(tmp_path: Path):
     assert code == 0 and "'c' is never recognised: it has no `marker_id`" in text
     known = thing.replace("name = 'c'", "name = 'c'\nknown = true\ncolor = [0.6, 0.1, 0.6]")
     assert "never recognised" not in check(tmp_path, base=BASE + known)[1]
+    seen = BASE.replace("name =", "system = 'untagged'\nname =", 1) + thing
+    assert "never recognised" not in check(tmp_path, base=seen)[1], "found by depth"
 
 
 def test_what_falls_at_the_start_is_told(tmp_path: Path):

@@ -1,0 +1,244 @@
+"""The upright boxes and cylinders of one exposure: the most likely block for each piece that stands on a support.
+
+Three things tell a block: where the piece ends in the image, the depths of its pixels, and how wrong a depth may be
+for all of them alike. Gauss-Newton steps start at the smallest rectangle around the points from above; the covariance
+is the inverse of the Fisher information. Where something hides an edge, nothing tells the place of the face behind
+it but a wide prior, so that its extent is as unsure.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.scene_estimator.blocks.block import Block, BlockKind, inside
+from agents.scene_estimator.blocks.clusters import Cluster, Relief, Support
+from agents.scene_estimator.fitting import FrameView
+from agents.scene_estimator.pose import NoiseModel
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Array
+
+LONGEST, SHORTEST = 0.3, 0.01
+"""m, edges of a block that is looked for"""
+
+MOSTLY_SEEN = 0.15
+"""Share of a block's edge in the image up to which something may hide it, for its extents to be seen."""
+
+_POINTS, _EDGE_POINTS = 200, 80  # that are used of a piece
+_EDGE = 0.5  # px, by which a piece ends outside the middle of its outermost pixels
+_SURFACE = 0.001  # m, standard deviation of a surface: real ones are not flat, edges are round
+_LEVEL = (
+    0.002  # m, standard deviation of the height of the support: tables are not flat, cameras not quite where they seem
+)
+_UNSEEN = 0.05  # m, standard deviation of an extent before anything was seen of it
+_ANYWHERE = 1.0  # m, likewise, of the place
+_LEAST_BIAS = 1e-5  # m, standard deviation of the error of all depths where there is none
+_ANY_YAW = 0.8  # rad, likewise, of the yaw: half a quarter turn
+_TAILS = (30.0, 3.0)  # standard deviations, beyond which what fits not counts less and less: at first, and then
+_STEPS = 8  # with each of these
+_SETTLED = 0.05  # standard deviations, of the last step
+_OFF = 1e-4  # m, rad, for difference quotients
+_DAMPING = 1e-3  # of the information: what keeps steps short
+_TOP = 0.97  # quantile of the heights that is at the upper side, at first
+_NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
+_LEAST_EDGE = 12  # outermost pixels that nothing hides, by which a block is known
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+class BlockSighting(NamedTuple):
+    """One block in one exposure."""
+
+    block: Block
+    covariance: Array
+    """(7, 7) of x, y, z of its centre (m), yaw (rad), and size x, y, z (m); a cylinder's x and y are its diameter"""
+    color: Vector3
+    """Red, green, blue, 0 to 1, as bright as it is seen"""
+    hidden: float
+    """Share of its edge in the image that something hides"""
+
+    @property
+    def size_sigma(self) -> Array:
+        """(3,) m, standard deviations of its extents"""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[4:]))
+
+
+class KnownBlock(NamedTuple):
+    """A block of earlier frames."""
+
+    block: Block
+    sigma: Vector3
+    """m, standard deviations of its extents"""
+
+
+class BlockFinder:
+    """Finds blocks in the frames of a camera.
+
+    Args:
+        noise: error model of the camera.
+    """
+
+    def __init__(self, noise: NoiseModel) -> None:
+        self._noise = noise
+
+    def clusters(self, view: FrameView, color: NDArray[np.uint8], supports: list[Support]) -> list[Cluster]:
+        """What stands on supports.
+
+        Args:
+            view: depth and camera.
+            color: (h, w, 3) RGB image of the same exposure, 0 to 255.
+            supports: on which blocks stand.
+        """
+        reliefs = (Relief(view, color, support, self._noise.inverse_depth_std) for support in supports)
+        return [cluster for relief in reliefs for cluster in relief.clusters()]
+
+    def fit(self, view: FrameView, cluster: Cluster, known: KnownBlock | None = None) -> BlockSighting | None:
+        """The most likely block of a piece; None if it is none, or if too little of it is seen.
+
+        Args:
+            view: depth and camera.
+            cluster: a piece of it.
+            known: what it was before. Its extents count if something hides part of it now.
+        """
+        if len(cluster.contour) < _LEAST_EDGE:
+            return None
+        kinds: tuple[BlockKind, ...] = ("box", "cylinder") if known is None else (known.block.kind,)
+        fits = [_Problem(view, cluster, kind, self._noise, known).solve() for kind in kinds]
+        possible = [fit for fit in fits if fit is not None]
+        return min(possible, key=lambda fit: fit.cost).sighting(cluster) if possible else None
+
+
+def upright_box(cluster: Cluster) -> Block:
+    """The smallest upright box around the points from above: where the search begins."""
+    (x, y), (length, width), degrees = cv2.minAreaRect(cluster.points[:, :2].astype(np.float32))
+    height = float(np.quantile(cluster.points[:, 2], _TOP)) - cluster.base
+    size = (max(length, SHORTEST), max(width, SHORTEST), max(height, SHORTEST))
+    block = Block("box", float(x), float(y), math.radians(degrees), size, cluster.base)
+    return block.turned(round(-block.yaw / (0.5 * math.pi)))
+
+
+class _Solved(NamedTuple):
+    block: Block
+    covariance: Array
+    """Of the parameters"""
+    cost: float
+    """Twice the negative logarithm of the likelihood, with a charge for each parameter (Schwarz 1978)"""
+
+    def sighting(self, cluster: Cluster) -> BlockSighting:
+        """With the covariance of its centre instead of its base."""
+        red, green, blue = cluster.color.tolist()
+        outward = np.zeros((7, len(self.covariance)))
+        if self.block.kind == "box":
+            outward[[0, 1, 3, 4, 5, 6], [0, 1, 2, 3, 4, 5]] = 1.0
+            outward[2, [5, 6]] = 0.5, 1.0
+        else:
+            outward[[0, 1, 4, 5, 6], [0, 1, 2, 2, 3]] = 1.0
+            outward[2, [3, 4]] = 0.5, 1.0
+        covariance = outward @ self.covariance @ outward.T
+        if self.block.kind == "cylinder":
+            covariance[3, 3] = math.pi**2
+        return BlockSighting(self.block, covariance, (red, green, blue), cluster.hidden)
+
+
+class _Problem:
+    """What tells the place and the size of one piece, taken as a box or a cylinder.
+
+    Parameters are x, y, yaw, length, width, height of a box, or x, y, diameter, height of a cylinder, and last two that
+    nobody asks for: the height of the support, and the error that all depths share.
+    """
+
+    def __init__(
+        self, view: FrameView, cluster: Cluster, kind: BlockKind, noise: NoiseModel, known: KnownBlock | None
+    ) -> None:
+        self._view, self._kind = view, kind
+        chosen = np.linspace(0, len(cluster.points) - 1, min(_POINTS, len(cluster.points))).astype(int)
+        self._points, rays = cluster.points[chosen], cluster.rays[chosen]
+        self._along = rays / np.linalg.norm(rays, axis=1)[:, None]
+        self._depth_std = noise.inverse_depth_std * cluster.depths[chosen] ** 2 * np.linalg.norm(rays, axis=1)
+        news = len(cluster.points) / max(noise.depth_correlation, 1.0) ** 2  # depths that are wrong independently
+        self._depth_weight = min(1.0, news / len(chosen))
+        edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
+        self._contour, self._edge_std = cluster.contour[edge], cluster.edge_std
+        seen = upright_box(cluster)
+        self._others, others_std = [cluster.base, 0.0], [_LEVEL, max(noise.depth_bias_std, _LEAST_BIAS)]
+        counts = known is not None and cluster.hidden > MOSTLY_SEEN
+        before, sigma = (known.block, known.sigma) if known is not None and counts else (seen, (_UNSEEN,) * 3)
+        self._prior = self._parameters(before._replace(x=seen.x, y=seen.y))
+        free = [_ANYWHERE, _ANYWHERE, _ANY_YAW, *sigma] if kind == "box" else [_ANYWHERE, _ANYWHERE, *sigma[1:]]
+        self._prior_std = np.array([*free, *others_std])
+        self._weight = np.concatenate([np.full(len(chosen), self._depth_weight), np.ones(len(self._contour))])
+        starts = [self._parameters(block) for block in (seen, *(() if known is None else (known.block,)))]
+        self._tails = _TAILS if known is None else _TAILS[-1:]
+        self._start = min(starts, key=lambda start: self._cost(start, self._tails[0]))
+
+    def _parameters(self, block: Block) -> Array:
+        length, width, height = block.size
+        if self._kind == "box":
+            return np.array([block.x, block.y, block.yaw, length, width, height, *self._others])
+        return np.array([block.x, block.y, 0.5 * (length + width), height, *self._others])
+
+    def _block(self, p: Array) -> Block:
+        if self._kind == "cylinder":
+            x, y, diameter, height = p[:4].tolist()
+            return Block("cylinder", x, y, 0.0, (diameter, diameter, height), float(p[-2]))
+        x, y, yaw, length, width, height = p[:6].tolist()
+        return Block("box", x, y, yaw, (length, width, height), float(p[-2]))
+
+    def _missed(self, p: Array) -> Array:
+        """What is missed by, in standard deviations: depths, then edge."""
+        block = self._block(p)
+        shift = p[-1]
+        distances, normals = block.distances(self._points + shift * self._along)
+        cosines = np.einsum("ij,ij->i", normals, self._along)
+        by_depth = distances / np.hypot(self._depth_std * cosines, _SURFACE)
+        by_edge = (inside(block.outline(self._view), self._contour) - _EDGE) / self._edge_std
+        return np.concatenate([by_depth, by_edge])
+
+    def solve(self) -> _Solved | None:
+        """Gauss-Newton with damping, from a start that may be far off; None if it ends at no block."""
+        p = self._start
+        for tail in self._tails:
+            p, information, cost = self._settled(p, tail)
+        return self._judged(p, information, cost, float(self._weight.sum()))
+
+    def _settled(self, p: Array, tail: float) -> tuple[Array, Array, float]:
+        """The best parameters near `p`, their information, and the cost, if what misses by `tail` counts less."""
+        precision = np.diag(self._prior_std**-2)
+        information, cost, damping = precision, self._cost(p, tail), _DAMPING
+        for _ in range(_STEPS):
+            missed = self._missed(p)
+            slopes = np.stack([(self._missed(p + step) - missed) / _OFF for step in _OFF * np.eye(len(p))], axis=1)
+            robust = self._weight / (1.0 + (missed / tail) ** 2)
+            information = (slopes * robust[:, None]).T @ slopes + precision
+            pull = (slopes * robust[:, None]).T @ missed + precision @ (p - self._prior)
+            step = np.linalg.solve(information + damping * np.diag(np.diag(information)), pull)
+            tried = p - step
+            tried_cost = self._cost(tried, tail)
+            if tried_cost < cost:
+                p, cost, damping = tried, tried_cost, 0.2 * damping
+                if step @ information @ step < _SETTLED**2:
+                    break
+            else:
+                damping = 10.0 * max(damping, _DAMPING)
+        return p, information, cost
+
+    def _cost(self, p: Array, tail: float) -> float:
+        """Twice the negative logarithm of the posterior; infinite for what is no block."""
+        if min(self._block(p).size) < 0.5 * SHORTEST:
+            return math.inf
+        robust = tail**2 * np.log1p((self._missed(p) / tail) ** 2)
+        return float(self._weight @ robust) + float((((p - self._prior) / self._prior_std) ** 2).sum())
+
+    def _judged(self, p: Array, information: Array, cost: float, count: float) -> _Solved | None:
+        missed = np.abs(self._missed(p))
+        block = self._block(p)
+        by_depth, by_edge = missed[: len(self._points)], missed[len(self._points) :]
+        if not math.isfinite(cost) or not SHORTEST <= min(block.size) <= max(block.size) <= LONGEST:
+            return None
+        if max(float(np.median(by_depth)), float(np.median(by_edge))) > _NO_BLOCK:
+            return None
+        covariance = np.asarray(np.linalg.inv(information)[:-1, :-1], np.float64)
+        return _Solved(block, covariance, cost + (len(p) - 1) * math.log(count))

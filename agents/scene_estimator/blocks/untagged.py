@@ -1,0 +1,185 @@
+"""Objects without tags, found by depth: those seen steadily become nodes, and keep their names wherever they go."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.scene_estimator.blocks.block import Block
+from agents.scene_estimator.blocks.clusters import Cluster
+from agents.scene_estimator.blocks.explained import KnownVolume, known_volumes, supports, unexplained
+from agents.scene_estimator.blocks.finder import BlockFinder, BlockSighting
+from agents.scene_estimator.blocks.tracks import BlockTrack, assigned
+from agents.scene_estimator.colored import LEANING
+from agents.scene_estimator.config import SceneEstimatorConfig
+from agents.scene_estimator.fitting import FrameView
+from dsr.frames.tree import WORLD
+from dsr.graph.elements import Node
+from dsr.math3d import quaternions
+from dsr.math3d.shapes import to_numbers
+from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
+from dsr.vocabulary.perceived import BY_DEPTH
+from dsr.vocabulary.relations import THINGS
+
+AS_BEFORE = 0.003
+"""m, by which extents must have changed for the node to be told: whoever simulates the object makes it anew"""
+_NEAR = 0.02  # m around where a block was in which it is looked for first
+
+
+@dataclass
+class _Candidate:
+    """A block that nobody knows yet."""
+
+    track: BlockTrack
+    frames: int = 1
+    """In a row in which it was seen."""
+
+
+class UntaggedObjects:
+    """The working memory's objects that were found by depth.
+
+    Args:
+        memory: read and written.
+        config: of the scene estimator.
+        log: is told of new objects.
+    """
+
+    def __init__(self, memory: Memory, config: SceneEstimatorConfig, log: logging.Logger) -> None:
+        self._memory, self._config, self._log = memory, config, log
+        self._finder = BlockFinder(config.noise)
+        self._watch = memory.watch(attribute="source")
+        self._tracks: dict[str, BlockTrack] = {}
+        self._candidates: dict[str, list[_Candidate]] = {}
+        self._written: dict[str, tuple[float, ...]] = {}
+
+    def update(self) -> None:
+        """Take note of nodes that were removed, and of those that an earlier run has left."""
+        if self._watch.poll():
+            nodes = {node.name: node for node in self._memory.nodes(THINGS) if node.get("source") == BY_DEPTH}
+            self._tracks = {name: track for name, track in self._tracks.items() if name in nodes}
+            for name, node in nodes.items():
+                if name not in self._tracks and (track := self._recalled(node)) is not None:
+                    self._tracks[name] = track
+
+    def read(
+        self, view: FrameView, color: NDArray[np.uint8], stamp: float, now: float, seen: list[KnownVolume]
+    ) -> list[BlockSighting]:
+        """The blocks of an exposure that nothing else explains.
+
+        Args:
+            view: depth and camera.
+            color: (h, w, 3) RGB image, 0 to 255.
+            stamp: s, of the exposure.
+            now: s
+            seen: where things are that the same exposure shows by their tags.
+        """
+        clusters = self._finder.clusters(view, color, supports(self._memory, stamp))
+        explaining = [*seen, *known_volumes(self._memory, now, stamp)] if clusters else []
+        found = (self._fit(view, cluster) for cluster in unexplained(clusters, explaining))
+        return [sighting for sighting in found if sighting is not None]
+
+    def _fit(self, view: FrameView, cluster: Cluster) -> BlockSighting | None:
+        x, y = cluster.points[:, :2].mean(axis=0).tolist()
+        candidates = (one.track for several in self._candidates.values() for one in several)
+        near = [track for track in (*self._tracks.values(), *candidates) if _is_at(track.block, x, y)]
+        for track in sorted(near, key=lambda track: math.dist((x, y), track.block.centre[:2])):
+            sighting = self._finder.fit(view, cluster, track.known)
+            if sighting is not None and assigned([track], [sighting])[0] is track:
+                return sighting
+        return self._finder.fit(view, cluster)
+
+    def consider(self, camera: str, sightings: list[BlockSighting], stamp: float) -> list[tuple[str, Pose]]:
+        """Tell which objects were seen by a camera, and where: world_from_object with covariance.
+
+        What is seen steadily and nobody knows becomes a node.
+        """
+        tracks = assigned(list(self._tracks.values()), sightings)
+        unknown = [one for one, track in zip(sightings, tracks, strict=True) if track is None]
+        found = [(track, one) for one, track in zip(sightings, tracks, strict=True) if track is not None]
+        for track, sighting in found:
+            track.take(sighting)
+            self._tell(track)
+        self._consider_unknown(camera, unknown)
+        return [(track.name, _pose(track, sighting, stamp)) for track, sighting in found]
+
+    def _consider_unknown(self, camera: str, sightings: list[BlockSighting]) -> None:
+        """Count the frames in a row that show them, with all of their edges."""
+        before = {id(one.track): one for one in self._candidates.get(camera, [])}
+        whole = [sighting for sighting in sightings if sighting.hidden <= self._config.most_hidden]
+        candidates = []
+        for sighting, track in zip(whole, assigned([one.track for one in before.values()], whole), strict=True):
+            last = None if track is None else before[id(track)]
+            if last is None or _moved(last.track.block, sighting.block) > self._config.insert_within:
+                last = _Candidate(BlockTrack("", sighting.block, sighting.size_sigma, sighting.color), 0)
+            else:
+                last.track.take(sighting)
+            last.frames += 1
+            if last.frames > self._config.blocks_after:
+                self._insert(last.track)
+            else:
+                candidates.append(last)
+        self._candidates[camera] = candidates
+
+    def _insert(self, track: BlockTrack) -> None:
+        block = track.block
+        track.name = next(name for k in count(1) if (name := f"{block.kind}_{k}") not in self._memory)
+        self._log.info(
+            "%s is new: %s of %s m", track.name, block.kind, " x ".join(f"{edge:.3f}" for edge in block.size)
+        )
+        shape = {"shape": to_numbers(block.shape)} if block.shape else {}
+        self._memory.add_node(
+            track.name, "box", size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
+            perceived=True, **shape,
+        )  # fmt: skip
+        self._tracks[track.name] = track
+        self._written[track.name] = block.size
+
+    def _tell(self, track: BlockTrack) -> None:
+        """Write extents that are known better now."""
+        size, written = track.block.size, self._written.get(track.name, (math.inf,) * 3)
+        if track.name in self._memory and max(abs(a - b) for a, b in zip(size, written, strict=True)) > AS_BEFORE:
+            shape = {"shape": to_numbers(track.block.shape)} if track.block.shape else {}
+            self._memory.update_node(track.name, size=size, size_sigma=track.known.sigma, **shape)
+            self._written[track.name] = size
+
+    def _recalled(self, node: Node) -> BlockTrack | None:
+        """The track of an object that an earlier run has found; None if its node does not tell enough."""
+        size, sigma, color = (node.get(name) for name in ("size", "size_sigma", "color"))
+        pose = self._memory.get_transform(WORLD, node.name)
+        if size is None or sigma is None or color is None or pose is None or min(*size, *sigma) <= 0.0:
+            return None
+        x, y, z = pose.t
+        yaw = math.atan2(pose.rotation_matrix[1, 0], pose.rotation_matrix[0, 0])
+        block = Block("cylinder" if "shape" in node else "box", x, y, yaw, size, z - 0.5 * size[2])
+        self._written[node.name] = size
+        return BlockTrack(node.name, block, np.array(sigma), color)
+
+    def close(self) -> None:
+        """Stop watching."""
+        self._watch.close()
+
+
+def _is_at(block: Block, x: float, y: float) -> bool:
+    return math.dist((x, y), block.centre[:2]) < 0.5 * math.hypot(*block.size[:2]) + _NEAR
+
+
+def _moved(before: Block, now: Block) -> float:
+    return math.dist(before.centre, now.centre)
+
+
+def _pose(track: BlockTrack, sighting: BlockSighting, stamp: float) -> Pose:
+    """world_from_object: upright, with its axes named as they were at first."""
+    block = track.block
+    rotation = quaternions.from_rotvec((0.0, 0.0, block.yaw))
+    pose = Pose(block.centre, rotation, stamp)
+    turn = pose.rotation_matrix
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = turn.T @ sighting.covariance[:3, :3] @ turn
+    covariance[3:, 3:] = np.diag([LEANING**2, LEANING**2, min(sighting.covariance[3, 3], math.pi**2)])
+    return pose.with_covariance(0.5 * (covariance + covariance.T))
