@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import enum
+from typing import Annotated
+
+import typer
 
 from agents.scenario.format.scenario import scenario_files
 
@@ -12,6 +15,12 @@ class SensorChoice(enum.StrEnum):
 
     PIXELS = "pixels"
     POSES = "poses"
+
+
+UntaggedOption = Annotated[
+    bool,
+    typer.Option("--untagged", help="Without tags: boxes and cylinders are found by depth (needs `--sensor pixels`)."),
+]
 
 
 def complete_scenario(incomplete: str) -> list[str]:

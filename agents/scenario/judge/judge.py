@@ -203,11 +203,16 @@ class Judge:
         poses = truth.poses()
         self._names.update(poses)
         nodes = {spec.name: node for spec in self.history.scenario.objects if (node := self._node(spec.name))}
+        percepts = _present({name: self._memory.get_transform(WORLD, node.name) for name, node in nodes.items()})
+        beliefs = _present({name: self._belief(node.name) for name, node in nodes.items()})
+        percepts, _ = self._names.as_true(percepts, nodes, poses)
+        beliefs, sizes = self._names.as_true(beliefs, nodes, poses)
         return Sample(
             time=time,
             truth=poses,
-            percepts=_present({name: self._memory.get_transform(WORLD, node.name) for name, node in nodes.items()}),
-            beliefs=_present({name: self._belief(node.name) for name, node in nodes.items()}),
+            percepts=percepts,
+            beliefs=beliefs,
+            sizes=sizes,
             perceived={name: bool(node.get("perceived", False)) for name, node in nodes.items()},
             edges=frozenset((edge.type, *map(self._names.object, (edge.src, edge.dst))) for edge in self._relations()),
             attributes=self._attributes(),

@@ -28,6 +28,7 @@ class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     sensor: Sensor
     policy: Policy | None
+    untagged: bool = False
 
 
 class SweepAnswer(msgspec.Struct, frozen=True):
@@ -64,7 +65,7 @@ def _answer(job: SweepJob) -> bytes:
     from agents.scenario.run.runner import run_lockstep
 
     try:
-        run = make_run(job.file, seed=job.seed, sensor=job.sensor, policy=job.policy)
+        run = make_run(job.file, seed=job.seed, sensor=job.sensor, policy=job.policy, untagged=job.untagged)
         return msgspec.msgpack.encode(SweepAnswer(run_lockstep(run)))
     except Exception as error:  # whatever is wrong with one run is that run's failure
         return msgspec.msgpack.encode(SweepAnswer(None, f"{type(error).__name__}: {error}"))

@@ -15,7 +15,8 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Array
 
-BlockKind = Literal["box", "cylinder"]
+BlockKind = Literal["box", "cube", "cylinder"]
+"""A cube is a box of which one edge tells all"""
 
 _ROUND = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)  # rad, corners of a prism around a cylinder
 _OUT = 1.0 / math.cos(math.pi / len(_ROUND)) ** 0.5  # so that the prism has the area of the cylinder, nearly
@@ -43,9 +44,14 @@ class Block(NamedTuple):
         return self.x, self.y, self.base + 0.5 * self.size[2]
 
     @property
+    def is_round(self) -> bool:
+        """Whether it is a cylinder."""
+        return self.kind == "cylinder"
+
+    @property
     def shape(self) -> Shape:
         """Its parts, as a node's attribute `shape` has them; none for a box."""
-        return () if self.kind == "box" else (Part("cylinder", self.size),)
+        return (Part("cylinder", self.size),) if self.is_round else ()
 
     def turned(self, quarters: int) -> Block:
         """The same box with its x axis along another of its edges."""
@@ -54,7 +60,7 @@ class Block(NamedTuple):
 
     def outline(self, view: FrameView) -> Array:
         """(n, 2) px, corners of its image, which is convex, in order."""
-        corners = (CORNERS if self.kind == "box" else _PRISM) * (0.5 * np.array(self.size))
+        corners = (_PRISM if self.is_round else CORNERS) * (0.5 * np.array(self.size))
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         world = corners @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + self.centre
         local = view.world_from_camera.inverse().apply(world)
@@ -73,7 +79,7 @@ class Block(NamedTuple):
         half_x, half_y, half_z = (0.5 * edge for edge in self.size)
         zero = np.zeros(len(points))
         top = away[:, 2] - half_z, np.column_stack([zero, zero, zero + 1.0])
-        if self.kind == "cylinder":
+        if self.is_round:
             radius = np.hypot(along, across)
             out = away[:, :2] / np.maximum(radius, 1e-9)[:, None]
             faces = [(radius - half_x, np.column_stack([out, zero])), top]

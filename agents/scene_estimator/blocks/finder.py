@@ -9,6 +9,7 @@ it but a wide prior, so that its extent is as unsure.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -45,8 +46,12 @@ _OFF = 1e-4  # m, rad, for difference quotients
 _DAMPING = 1e-3  # of the information: what keeps steps short
 _TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
+_SUNK = 3.0  # standard deviations of the support's height, by which a block may seem to be in it
 _LEAST_EDGE = 12  # outermost pixels that nothing hides, by which a block is known
-_Z = np.array([0.0, 0.0, 1.0])
+_EXTENTS: dict[BlockKind, Array] = {
+    "box": np.eye(3), "cube": np.ones((3, 1)), "cylinder": np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+}  # fmt: skip
+"""(3, n) extents along x, y, z by those that are free"""
 
 
 class BlockSighting(NamedTuple):
@@ -59,6 +64,10 @@ class BlockSighting(NamedTuple):
     """Red, green, blue, 0 to 1, as bright as it is seen"""
     hidden: float
     """Share of its edge in the image that something hides"""
+    stands: bool
+    """On the support, so that it shows its height; else its extents are what they were before"""
+    cost: float
+    """Twice the negative logarithm of how likely the piece is by such a block, wherever that is and however large"""
 
     @property
     def size_sigma(self) -> Array:
@@ -96,17 +105,28 @@ class BlockFinder:
         return [cluster for relief in reliefs for cluster in relief.clusters()]
 
     def fit(self, view: FrameView, cluster: Cluster, known: KnownBlock | None = None) -> BlockSighting | None:
-        """The most likely block of a piece; None if it is none, or if too little of it is seen.
+        """The most likely block of a piece on its support; None if it is none, or if too little of it is seen.
 
         Args:
             view: depth and camera.
             cluster: a piece of it.
             known: what it was before. Its extents count if something hides part of it now.
         """
-        if len(cluster.contour) < _LEAST_EDGE:
-            return None
-        kinds: tuple[BlockKind, ...] = ("box", "cylinder") if known is None else (known.block.kind,)
-        fits = [_Problem(view, cluster, kind, self._noise, known).solve() for kind in kinds]
+        kinds = tuple(_EXTENTS) if known is None else (known.block.kind,)
+        return self._best(cluster, [_Problem(view, cluster, kind, self._noise, known) for kind in kinds])
+
+    def fit_raised(self, view: FrameView, cluster: Cluster, known: KnownBlock) -> BlockSighting | None:
+        """A known block as a piece that stands on something else than the support, or is held; None if it is not.
+
+        Args:
+            view: depth and camera.
+            cluster: a piece of it.
+            known: what it was before. Its extents tell how high it is.
+        """
+        return self._best(cluster, [_Problem(view, cluster, known.block.kind, self._noise, known, stands=False)])
+
+    def _best(self, cluster: Cluster, problems: list[_Problem]) -> BlockSighting | None:
+        fits = [problem.solve() for problem in problems if len(cluster.contour) >= _LEAST_EDGE]
         possible = [fit for fit in fits if fit is not None]
         return min(possible, key=lambda fit: fit.cost).sighting(cluster) if possible else None
 
@@ -125,35 +145,45 @@ class _Solved(NamedTuple):
     covariance: Array
     """Of the parameters"""
     cost: float
-    """Twice the negative logarithm of the likelihood, with a charge for each parameter (Schwarz 1978)"""
+    """Twice the negative logarithm of the evidence, by Laplace's approximation, up to what all fits of a piece share"""
+    stands: bool
+    """On the support"""
 
     def sighting(self, cluster: Cluster) -> BlockSighting:
         """With the covariance of its centre instead of its base."""
         red, green, blue = cluster.color.tolist()
+        extents, first = _EXTENTS[self.block.kind], 2 if self.block.kind == "cylinder" else 3
         outward = np.zeros((7, len(self.covariance)))
-        if self.block.kind == "box":
-            outward[[0, 1, 3, 4, 5, 6], [0, 1, 2, 3, 4, 5]] = 1.0
-            outward[2, [5, 6]] = 0.5, 1.0
-        else:
-            outward[[0, 1, 4, 5, 6], [0, 1, 2, 2, 3]] = 1.0
-            outward[2, [3, 4]] = 0.5, 1.0
+        outward[[0, 1], [0, 1]] = outward[2, -1] = 1.0
+        outward[4:, first:-1] = extents
+        outward[2, first:-1] = 0.5 * extents[2]
+        if first == 3:
+            outward[3, 2] = 1.0
         covariance = outward @ self.covariance @ outward.T
-        if self.block.kind == "cylinder":
+        if first == 2:
             covariance[3, 3] = math.pi**2
-        return BlockSighting(self.block, covariance, (red, green, blue), cluster.hidden)
+        return BlockSighting(self.block, covariance, (red, green, blue), cluster.hidden, self.stands, self.cost)
 
 
 class _Problem:
     """What tells the place and the size of one piece, taken as a box or a cylinder.
 
-    Parameters are x, y, yaw, length, width, height of a box, or x, y, diameter, height of a cylinder, and last two that
-    nobody asks for: the height of the support, and the error that all depths share.
+    Parameters are x, y, then the yaw unless it is a cylinder, and the free extents: length, width, height of a box, the
+    edge of a cube, diameter, height of a cylinder. Last come two that nobody asks for: the height on which it stands,
+    and the error that all depths share.
     """
 
     def __init__(
-        self, view: FrameView, cluster: Cluster, kind: BlockKind, noise: NoiseModel, known: KnownBlock | None
+        self,
+        view: FrameView,
+        cluster: Cluster,
+        kind: BlockKind,
+        noise: NoiseModel,
+        known: KnownBlock | None,
+        *,
+        stands: bool = True,
     ) -> None:
-        self._view, self._kind = view, kind
+        self._view, self._kind, self._stands, self._level = view, kind, stands, cluster.base
         chosen = np.linspace(0, len(cluster.points) - 1, min(_POINTS, len(cluster.points))).astype(int)
         self._points, rays = cluster.points[chosen], cluster.rays[chosen]
         self._along = rays / np.linalg.norm(rays, axis=1)[:, None]
@@ -163,29 +193,29 @@ class _Problem:
         edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
         self._contour, self._edge_std = cluster.contour[edge], cluster.edge_std
         seen = upright_box(cluster)
-        self._others, others_std = [cluster.base, 0.0], [_LEVEL, max(noise.depth_bias_std, _LEAST_BIAS)]
-        counts = known is not None and cluster.hidden > MOSTLY_SEEN
+        base = cluster.base if stands or known is None else cluster.base + seen.size[2] - known.block.size[2]
+        self._others, bias_std = [base, 0.0], max(noise.depth_bias_std, _LEAST_BIAS)
+        others_std = [_LEVEL if stands else _ANYWHERE, bias_std]
+        counts = known is not None and (cluster.hidden > MOSTLY_SEEN or not stands)
         before, sigma = (known.block, known.sigma) if known is not None and counts else (seen, (_UNSEEN,) * 3)
         self._prior = self._parameters(before._replace(x=seen.x, y=seen.y))
-        free = [_ANYWHERE, _ANYWHERE, _ANY_YAW, *sigma] if kind == "box" else [_ANYWHERE, _ANYWHERE, *sigma[1:]]
-        self._prior_std = np.array([*free, *others_std])
+        yaw_std = [] if kind == "cylinder" else [_ANY_YAW]
+        self._prior_std = np.array([_ANYWHERE, _ANYWHERE, *yaw_std, *_free(kind, sigma), *others_std])
         self._weight = np.concatenate([np.full(len(chosen), self._depth_weight), np.ones(len(self._contour))])
-        starts = [self._parameters(block) for block in (seen, *(() if known is None else (known.block,)))]
+        sized = seen if stands else seen._replace(size=before.size)
+        starts = [self._parameters(block) for block in (sized, *(() if known is None else (known.block,)))]
         self._tails = _TAILS if known is None else _TAILS[-1:]
         self._start = min(starts, key=lambda start: self._cost(start, self._tails[0]))
 
     def _parameters(self, block: Block) -> Array:
-        length, width, height = block.size
-        if self._kind == "box":
-            return np.array([block.x, block.y, block.yaw, length, width, height, *self._others])
-        return np.array([block.x, block.y, 0.5 * (length + width), height, *self._others])
+        yaw = [] if self._kind == "cylinder" else [block.yaw]
+        return np.array([block.x, block.y, *yaw, *_free(self._kind, block.size), *self._others])
 
     def _block(self, p: Array) -> Block:
-        if self._kind == "cylinder":
-            x, y, diameter, height = p[:4].tolist()
-            return Block("cylinder", x, y, 0.0, (diameter, diameter, height), float(p[-2]))
-        x, y, yaw, length, width, height = p[:6].tolist()
-        return Block("box", x, y, yaw, (length, width, height), float(p[-2]))
+        first = 2 if self._kind == "cylinder" else 3
+        x, y, z = (_EXTENTS[self._kind] @ p[first:-2]).tolist()
+        yaw = 0.0 if first == 2 else float(p[2])
+        return Block(self._kind, float(p[0]), float(p[1]), yaw, (x, y, z), float(p[-2]))
 
     def _missed(self, p: Array) -> Array:
         """What is missed by, in standard deviations: depths, then edge."""
@@ -202,7 +232,7 @@ class _Problem:
         p = self._start
         for tail in self._tails:
             p, information, cost = self._settled(p, tail)
-        return self._judged(p, information, cost, float(self._weight.sum()))
+        return self._judged(p, information, cost)
 
     def _settled(self, p: Array, tail: float) -> tuple[Array, Array, float]:
         """The best parameters near `p`, their information, and the cost, if what misses by `tail` counts less."""
@@ -232,7 +262,7 @@ class _Problem:
         robust = tail**2 * np.log1p((self._missed(p) / tail) ** 2)
         return float(self._weight @ robust) + float((((p - self._prior) / self._prior_std) ** 2).sum())
 
-    def _judged(self, p: Array, information: Array, cost: float, count: float) -> _Solved | None:
+    def _judged(self, p: Array, information: Array, cost: float) -> _Solved | None:
         missed = np.abs(self._missed(p))
         block = self._block(p)
         by_depth, by_edge = missed[: len(self._points)], missed[len(self._points) :]
@@ -240,5 +270,14 @@ class _Problem:
             return None
         if max(float(np.median(by_depth)), float(np.median(by_edge))) > _NO_BLOCK:
             return None
+        if block.base < self._level - _SUNK * _LEVEL:
+            return None
         covariance = np.asarray(np.linalg.inv(information)[:-1, :-1], np.float64)
-        return _Solved(block, covariance, cost + (len(p) - 1) * math.log(count))
+        cost += float(np.linalg.slogdet(information)[1]) + 2.0 * float(np.log(self._prior_std).sum())
+        return _Solved(block, covariance, cost, self._stands)
+
+
+def _free(kind: BlockKind, extents: Sequence[float]) -> Array:
+    """(n,) the free extents of a kind of block of which all three are given, or their standard deviations, m."""
+    share = _EXTENTS[kind]
+    return np.asarray((share / share.sum(axis=0)).T @ np.array(extents))

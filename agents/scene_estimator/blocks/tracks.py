@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ class BlockTrack:
         sigma = _turned(sighting.size_sigma, quarters)
         before, frames = np.array(self.block.size), min(self.frames, _REMEMBERED)
         size = before
-        if sighting.hidden <= MOSTLY_SEEN:
+        if sighting.stands and sighting.hidden <= MOSTLY_SEEN:
             gain = 1.0 / (1.0 + frames * np.maximum(sigma, 1e-9) ** 2 / self.sigma**2)
             size = before + gain * (np.array(block.size) - before)
             self.sigma = np.minimum(self.sigma, np.maximum(sigma, 1e-6))
@@ -70,7 +71,7 @@ class BlockTrack:
 
     def aligned(self, sighting: BlockSighting) -> tuple[Block, int]:
         """The block that is seen with its axes named as before, and by how many quarter turns it is turned for that."""
-        if self.block.kind == "cylinder" or sighting.block.kind == "cylinder":
+        if self.block.is_round or sighting.block.is_round:
             return sighting.block, 0
 
         def cost(quarters: int) -> float:
@@ -83,12 +84,16 @@ class BlockTrack:
 
     def cost(self, sighting: BlockSighting) -> float:
         """How unlikely it is that a sighting is this block; `_NO_MATCH` if it is another one."""
-        angle = spectral_angle(sighting.color, self.color) / TOLERANCE
+        angle = self.unlike_color(sighting.color)
         unlike = min(self._unlike(sighting, quarters) for quarters in range(2))
-        if angle > 1.0 or unlike > _ANOTHER_SIZE or sighting.block.kind != self.block.kind:
+        if angle > 1.0 or unlike > _ANOTHER_SIZE or sighting.block.is_round != self.block.is_round:
             return _NO_MATCH
         gone = math.dist(sighting.block.centre[:2], self.block.centre[:2]) / _STEP
         return angle**2 + unlike + min(gone**2, _JUMPED)
+
+    def unlike_color(self, color: Sequence[float]) -> float:
+        """How far a colour is from its own; 1 is as far as its own pixels may be."""
+        return spectral_angle(color, self.color) / TOLERANCE
 
     def _unlike(self, sighting: BlockSighting, quarters: int) -> float:
         apart = np.array(sighting.block.turned(quarters).size) - self.block.size

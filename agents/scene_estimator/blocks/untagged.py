@@ -10,7 +10,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.blocks.block import Block
+from agents.scene_estimator.blocks.block import Block, BlockKind
 from agents.scene_estimator.blocks.clusters import Cluster
 from agents.scene_estimator.blocks.explained import KnownVolume, known_volumes, supports, unexplained
 from agents.scene_estimator.blocks.finder import BlockFinder, BlockSighting
@@ -29,6 +29,8 @@ from dsr.vocabulary.relations import THINGS
 
 AS_BEFORE = 0.003
 """m, by which extents must have changed for the node to be told: whoever simulates the object makes it anew"""
+_PREFIXES = {"box": "box", "cube": "plain_cube", "cylinder": "cylinder"}
+"""Of the names of nodes, by kind of block; `cube_7` is the cube with tag 7"""
 _NEAR = 0.02  # m around where a block was in which it is looked for first
 
 
@@ -92,7 +94,13 @@ class UntaggedObjects:
             sighting = self._finder.fit(view, cluster, track.known)
             if sighting is not None and assigned([track], [sighting])[0] is track:
                 return sighting
-        return self._finder.fit(view, cluster)
+        anew = self._finder.fit(view, cluster)
+        if anew is not None and assigned(list(self._tracks.values()), [anew])[0] is not None:
+            return anew
+        alike = [track for track in self._tracks.values() if track.unlike_color(cluster.color.tolist()) <= 1.0]
+        raised = [self._finder.fit_raised(view, cluster, track.known) for track in alike]
+        possible = [sighting for sighting in (anew, *raised) if sighting is not None]
+        return min(possible, key=lambda sighting: sighting.cost, default=None)
 
     def consider(self, camera: str, sightings: list[BlockSighting], stamp: float) -> list[tuple[str, Pose]]:
         """Tell which objects were seen by a camera, and where: world_from_object with covariance.
@@ -128,13 +136,13 @@ class UntaggedObjects:
 
     def _insert(self, track: BlockTrack) -> None:
         block = track.block
-        track.name = next(name for k in count(1) if (name := f"{block.kind}_{k}") not in self._memory)
+        track.name = next(name for k in count(1) if (name := f"{_PREFIXES[block.kind]}_{k}") not in self._memory)
         self._log.info(
             "%s is new: %s of %s m", track.name, block.kind, " x ".join(f"{edge:.3f}" for edge in block.size)
         )
         shape = {"shape": to_numbers(block.shape)} if block.shape else {}
         self._memory.add_node(
-            track.name, "box", size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
+            track.name, "cube" if block.kind == "cube" else "box", size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
             perceived=True, **shape,
         )  # fmt: skip
         self._tracks[track.name] = track
@@ -156,7 +164,8 @@ class UntaggedObjects:
             return None
         x, y, z = pose.t
         yaw = math.atan2(pose.rotation_matrix[1, 0], pose.rotation_matrix[0, 0])
-        block = Block("cylinder" if "shape" in node else "box", x, y, yaw, size, z - 0.5 * size[2])
+        kind: BlockKind = "cylinder" if "shape" in node else "cube" if node.type == "cube" else "box"
+        block = Block(kind, x, y, yaw, size, z - 0.5 * size[2])
         self._written[node.name] = size
         return BlockTrack(node.name, block, np.array(sigma), color)
 
