@@ -126,6 +126,10 @@ class Judge:
             *(bus.subscribe(key, self._on_frame) for key in frame_keys(keys) if live),
         ]
 
+    def node(self, name: str) -> str:
+        """The node of an object: of its own name, unless one without a tag was found to be it."""
+        return self._names.node(name)
+
     def begin(self, start: float) -> None:
         """The scenario starts at `start` (s); nothing before it counts."""
         self._start = start

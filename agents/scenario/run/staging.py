@@ -63,15 +63,16 @@ def staged_system(run: Run) -> System:
 
     An agent that the scenario kills has a process of its own: no other agent dies with it.
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
+    Without tags, the runner gives the mission once it is known what things are called (`Asking`).
     A run without tags is refused where nothing would be found: by true poses, or without an agent that finds objects.
     A mission is refused where the libraries of those who would pursue it are not installed: nothing would happen.
     """
     system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
     if run.untagged:
         _check_finds_blocks(run, system)
-    if run.scenario.mission is None:
+    if run.scenario.mission is None or run.untagged:
         system = without(system, MISSION)
-    else:
+    if run.scenario.mission is not None:
         for spec in system.agents:
             check_installed(spec.kind.goal_libraries, f"scenario {run.scenario.name!r} has a mission for {spec.name!r}")
     for agent, fields in _settings(run).items():

@@ -23,8 +23,8 @@ _JUMP = 0.015  # m between the depths of neighbours that do not belong together,
 _NEARER = 0.01  # m by which something must be nearer to hide what is behind it
 _SMALLEST = 60  # px, of a piece
 _BEYOND = 3  # px at an edge of which depth is missing
-_BY_COLOR = 0.5  # px, standard deviation of an edge that colours tell
-_BY_DEPTH = 0.5  # of the pixels around a piece in which its edge may be: likewise, if colours do not tell it
+_BY_COLOR = (0.5, 0.0, 0.2, 1000)  # of an `Edge` that colours tell: px, px, px, count of pixels
+_BY_DEPTH = (1.5, 1.0, 1.0, 6)  # likewise by depth, which is missing at each of the sides that are seen as it likes
 _STEEP = 5  # times that: steep faces have no depth, so that colour alone tells how far they go
 _NEAR_CUT = 4  # px from where something hides the rest, in which a piece tells nothing of an edge there
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
@@ -47,6 +47,21 @@ class Support(NamedTuple):
     """m, along its own y axis"""
 
 
+class Edge(NamedTuple):
+    """How well the outermost pixels of a piece tell where the thing ends that it is an image of."""
+
+    std: float
+    """px, standard deviation of each pixel by itself"""
+    inset: float
+    """px, by which all are within the thing"""
+    inset_std: float
+    """px, standard deviation of that"""
+    independent: int
+    """How many of them are wrong independently, at most"""
+    rise: float
+    """m above the support, up to which nothing of the thing is in the piece"""
+
+
 class Cluster(NamedTuple):
     """A connected piece of the image that stands on the support."""
 
@@ -64,8 +79,8 @@ class Cluster(NamedTuple):
     """Share of its outermost pixels where something hides it, or the image ends."""
     base: float
     """m, height in the world of the support"""
-    edge_std: float
-    """px, standard deviation of where it ends: less if its colour tells that than if depth alone does"""
+    edge: Edge
+    """How well its contour tells where the thing ends."""
 
 
 class Relief:
@@ -94,7 +109,7 @@ class Relief:
         world = self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye
         raised[rows, columns] = _within(support, world)
         self._raised = raised
-        self._reach = self._edge_reach(noise)
+        self._reach = self._edge_reach()
 
     def _heights(self) -> NDArray[np.float32]:
         """(h, w) m, of each pixel in the world; of no meaning without depth."""
@@ -122,13 +137,17 @@ class Relief:
         middle = np.median(heights)
         return float(np.median(heights[np.abs(heights - middle) < 0.5 * _NEAR_SUPPORT]))
 
-    def _edge_reach(self, noise: float) -> int:
+    def _edge_reach(self) -> int:
         """How many px around a piece its edge may be: depth is missing at edges, and the foot is not raised."""
         if not self._raised.any():
             return _BEYOND
-        depth = float(np.median(self._depth[self._raised]))
-        rise = max(_LEAST_RISE, _NOISE * noise * depth**2)
-        return min(_BEYOND + math.ceil(rise / depth * self._view.intrinsics.fx), _FARTHEST_EDGE)
+        depths = self._depth[self._raised]
+        foot = self._rise(depths) / float(np.median(depths)) * self._view.intrinsics.fx
+        return min(_BEYOND + math.ceil(foot), _FARTHEST_EDGE)
+
+    def _rise(self, depths: NDArray[np.float32]) -> float:
+        """From how many m above the support something at these depths is not the support itself."""
+        return max(_LEAST_RISE, _NOISE * self._noise * float(np.median(depths)) ** 2)
 
     def clusters(self) -> list[Cluster]:
         """The pieces, but for those that are too small."""
@@ -163,7 +182,7 @@ class Relief:
         part = np.s_[top : int(rows.max()) + margin + 1, left : int(columns.max()) + margin + 1]
         own = labels[part] == label
         image = self._silhouette(own, labels[part] > 0, part, color)
-        edge_std = _BY_COLOR if image is not None else _BY_DEPTH * self._reach
+        edge = Edge(*_BY_COLOR, 0.0) if image is not None else Edge(*_BY_DEPTH, self._rise(self._depth[part][own]))
         image = own if image is None else image
         pixels = _outermost(image)
         if len(pixels) == 0:
@@ -181,7 +200,7 @@ class Relief:
         rays = self._rays(kept[0] + top, kept[1] + left)
         depths = self._depth[part][kept].astype(np.float64)
         points = rays * depths[:, None] + self._eye
-        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge_std)
+        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge)
 
     def _silhouette(self, own: Mask, pieces: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
         """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too."""

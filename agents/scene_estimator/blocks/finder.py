@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.blocks.block import Block, BlockKind, inside
+from agents.scene_estimator.blocks.block import GRAZING, Block, BlockKind, inside
 from agents.scene_estimator.blocks.clusters import Cluster, Relief, Support
 from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
@@ -48,6 +48,7 @@ _TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
 _SUNK = 3.0  # standard deviations of the support's height, by which a block may seem to be in it
 _LEAST_EDGE = 12  # outermost pixels that nothing hides, by which a block is known
+_OTHERS = 3  # parameters that nobody asks for
 _EXTENTS: dict[BlockKind, Array] = {
     "box": np.eye(3), "cube": np.ones((3, 1)), "cylinder": np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
 }  # fmt: skip
@@ -169,8 +170,8 @@ class _Problem:
     """What tells the place and the size of one piece, taken as a box or a cylinder.
 
     Parameters are x, y, then the yaw unless it is a cylinder, and the free extents: length, width, height of a box, the
-    edge of a cube, diameter, height of a cylinder. Last come two that nobody asks for: the height on which it stands,
-    and the error that all depths share.
+    edge of a cube, diameter, height of a cylinder. Last come three that nobody asks for: the height on which it stands,
+    the error that all depths share, and how far all pixels of the edge are within the thing.
     """
 
     def __init__(
@@ -191,17 +192,18 @@ class _Problem:
         news = len(cluster.points) / max(noise.depth_correlation, 1.0) ** 2  # depths that are wrong independently
         self._depth_weight = min(1.0, news / len(chosen))
         edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
-        self._contour, self._edge_std = cluster.contour[edge], cluster.edge_std
+        self._contour, self._edge = cluster.contour[edge], cluster.edge
         seen = upright_box(cluster)
         base = cluster.base if stands or known is None else cluster.base + seen.size[2] - known.block.size[2]
-        self._others, bias_std = [base, 0.0], max(noise.depth_bias_std, _LEAST_BIAS)
-        others_std = [_LEVEL if stands else _ANYWHERE, bias_std]
+        self._others, bias_std = [base, 0.0, self._edge.inset], max(noise.depth_bias_std, _LEAST_BIAS)
+        others_std = [_LEVEL if stands else _ANYWHERE, bias_std, self._edge.inset_std]
         counts = known is not None and (cluster.hidden > MOSTLY_SEEN or not stands)
         before, sigma = (known.block, known.sigma) if known is not None and counts else (seen, (_UNSEEN,) * 3)
         self._prior = self._parameters(before._replace(x=seen.x, y=seen.y))
         yaw_std = [] if kind == "cylinder" else [_ANY_YAW]
         self._prior_std = np.array([_ANYWHERE, _ANYWHERE, *yaw_std, *_free(kind, sigma), *others_std])
-        self._weight = np.concatenate([np.full(len(chosen), self._depth_weight), np.ones(len(self._contour))])
+        edge_weight = min(1.0, self._edge.independent / len(self._contour))
+        self._weight = np.repeat([self._depth_weight, edge_weight], [len(chosen), len(self._contour)])
         sized = seen if stands else seen._replace(size=before.size)
         starts = [self._parameters(block) for block in (sized, *(() if known is None else (known.block,)))]
         self._tails = _TAILS if known is None else _TAILS[-1:]
@@ -213,35 +215,40 @@ class _Problem:
 
     def _block(self, p: Array) -> Block:
         first = 2 if self._kind == "cylinder" else 3
-        x, y, z = (_EXTENTS[self._kind] @ p[first:-2]).tolist()
+        x, y, z = (_EXTENTS[self._kind] @ p[first:-_OTHERS]).tolist()
         yaw = 0.0 if first == 2 else float(p[2])
-        return Block(self._kind, float(p[0]), float(p[1]), yaw, (x, y, z), float(p[-2]))
+        return Block(self._kind, float(p[0]), float(p[1]), yaw, (x, y, z), float(p[-_OTHERS]))
 
     def _missed(self, p: Array) -> Array:
         """What is missed by, in standard deviations: depths, then edge."""
         block = self._block(p)
-        shift = p[-1]
-        distances, normals = block.distances(self._points + shift * self._along)
+        _, shift, inset = p[-_OTHERS:]
+        distances, normals = block.distances(self._points + shift * self._along, self._along)
         cosines = np.einsum("ij,ij->i", normals, self._along)
         by_depth = distances / np.hypot(self._depth_std * cosines, _SURFACE)
-        by_edge = (inside(block.outline(self._view), self._contour) - _EDGE) / self._edge_std
+        seen = block.above(self._level + self._edge.rise)
+        by_edge = (inside(seen.outline(self._view), self._contour) - _EDGE - inset) / self._edge.std
         return np.concatenate([by_depth, by_edge])
 
     def solve(self) -> _Solved | None:
         """Gauss-Newton with damping, from a start that may be far off; None if it ends at no block."""
         p = self._start
         for tail in self._tails:
-            p, information, cost = self._settled(p, tail)
-        return self._judged(p, information, cost)
+            p, cost = self._settled(p, tail)
+        return self._judged(p, cost)
 
-    def _settled(self, p: Array, tail: float) -> tuple[Array, Array, float]:
-        """The best parameters near `p`, their information, and the cost, if what misses by `tail` counts less."""
+    def _slopes(self, p: Array, tail: float) -> tuple[Array, Array, Array]:
+        """What is missed by (n,), by how much more for each parameter (n, m), and how much each counts (n,)."""
+        missed = self._missed(p)
+        slopes = np.stack([(self._missed(p + step) - missed) / _OFF for step in _OFF * np.eye(len(p))], axis=1)
+        return missed, slopes, self._weight / (1.0 + (missed / tail) ** 2)
+
+    def _settled(self, p: Array, tail: float) -> tuple[Array, float]:
+        """The best parameters near `p`, and the cost, if what misses by `tail` counts less."""
         precision = np.diag(self._prior_std**-2)
-        information, cost, damping = precision, self._cost(p, tail), _DAMPING
+        cost, damping = self._cost(p, tail), _DAMPING
         for _ in range(_STEPS):
-            missed = self._missed(p)
-            slopes = np.stack([(self._missed(p + step) - missed) / _OFF for step in _OFF * np.eye(len(p))], axis=1)
-            robust = self._weight / (1.0 + (missed / tail) ** 2)
+            missed, slopes, robust = self._slopes(p, tail)
             information = (slopes * robust[:, None]).T @ slopes + precision
             pull = (slopes * robust[:, None]).T @ missed + precision @ (p - self._prior)
             step = np.linalg.solve(information + damping * np.diag(np.diag(information)), pull)
@@ -253,7 +260,14 @@ class _Problem:
                     break
             else:
                 damping = 10.0 * max(damping, _DAMPING)
-        return p, information, cost
+        return p, cost
+
+    def _information(self, p: Array) -> Array:
+        """Fisher's, with the prior. Points beyond a face that looks away tell only that it is not before them."""
+        _, slopes, counts = self._slopes(p, self._tails[-1])
+        _, normals = self._block(p).distances(self._points + p[-2] * self._along, self._along)
+        counts[: len(self._points)] *= np.einsum("ij,ij->i", normals, self._along) < -GRAZING
+        return np.asarray((slopes * counts[:, None]).T @ slopes + np.diag(self._prior_std**-2))
 
     def _cost(self, p: Array, tail: float) -> float:
         """Twice the negative logarithm of the posterior; infinite for what is no block."""
@@ -262,7 +276,7 @@ class _Problem:
         robust = tail**2 * np.log1p((self._missed(p) / tail) ** 2)
         return float(self._weight @ robust) + float((((p - self._prior) / self._prior_std) ** 2).sum())
 
-    def _judged(self, p: Array, information: Array, cost: float) -> _Solved | None:
+    def _judged(self, p: Array, cost: float) -> _Solved | None:
         missed = np.abs(self._missed(p))
         block = self._block(p)
         by_depth, by_edge = missed[: len(self._points)], missed[len(self._points) :]
@@ -272,7 +286,8 @@ class _Problem:
             return None
         if block.base < self._level - _SUNK * _LEVEL:
             return None
-        covariance = np.asarray(np.linalg.inv(information)[:-1, :-1], np.float64)
+        information = self._information(p)
+        covariance = np.asarray(np.linalg.inv(information)[: 1 - _OTHERS, : 1 - _OTHERS], np.float64)
         cost += float(np.linalg.slogdet(information)[1]) + 2.0 * float(np.log(self._prior_std).sum())
         return _Solved(block, covariance, cost, self._stands)
 

@@ -141,8 +141,9 @@ class UntaggedObjects:
             "%s is new: %s of %s m", track.name, block.kind, " x ".join(f"{edge:.3f}" for edge in block.size)
         )
         shape = {"shape": to_numbers(block.shape)} if block.shape else {}
+        type_ = "cube" if block.kind == "cube" else "box"
         self._memory.add_node(
-            track.name, "cube" if block.kind == "cube" else "box", size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
+            track.name, type_, size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
             perceived=True, **shape,
         )  # fmt: skip
         self._tracks[track.name] = track
