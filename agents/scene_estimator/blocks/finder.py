@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import cv2
 import numpy as np
@@ -22,6 +22,9 @@ from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Array
+
+Footing = Literal["support", "anywhere"]
+"""On what a block is taken to stand: on what all stand, or on something else, or in somebody's hold"""
 
 LONGEST, SHORTEST = 0.3, 0.01
 """m, edges of a block that is looked for"""
@@ -46,6 +49,8 @@ _OFF = 1e-4  # m, rad, for difference quotients
 _DAMPING = 1e-3  # of the information: what keeps steps short
 _TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
+_RAISED = 0.12  # m, standard deviation of where a block stands that is not on the support: anywhere up to `HIGHEST`
+_STRAINED = 3.0  # standard deviations, by which something may be off that nobody asks for, before it is doubted
 _SUNK = 3.0  # standard deviations of the support's height, by which a block may seem to be in it
 _LEAST_EDGE = 12  # outermost pixels that nothing hides, by which a block is known
 _OTHERS = 3  # parameters that nobody asks for
@@ -65,8 +70,10 @@ class BlockSighting(NamedTuple):
     """Red, green, blue, 0 to 1, as bright as it is seen"""
     hidden: float
     """Share of its edge in the image that something hides"""
-    stands: bool
-    """On the support, so that it shows its height; else its extents are what they were before"""
+    measured: bool
+    """Its extents are what this exposure shows; else they are those that were known before"""
+    strained: bool
+    """It fits only if something that nobody asks for is far off, such as the depth or the height of the support"""
     cost: float
     """Twice the negative logarithm of how likely the piece is by such a block, wherever that is and however large"""
 
@@ -116,15 +123,16 @@ class BlockFinder:
         kinds = tuple(_EXTENTS) if known is None else (known.block.kind,)
         return self._best(cluster, [_Problem(view, cluster, kind, self._noise, known) for kind in kinds])
 
-    def fit_raised(self, view: FrameView, cluster: Cluster, known: KnownBlock) -> BlockSighting | None:
-        """A known block as a piece that stands on something else than the support, or is held; None if it is not.
+    def fit_unchanged(self, view: FrameView, cluster: Cluster, known: KnownBlock) -> BlockSighting | None:
+        """A known block with the extents that it had, on its support, on something else or held; None if it is none.
 
         Args:
             view: depth and camera.
             cluster: a piece of it.
             known: what it was before. Its extents tell how high it is.
         """
-        return self._best(cluster, [_Problem(view, cluster, known.block.kind, self._noise, known, stands=False)])
+        kind = known.block.kind
+        return self._best(cluster, [_Problem(view, cluster, kind, self._noise, known, on) for on in get_args(Footing)])
 
     def _best(self, cluster: Cluster, problems: list[_Problem]) -> BlockSighting | None:
         fits = [problem.solve() for problem in problems if len(cluster.contour) >= _LEAST_EDGE]
@@ -147,8 +155,10 @@ class _Solved(NamedTuple):
     """Of the parameters"""
     cost: float
     """Twice the negative logarithm of the evidence, by Laplace's approximation, up to what all fits of a piece share"""
-    stands: bool
-    """On the support"""
+    measured: bool
+    """Whether the extents were free"""
+    strained: bool
+    """See `BlockSighting`"""
 
     def sighting(self, cluster: Cluster) -> BlockSighting:
         """With the covariance of its centre instead of its base."""
@@ -163,7 +173,9 @@ class _Solved(NamedTuple):
         covariance = outward @ self.covariance @ outward.T
         if first == 2:
             covariance[3, 3] = math.pi**2
-        return BlockSighting(self.block, covariance, (red, green, blue), cluster.hidden, self.stands, self.cost)
+        return BlockSighting(
+            self.block, covariance, (red, green, blue), cluster.hidden, self.measured, self.strained, self.cost
+        )
 
 
 class _Problem:
@@ -181,10 +193,9 @@ class _Problem:
         kind: BlockKind,
         noise: NoiseModel,
         known: KnownBlock | None,
-        *,
-        stands: bool = True,
+        on: Footing | None = None,
     ) -> None:
-        self._view, self._kind, self._stands, self._level = view, kind, stands, cluster.base
+        self._view, self._kind, self._level = view, kind, cluster.base
         chosen = np.linspace(0, len(cluster.points) - 1, min(_POINTS, len(cluster.points))).astype(int)
         self._points, rays = cluster.points[chosen], cluster.rays[chosen]
         self._along = rays / np.linalg.norm(rays, axis=1)[:, None]
@@ -194,17 +205,18 @@ class _Problem:
         edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
         self._contour, self._edge = cluster.contour[edge], cluster.edge
         seen = upright_box(cluster)
-        base = cluster.base if stands or known is None else cluster.base + seen.size[2] - known.block.size[2]
+        unchanged = known is not None and (cluster.hidden > MOSTLY_SEEN or on is not None)
+        self._measured = not unchanged
+        before, sigma = (known.block, known.sigma) if known is not None and unchanged else (seen, (_UNSEEN,) * 3)
+        base = cluster.base + seen.size[2] - before.size[2] if on == "anywhere" else cluster.base
         self._others, bias_std = [base, 0.0, self._edge.inset], max(noise.depth_bias_std, _LEAST_BIAS)
-        others_std = [_LEVEL if stands else _ANYWHERE, bias_std, self._edge.inset_std]
-        counts = known is not None and (cluster.hidden > MOSTLY_SEEN or not stands)
-        before, sigma = (known.block, known.sigma) if known is not None and counts else (seen, (_UNSEEN,) * 3)
+        others_std = [_RAISED if on == "anywhere" else _LEVEL, bias_std, self._edge.inset_std]
         self._prior = self._parameters(before._replace(x=seen.x, y=seen.y))
         yaw_std = [] if kind == "cylinder" else [_ANY_YAW]
         self._prior_std = np.array([_ANYWHERE, _ANYWHERE, *yaw_std, *_free(kind, sigma), *others_std])
         edge_weight = min(1.0, self._edge.independent / len(self._contour))
         self._weight = np.repeat([self._depth_weight, edge_weight], [len(chosen), len(self._contour)])
-        sized = seen if stands else seen._replace(size=before.size)
+        sized = seen if on is None else seen._replace(size=before.size)
         starts = [self._parameters(block) for block in (sized, *(() if known is None else (known.block,)))]
         self._tails = _TAILS if known is None else _TAILS[-1:]
         self._start = min(starts, key=lambda start: self._cost(start, self._tails[0]))
@@ -289,7 +301,8 @@ class _Problem:
         information = self._information(p)
         covariance = np.asarray(np.linalg.inv(information)[: 1 - _OTHERS, : 1 - _OTHERS], np.float64)
         cost += float(np.linalg.slogdet(information)[1]) + 2.0 * float(np.log(self._prior_std).sum())
-        return _Solved(block, covariance, cost, self._stands)
+        off = np.abs((p - self._prior) / self._prior_std)[-_OTHERS:]
+        return _Solved(block, covariance, cost, self._measured, bool(off.max() > _STRAINED))
 
 
 def _free(kind: BlockKind, extents: Sequence[float]) -> Array:

@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from agents.colors import TOLERANCE, spectral_angle
 from agents.scene_estimator.blocks.block import Block
-from agents.scene_estimator.blocks.finder import MOSTLY_SEEN, BlockSighting, KnownBlock
+from agents.scene_estimator.blocks.finder import BlockSighting, KnownBlock
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Array
 
@@ -60,13 +60,13 @@ class BlockTrack:
         sigma = _turned(sighting.size_sigma, quarters)
         before, frames = np.array(self.block.size), min(self.frames, _REMEMBERED)
         size = before
-        if sighting.stands and sighting.hidden <= MOSTLY_SEEN:
+        if sighting.measured and block.kind == self.block.kind:
             gain = 1.0 / (1.0 + frames * np.maximum(sigma, 1e-9) ** 2 / self.sigma**2)
             size = before + gain * (np.array(block.size) - before)
             self.sigma = np.minimum(self.sigma, np.maximum(sigma, 1e-6))
             self.frames = frames + 1.0
         x, y, z = size.tolist()
-        self.block = block._replace(size=(x, y, z))
+        self.block = block._replace(kind=self.block.kind, size=(x, y, z))
         return self.block
 
     def aligned(self, sighting: BlockSighting) -> tuple[Block, int]:

@@ -92,14 +92,12 @@ class UntaggedObjects:
         near = [track for track in (*self._tracks.values(), *candidates) if _is_at(track.block, x, y)]
         for track in sorted(near, key=lambda track: math.dist((x, y), track.block.centre[:2])):
             sighting = self._finder.fit(view, cluster, track.known)
-            if sighting is not None and assigned([track], [sighting])[0] is track:
+            if sighting is not None and not sighting.strained and assigned([track], [sighting])[0] is track:
                 return sighting
-        anew = self._finder.fit(view, cluster)
-        if anew is not None and assigned(list(self._tracks.values()), [anew])[0] is not None:
-            return anew
         alike = [track for track in self._tracks.values() if track.unlike_color(cluster.color.tolist()) <= 1.0]
-        raised = [self._finder.fit_raised(view, cluster, track.known) for track in alike]
-        possible = [sighting for sighting in (anew, *raised) if sighting is not None]
+        fits = [self._finder.fit(view, cluster)]
+        fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in alike]
+        possible = [sighting for sighting in fits if sighting is not None]
         return min(possible, key=lambda sighting: sighting.cost, default=None)
 
     def consider(self, camera: str, sightings: list[BlockSighting], stamp: float) -> list[tuple[str, Pose]]:

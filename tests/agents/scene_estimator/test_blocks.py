@@ -148,7 +148,7 @@ def test_the_first_guess_is_the_smallest_rectangle(scene: ColorScene) -> None:
 
 
 def seen(block: Block, color: Vector3, sigma: float = 0.001) -> BlockSighting:
-    return BlockSighting(block, sigma**2 * np.eye(7), color, 0.0, stands=True, cost=0.0)
+    return BlockSighting(block, sigma**2 * np.eye(7), color, 0.0, measured=True, strained=False, cost=0.0)
 
 
 def track(name: str, block: Block, color: Vector3) -> BlockTrack:
