@@ -17,16 +17,20 @@ from dsr.math3d.transforms import Array, Pose
 HIGHEST = 0.4
 """m above the support up to which something is looked for"""
 
+SMALLEST = 60
+"""Pixels of a piece, at least."""
+
+NEAR_CUT = 4
+"""px from where something else hides it, or touches it, in which a piece tells nothing of an edge there"""
+
 _LEAST_RISE = 0.008  # m above the support, from which something is not the support itself
 _NOISE = 3.0  # standard deviations of the depth: the same
 _JUMP = 0.015  # m between the depths of neighbours that do not belong together, beside noise: steep faces have less
 _NEARER = 0.01  # m by which something must be nearer to hide what is behind it
-_SMALLEST = 60  # px, of a piece
 _BEYOND = 3  # px at an edge of which depth is missing
 _BY_COLOR = (0.5, 0.0, 0.2, 1000)  # of an `Edge` that colours tell: px, px, px, count of pixels
 _BY_DEPTH = (1.5, 1.0, 1.0, 6)  # likewise by depth, which is missing at each of the sides that are seen as it likes
 _STEEP = 5  # times that: steep faces have no depth, so that colour alone tells how far they go
-_NEAR_CUT = 4  # px from where something hides the rest, in which a piece tells nothing of an edge there
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
 _NEAR_SUPPORT = 0.03  # m around the believed height in which the support is looked for
 _SPARSE = 3  # px apart, and
@@ -155,8 +159,8 @@ class Relief:
             return []
         labels = self._labels()
         sizes = np.bincount(labels.ravel())
-        large = [label for label in range(1, len(sizes)) if sizes[label] >= _SMALLEST]
-        found = (self._cluster(labels, label) for label in large)
+        labels[sizes[labels] < SMALLEST] = 0  # specks, most of them of a larger piece
+        found = (self._cluster(labels, label) for label in range(1, len(sizes)) if sizes[label] >= SMALLEST)
         return [cluster for cluster in found if cluster is not None]
 
     def _labels(self) -> NDArray[np.int32]:
@@ -192,9 +196,9 @@ class Relief:
         hidden = at_border | self._covered(part, own, image)[pixels[:, 1], pixels[:, 0]]
         cut = np.zeros(own.shape, np.uint8)
         cut[pixels[hidden, 1], pixels[hidden, 0]] = 1
-        near_cut = cv2.dilate(cut, _square(_NEAR_CUT)) > 0
+        near_cut = cv2.dilate(cut, _square(NEAR_CUT)) > 0
         kept = np.nonzero((cv2.erode(own.astype(np.uint8), _SMALL) > 0) & ~near_cut)
-        if len(kept[0]) < _SMALLEST // 4:
+        if len(kept[0]) < SMALLEST // 4:
             return None
         contour = np.column_stack([column, row]).astype(np.float64)[~near_cut[pixels[:, 1], pixels[:, 0]]]
         rays = self._rays(kept[0] + top, kept[1] + left)
@@ -227,7 +231,8 @@ class Relief:
 
     def _covered(self, part: tuple[slice, slice], own: Mask, image: Mask) -> Mask:
         """Next to which pixels something else stands that is not behind."""
-        other = self._standing[part] & ~own & ~image
+        beside = (self._standing[part] & ~own & ~image).astype(np.uint8)
+        other = cv2.morphologyEx(beside, cv2.MORPH_OPEN, _SMALL) > 0  # specks beside an edge are its own
         around = _square(self._reach)
         nearest = cv2.erode(np.where(other, self._depth[part], np.float32(np.inf)), around)
         depth = cv2.dilate(np.where(own, self._depth[part], np.float32(0.0)), around)

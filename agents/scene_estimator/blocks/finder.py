@@ -9,7 +9,7 @@ it but a wide prior, so that its extent is as unsure.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple, get_args
 
 import cv2
@@ -26,7 +26,7 @@ from dsr.math3d.transforms import Array
 Footing = Literal["support", "anywhere"]
 """On what a block is taken to stand: on what all stand, or on something else, or in somebody's hold"""
 
-LONGEST, SHORTEST = 0.3, 0.01
+LONGEST, SHORTEST = 0.5, 0.01
 """m, edges of a block that is looked for"""
 
 MOSTLY_SEEN = 0.15
@@ -121,7 +121,7 @@ class BlockFinder:
             known: what it was before. Its extents count if something hides part of it now.
         """
         kinds = tuple(_EXTENTS) if known is None else (known.block.kind,)
-        return self._best(cluster, [_Problem(view, cluster, kind, self._noise, known) for kind in kinds])
+        return self._best(cluster, (_Problem(view, cluster, kind, self._noise, known) for kind in kinds))
 
     def fit_unchanged(self, view: FrameView, cluster: Cluster, known: KnownBlock) -> BlockSighting | None:
         """A known block with the extents that it had, on its support, on something else or held; None if it is none.
@@ -132,11 +132,13 @@ class BlockFinder:
             known: what it was before. Its extents tell how high it is.
         """
         kind = known.block.kind
-        return self._best(cluster, [_Problem(view, cluster, kind, self._noise, known, on) for on in get_args(Footing)])
+        return self._best(cluster, (_Problem(view, cluster, kind, self._noise, known, on) for on in get_args(Footing)))
 
-    def _best(self, cluster: Cluster, problems: list[_Problem]) -> BlockSighting | None:
-        fits = [problem.solve() for problem in problems if len(cluster.contour) >= _LEAST_EDGE]
-        possible = [fit for fit in fits if fit is not None]
+    def _best(self, cluster: Cluster, problems: Iterable[_Problem]) -> BlockSighting | None:
+        """The most likely one; none if too little of the edge is seen, of which no problem can be made either."""
+        if len(cluster.contour) < _LEAST_EDGE:
+            return None
+        possible = [fit for problem in problems if (fit := problem.solve()) is not None]
         return min(possible, key=lambda fit: fit.cost).sighting(cluster) if possible else None
 
 

@@ -14,6 +14,7 @@ from agents.scene_estimator.blocks.block import Block, BlockKind
 from agents.scene_estimator.blocks.clusters import Cluster
 from agents.scene_estimator.blocks.explained import KnownVolume, known_volumes, supports, unexplained
 from agents.scene_estimator.blocks.finder import BlockFinder, BlockSighting
+from agents.scene_estimator.blocks.touching import has_share, parted
 from agents.scene_estimator.blocks.tracks import BlockTrack, assigned
 from agents.scene_estimator.colored import LEANING
 from agents.scene_estimator.config import SceneEstimatorConfig
@@ -83,8 +84,27 @@ class UntaggedObjects:
         """
         clusters = self._finder.clusters(view, color, supports(self._memory, stamp))
         explaining = [*seen, *known_volumes(self._memory, now, stamp)] if clusters else []
-        found = (self._fit(view, cluster) for cluster in unexplained(clusters, explaining))
+        found: list[BlockSighting | None] = []
+        for cluster in unexplained(clusters, explaining):
+            found += self._fit_touching(view, cluster) or [self._fit(view, cluster)]
         return [sighting for sighting in found if sighting is not None]
+
+    def _fit_touching(self, view: FrameView, cluster: Cluster) -> list[BlockSighting]:
+        """The known blocks of one colour that share a piece; none if it is not that of several."""
+        several = [track for track in self._alike(cluster) if has_share(cluster, track.block)]
+        parts = parted(view, cluster, [track.block for track in several]) if len(several) > 1 else None
+        if parts is None:
+            return []
+        fits = [
+            self._finder.fit_unchanged(view, part, track.known) for track, part in zip(several, parts, strict=True)
+        ]
+        found = [sighting for sighting in fits if sighting is not None]
+        return found if len(found) == len(several) else []
+
+    def _alike(self, cluster: Cluster) -> list[BlockTrack]:
+        """The known blocks that have its colour."""
+        color = cluster.color.tolist()
+        return [track for track in self._tracks.values() if track.unlike_color(color) <= 1.0]
 
     def _fit(self, view: FrameView, cluster: Cluster) -> BlockSighting | None:
         x, y = cluster.points[:, :2].mean(axis=0).tolist()
@@ -94,9 +114,8 @@ class UntaggedObjects:
             sighting = self._finder.fit(view, cluster, track.known)
             if sighting is not None and not sighting.strained and assigned([track], [sighting])[0] is track:
                 return sighting
-        alike = [track for track in self._tracks.values() if track.unlike_color(cluster.color.tolist()) <= 1.0]
         fits = [self._finder.fit(view, cluster)]
-        fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in alike]
+        fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in self._alike(cluster)]
         possible = [sighting for sighting in fits if sighting is not None]
         return min(possible, key=lambda sighting: sighting.cost, default=None)
 
