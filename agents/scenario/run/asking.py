@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agents.scenario.format.model import MissionSpec
-from agents.scenario.judge.judge import Judge
+from agents.scenario.judge.found_names import FoundNames
 from dsr.memory import Memory
 from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.intentions import add_intention
@@ -15,17 +15,17 @@ class Asking:
     Args:
         mission: its goal names the scenario's objects.
         memory: gets the intention, whose goal names the nodes that were found to be these objects.
-        judge: knows which nodes are which objects.
+        names: know which nodes are which objects.
     """
 
-    def __init__(self, mission: MissionSpec, memory: Memory, judge: Judge) -> None:
-        self._mission, self._memory, self._judge = mission, memory, judge
+    def __init__(self, mission: MissionSpec, memory: Memory, names: FoundNames) -> None:
+        self._mission, self._memory, self._names = mission, memory, names
         self._goal = parse_goal(mission.goal)
         self._asked = False
 
     def ask(self) -> None:
         """Write the intention if everything has been found now, and that is new."""
-        nodes = {thing: self._judge.node(thing) for thing in self._goal.things}
+        nodes = {thing: self._names.node(thing) for thing in self._goal.things}
         if not self._asked and all(name in self._memory for name in nodes.values()):
             self._asked = True
             relations = (

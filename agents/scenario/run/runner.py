@@ -188,7 +188,7 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
 def asking_of(run: Run, memory: Memory, judge: Judge) -> Asking | None:
     """Who gives the mission of a run without tags: nobody knows beforehand what things will be called."""
     mission = run.scenario.mission
-    return Asking(mission, memory, judge) if run.untagged and mission is not None else None
+    return Asking(mission, memory, judge.names) if run.untagged and mission is not None else None
 
 
 def true_course(run: Run) -> History:
