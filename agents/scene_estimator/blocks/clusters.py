@@ -28,8 +28,11 @@ _NOISE = 3.0  # standard deviations of the depth: the same
 _JUMP = 0.015  # m between the depths of neighbours that do not belong together, beside noise: steep faces have less
 _NEARER = 0.01  # m by which something must be nearer to hide what is behind it
 _BEYOND = 3  # px at an edge of which depth is missing
-_BY_COLOR = (0.5, 0.0, 0.2, 1000)  # of an `Edge` that colours tell: px, px, px, count of pixels
-_BY_DEPTH = (1.5, 1.0, 1.0, 6)  # likewise by depth, which is missing at each of the sides that are seen as it likes
+_BY_COLOR = 0.5  # px, standard deviation of an edge that colours tell
+_BY_COLOR_ALIKE = 0.2  # px, standard deviation of what is wrong in all of it alike: lenses blur
+_BY_DEPTH = 1.5  # px, of an edge that depth alone tells: it is missing in up to `_BEYOND` pixels, more on some sides
+_BY_DEPTH_ALIKE = 1.0  # px, what is missing on average, and the standard deviation of that
+_SIDES = 6  # of a box in an image, at most: what is missing at one side is missing all along it
 _STEEP = 5  # times that: steep faces have no depth, so that colour alone tells how far they go
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
 _NEAR_SUPPORT = 0.03  # m around the believed height in which the support is looked for
@@ -60,10 +63,13 @@ class Edge(NamedTuple):
     """px, by which all are within the thing"""
     inset_std: float
     """px, standard deviation of that"""
-    independent: int
+    independent: float
     """How many of them are wrong independently, at most"""
     rise: float
     """m above the support, up to which nothing of the thing is in the piece"""
+
+
+_EDGE_BY_COLOR = Edge(_BY_COLOR, 0.0, _BY_COLOR_ALIKE, math.inf, 0.0)
 
 
 class Cluster(NamedTuple):
@@ -153,6 +159,10 @@ class Relief:
         """From how many m above the support something at these depths is not the support itself."""
         return max(_LEAST_RISE, _NOISE * self._noise * float(np.median(depths)) ** 2)
 
+    def _edge_by_depth(self, depths: NDArray[np.float32]) -> Edge:
+        """Of a piece at these depths (m) whose colour does not tell where it ends."""
+        return Edge(_BY_DEPTH, _BY_DEPTH_ALIKE, _BY_DEPTH_ALIKE, _SIDES, self._rise(depths))
+
     def clusters(self) -> list[Cluster]:
         """The pieces, but for those that are too small."""
         if not self._raised.any():
@@ -186,7 +196,7 @@ class Relief:
         part = np.s_[top : int(rows.max()) + margin + 1, left : int(columns.max()) + margin + 1]
         own = labels[part] == label
         image = self._silhouette(own, labels[part] > 0, part, color)
-        edge = Edge(*_BY_COLOR, 0.0) if image is not None else Edge(*_BY_DEPTH, self._rise(self._depth[part][own]))
+        edge = self._edge_by_depth(self._depth[part][own]) if image is None else _EDGE_BY_COLOR
         image = own if image is None else image
         pixels = _outermost(image)
         if len(pixels) == 0:
