@@ -63,7 +63,7 @@ def staged_system(run: Run) -> System:
 
     An agent that the scenario kills has a process of its own: no other agent dies with it.
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
-    Without tags, the runner gives the mission once it is known what things are called (`Asking`).
+    Without tags, the runner gives the mission once it is known what things are called (`MissionGiver`).
     A run without tags is refused where nothing would be found: by true poses, or without an agent that finds objects.
     A mission is refused where the libraries of those who would pursue it are not installed: nothing would happen.
     """

@@ -54,7 +54,7 @@ class Support(NamedTuple):
     """m, along its own y axis"""
 
 
-class Edge(NamedTuple):
+class PieceEdge(NamedTuple):
     """How well the outermost pixels of a piece tell where the thing ends that it is an image of."""
 
     std: float
@@ -69,7 +69,7 @@ class Edge(NamedTuple):
     """m above the support, up to which nothing of the thing is in the piece"""
 
 
-_EDGE_BY_COLOR = Edge(_BY_COLOR, 0.0, _BY_COLOR_ALIKE, math.inf, 0.0)
+_EDGE_BY_COLOR = PieceEdge(_BY_COLOR, 0.0, _BY_COLOR_ALIKE, math.inf, 0.0)
 
 
 class Cluster(NamedTuple):
@@ -89,7 +89,7 @@ class Cluster(NamedTuple):
     """Share of its outermost pixels where something hides it, or the image ends."""
     base: float
     """m, height in the world of the support"""
-    edge: Edge
+    edge: PieceEdge
     """How well its contour tells where the thing ends."""
 
 
@@ -159,9 +159,9 @@ class Relief:
         """From how many m above the support something at these depths is not the support itself."""
         return max(_LEAST_RISE, _NOISE * self._noise * float(np.median(depths)) ** 2)
 
-    def _edge_by_depth(self, depths: NDArray[np.float32]) -> Edge:
+    def _edge_by_depth(self, depths: NDArray[np.float32]) -> PieceEdge:
         """Of a piece at these depths (m) whose colour does not tell where it ends."""
-        return Edge(_BY_DEPTH, _BY_DEPTH_ALIKE, _BY_DEPTH_ALIKE, _SIDES, self._rise(depths))
+        return PieceEdge(_BY_DEPTH, _BY_DEPTH_ALIKE, _BY_DEPTH_ALIKE, _SIDES, self._rise(depths))
 
     def clusters(self) -> list[Cluster]:
         """The pieces, but for those that are too small."""

@@ -12,7 +12,7 @@ from agents.scenario.format.scenario import find_scenario, load_scenario, parse_
 from agents.scenario.format.untagged import untagged
 from agents.scenario.judge.found_forms import alike
 from agents.scenario.judge.found_names import FoundNames
-from agents.scenario.run.asking import Asking
+from agents.scenario.run.mission_giver import MissionGiver
 from agents.scenario.run.staging import make_run, staged_system
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.errors import ConfigError
@@ -118,15 +118,15 @@ def test_the_mission_is_given_once_when_all_that_it_is_about_was_found(memory: M
     scenario = untagged(SCENARIO)
     assert scenario.mission is not None
     names = FoundNames(scenario, memory)
-    asking = Asking(scenario.mission, memory, names)
-    asking.ask()
+    giver = MissionGiver(scenario.mission, memory, names)
+    giver.ask()
     assert memory.nodes("intention") == []
     truth = {spec.name: Pose(spec.position) for spec in scenario.objects}
     for node, name in (("plain_cube_1", "cube_4"), ("plain_cube_2", "cube_3")):
         memory.add_node(node, "cube", source=BY_DEPTH)
         memory.add_edge("world", node, "RT", pose=truth[name])
     names.update(truth)
-    asking.ask()
-    asking.ask()
+    giver.ask()
+    giver.ask()
     (intention,) = memory.nodes("intention")
     assert intention["goal"] == "on(plain_cube_2,plain_cube_1) & ontable(plain_cube_1)"

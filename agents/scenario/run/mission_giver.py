@@ -9,7 +9,7 @@ from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.intentions import add_intention
 
 
-class Asking:
+class MissionGiver:
     """Asks once. Nobody can know beforehand what the working memory will call things that have no tags.
 
     Args:
