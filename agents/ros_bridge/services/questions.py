@@ -166,7 +166,7 @@ class Questions:
             if self._closed:
                 raise TransportError("what if? the bridge ends")
             self._waiting.append(asked)
-        self._core.notify()
+        self._core.turns.notify()
         if not WALL_CLOCK.wait(asked.done, _PATIENCE):
             self._finish(asked)
         pending = asked.pending
