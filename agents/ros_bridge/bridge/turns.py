@@ -11,8 +11,8 @@ from time import thread_time  # what work costs, however long others keep the pr
 from dsr.clock import Clock, ManualClock
 
 _REST = 10
-"""Times as long as work took of a processor, until more is done between two ticks: so that a flood takes a tenth of a
-core"""
+"""Times as long as work took of a processor that somebody had asked for, until more is done before the next due tick:
+so that a flood takes a tenth of a core"""
 
 
 class Turns:
@@ -55,8 +55,8 @@ class Turns:
     def tick(self) -> Iterator[None]:
         """Within it, nobody else works; whoever notifies asks for one more tick."""
         with self._lock:
-            self._woken = False
-            with self._resting():
+            woken, self._woken = self._woken, False
+            with self._resting() if woken else contextlib.nullcontext():
                 yield
 
     @contextlib.contextmanager

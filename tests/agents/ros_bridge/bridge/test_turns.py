@@ -86,6 +86,20 @@ def test_after_work_others_rest_ten_times_as_long(woken: Woken) -> None:
     assert done == [1]
 
 
+def test_after_a_tick_that_was_due_nobody_rests_and_after_one_that_was_asked_for_all_do(woken: Woken) -> None:
+    turns, done = WallTurns(ManualClock(), woken), []
+    with turns.tick():
+        work()
+    turns.do_now(lambda: done.append(1))
+    assert done == [1]
+    other = WallTurns(ManualClock(), woken)
+    other.notify()
+    with other.tick():
+        work()
+    other.do_now(lambda: done.append(2))
+    assert done == [1]
+
+
 def test_in_lockstep_all_waits_for_the_tick(woken: Woken) -> None:
     turns, done = Turns(ManualClock(), woken), []
     turns.do_now(lambda: done.append(1))
