@@ -127,7 +127,10 @@ class RosBridge(Agent):
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
         self._clock_out = ClockOut(core)
-        self._questions = Questions(core, config.send.services, self.bus, self.keys) if config.serves else None
+        send = config.send
+        self._questions = (
+            Questions(core, send.services, self.bus, self.keys, send.keep_missions) if config.serves else None
+        )
         if self._questions is not None:
             core.on_close(self._questions.close)
 
