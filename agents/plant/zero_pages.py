@@ -64,6 +64,6 @@ def _large_mappings() -> list[_Mapping]:
 def _give_back_zeros(mapping: _Mapping) -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     for address in range(mapping.begin, mapping.end - _BLOCK + 1, _BLOCK):
-        block = np.frombuffer((ctypes.c_uint8 * _BLOCK).from_address(address), np.uint64)
+        block = np.ctypeslib.as_array((ctypes.c_uint64 * (_BLOCK // 8)).from_address(address))
         if not block.any():
             libc.madvise(ctypes.c_void_p(address), ctypes.c_size_t(_BLOCK), mmap.MADV_DONTNEED)
