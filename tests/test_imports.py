@@ -37,6 +37,8 @@ SHARED_BY_AGENTS = (
     "agents.depth_alignment",
     "agents.drivers",
     "agents.frame_images",
+    "agents.hand_tracker.config",
+    "agents.hand_tracker.model.loading",
     "agents.inbox",
     "agents.intrinsics_file",
     "agents.object_models",

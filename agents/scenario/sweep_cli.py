@@ -15,7 +15,7 @@ import typer
 
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
-from agents.scenario.options import SensorChoice, complete_scenario
+from agents.scenario.options import Hands, SensorChoice, complete_scenario
 from agents.scenario.run.staging import Policy, make_run, staged_system
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
@@ -60,6 +60,7 @@ def sweep(
         list[SweptPolicy] | None,
         typer.Option(help="Methods side by side; `both`: the two that explain. Default: the system's."),
     ] = None,
+    hands: Hands = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
     limit: Annotated[float, typer.Option(min=1.0, help="s of real time that one run may take.")] = LIMIT,
     metrics: Annotated[bool, typer.Option("--metrics", help="Show every metric, also of several scenarios.")] = False,
@@ -75,12 +76,13 @@ def sweep(
 
     The exit code is 0 only if every run passed. Ctrl-C stops all and shows what was done, as JSON too.
     """
-    plan = make_jobs(scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []))
+    finder = hands and hands.value
+    plan = make_jobs(scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []), finder)
     said = for_people(as_json)
     check_writable(json_file)
     check_writable(curves, "--curves")
     for scenario in dict.fromkeys(scenarios):
-        staged_system(make_run(scenario))
+        staged_system(make_run(scenario, sensor=sensor.value, hands=finder))
         show_all(scenario, said)
     outcomes: list[RunOutcome] = []
     try:
@@ -118,13 +120,18 @@ def parse_seeds(text: str) -> list[int]:
     return list(seeds)
 
 
-def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None]) -> list[SweepJob]:
+def make_jobs(
+    scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None], hands: str | None = None
+) -> list[SweepJob]:
     """Make the jobs of all runs, scenario by scenario. Raises `ConfigError` for a scenario that is wrong."""
     files = {load_scenario(name).name: find_scenario(name).resolve() for name in scenarios}
     if len(files) < len({find_scenario(name).resolve() for name in scenarios}):
         raise ConfigError("two of the scenarios have the same name; expected different ones")
     return [
-        msgspec.convert({"name": name, "file": str(file), "seed": seed, "sensor": sensor, "policy": policy}, SweepJob)
+        msgspec.convert(
+            {"name": name, "file": str(file), "seed": seed, "sensor": sensor, "policy": policy, "hands": hands},
+            SweepJob,
+        )
         for name, file in files.items()
         for seed in seeds
         for policy in policies

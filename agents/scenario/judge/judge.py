@@ -174,6 +174,7 @@ class Judge:
         mode: Literal["live", "lockstep"],
         sensor: Literal["pixels", "poses"],
         policy: str | None = None,
+        hands: Literal["model", "colour"] | None = None,
     ) -> Result:
         """The verdicts and numbers of the finished run."""
         scenario = self.history.scenario
@@ -186,6 +187,7 @@ class Judge:
             mode=mode,
             sensor=sensor,
             policy=policy,
+            hands=hands,
             passed=passed,
             expectations=verdicts,
             metrics=metrics,

@@ -11,6 +11,7 @@ from agents.scenario.format.events import Kill
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
 from dsr.config.extras import check_installed
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
 
@@ -21,10 +22,14 @@ Sensor = Literal["pixels", "poses"]
 Policy = Literal["hypotheses", "algorithm1", "published"]
 """Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
 and infer actions as they did."""
+HandFinder = Literal["model", "colour"]
+"""Find hands in images by the real model, or by the colour of skin."""
 PLANT = "plant"
 """Name of the agent that plays the simulated reality."""
 MISSION = "mission"
 """Name of the agent that pursues the scenario's `[mission]`."""
+HAND_TRACKER = "hand_tracker"
+"""Name of the agent that finds hands."""
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,6 +42,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     sensor: Sensor = "pixels"
     policy: Policy | None = None
     """Name of the method that explains surprises; None for the simulation handler's own choice."""
+    hands: HandFinder | None = None
+    """How hands are found in images; None for the hand tracker's own choice."""
     folder: Path | None = None
     """Gets recording, logs and result; None for nothing of that."""
     viewer: bool = False
@@ -59,6 +66,7 @@ def staged_system(run: Run) -> System:
     An agent that the scenario kills has a process of its own: no other agent dies with it.
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
     A mission is refused where the libraries of those who would pursue it are not installed: nothing would happen.
+    So is a finder of hands where none would be found by it: the tracker alone would go on by colour.
     """
     system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
     if run.scenario.mission is None:
@@ -70,6 +78,7 @@ def staged_system(run: Run) -> System:
         if agent in _names(system):
             system = system.with_config(agent, **fields)
     system = system.apart(*_names(system).intersection(_killed(run.scenario)))
+    _check_hands(run, system)
     if "recorder" in _names(system):
         system = system.with_config("recorder", about=_about(run, system))
     return system if run.folder else without(system, "recorder", "viewer")
@@ -105,6 +114,7 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
             else {}
         ),
         PLANT: {"scenario": str(run.file), "sensor": run.sensor},
+        HAND_TRACKER: {} if run.hands is None else {"finder": run.hands},
         "scene_setup": {"scenario": str(run.file)},
         "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
@@ -119,6 +129,22 @@ def _policy_settings(policy: Policy | None) -> dict[str, dict[str, Any]]:
     if policy == "published":
         return {"simulation_handler": {"reasoner": policy}, "action_inference": {"policy": policy}}
     return {"simulation_handler": {"policy": policy}}
+
+
+def _check_hands(run: Run, system: System) -> None:
+    """Raise `ConfigError` if hands cannot be found in the way that the run asks for."""
+    if run.hands is None:
+        return
+    if run.sensor != "pixels":
+        raise ConfigError(f"hands by {run.hands} are found in images: expected the sensor pixels, not {run.sensor}")
+    if HAND_TRACKER not in _names(system):
+        raise ConfigError(f"no agent {HAND_TRACKER!r} in the system {run.scenario.system!r}: no hand would be found")
+    if run.hands == "model":
+        from agents.hand_tracker.config import HandTrackerConfig
+        from agents.hand_tracker.model.loading import load_landmarker
+
+        config = convert(system.agent(HAND_TRACKER).config, HandTrackerConfig, f"configuration of {HAND_TRACKER!r}")
+        load_landmarker(config)().close()
 
 
 def _about(run: Run, system: System) -> dict[str, str]:
