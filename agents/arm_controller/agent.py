@@ -15,6 +15,7 @@ from agents.arm_controller.joints import Joints, JointsError, read_joints, to_dr
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
+from agents.arm_controller.safety.halting import EmergencyStop
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
@@ -25,6 +26,8 @@ from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.files.built_in import ETC
+from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
+from dsr.vocabulary.intentions import HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import MODELLED, THINGS
 
@@ -51,26 +54,28 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "camera", "table", "action", *MODELLED, *OBJECTS),
+        nodes=("arm", "gripper", "camera", "table", "action", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
             *("size", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request"),
+            *HALT_ATTRIBUTES,
         ),
     )
     writes = Access(
-        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera", "action"),
+        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera", "action", HALT_NODE),
         edges=("RT", "has", "grasping"),
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
             *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
             *("bounds", "source", "since"),
+            *HALT_ATTRIBUTES,
             *("stream", *INTRINSICS),
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
     )
-    publishes = ("blob/*", "device/arm/command")
+    publishes = ("blob/*", "device/arm/command", "device/halted/*")
     Config = ArmControllerConfig
     config: ArmControllerConfig
 
@@ -94,6 +99,9 @@ class ArmController(Agent):
         self._gone = ""
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
+        self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
+        self._obeyed = ""
+        """The order to stop that the driver was told of"""
         self._motion = MotionControl(
             self.memory,
             self._chain,
@@ -119,20 +127,29 @@ class ArmController(Agent):
             self._heard = now
             self._body.write(joints)
             self._holding.tick(joints)
-            self._follow_targets(joints)
+            self._hear_again(joints)
         elif now - self._heard > (SILENCE if self._state else START_UP) and not self._gone:
             self._gone = f"no sample of the arm for {now - self._heard:.1f} s"
             self._motion.report.say(NO_DRIVER, self._gone)
-        if self._gone:
+        if not self._emergency.reason:
+            self._driver.keep_alive()
+        if self._emergency.reason:
+            self._stay(self._emergency.reason)
+        elif self._gone:
             self._actions.refuse(self._gone)
+        elif joints is not None:
+            self._follow_targets(joints)
+        self._obeyed = self._emergency.reason
+        self._emergency.tick(self._is_moving)  # after obeying: what is written here may fail
         for feed in self._feeds:
             feed.forward()
-        self.degraded = "; ".join(filter(None, (self._gone, *(feed.trouble for feed in self._feeds))))
+        troubles = (self._emergency.reason, self._gone, *(feed.trouble for feed in self._feeds))
+        self.degraded = "; ".join(filter(None, troubles))
         self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""
-        closers = (getattr(self, name, None) for name in ("_actions", "_motion", "_grip", "_driver"))
+        closers = (getattr(self, name, None) for name in ("_actions", "_motion", "_grip", "_driver", "_emergency"))
         for closer in (*closers, *getattr(self, "_feeds", ())):
             if closer is not None:
                 closer.close()
@@ -173,12 +190,30 @@ class ArmController(Agent):
         self._state = state
         return joints
 
-    def _follow_targets(self, joints: Joints) -> None:
-        if self._gone:
-            self._gone = ""
-            self.log.info("samples of the arm arrive again")
+    @property
+    def _is_moving(self) -> bool:
+        """Whether a joint moved at the newest sample."""
+        return self._state is not None and bool(max(map(abs, self._state.velocities)) > self.config.still_speed)
+
+    def _hear_again(self, joints: Joints) -> None:
+        """After a silence of the driver: it may have forgotten what it was told."""
+        if not self._gone:
+            return
+        self._gone = ""
+        self.log.info("samples of the arm arrive again")
+        if not self._emergency.reason:
             self._motion.resume(joints)
             self._grip.resume()
+
+    def _stay(self, reason: str) -> None:
+        """Stop, and refuse all motion."""
+        if self._obeyed != reason:
+            self._driver.stop()
+        self._actions.refuse(reason, HALTED)
+        self._motion.forbid(reason)
+        self._grip.forbid(reason)
+
+    def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
         for follower in (self._motion, self._grip):
             if self._actions.running:

@@ -32,6 +32,8 @@ CLEARANCE = 0.06
 """m between a carried object on its way and everything below"""
 PATIENCE = 0.5
 """s that a motion may take longer than planned"""
+BRAKING = 2.0
+"""s in which an arm comes to rest: arms brake within one from their greatest speed"""
 GRIP_PATIENCE = 2.0
 """s that the fingers may take"""
 STILL_OPENING = 0.0002
@@ -214,8 +216,16 @@ class Manipulator:
             self.check_held(held)
 
     def hold_still(self) -> None:
-        """Stop at once; the grip stays."""
+        """Stop at once; the grip stays. The arm takes a moment to brake."""
         self._driver.stop()
+
+    def settle(self) -> Steps[None]:
+        """Wait until the arm stands still. Raises `StuckError` if it does not."""
+        until = self.joints.stamp + BRAKING
+        while max(map(abs, self.joints.velocities)) > self.config.still_speed:
+            if self.joints.stamp > until:
+                raise StuckError(f"the arm does not come to rest within {BRAKING:g} s")
+            yield "settle"
 
     # ---- gripper
 
