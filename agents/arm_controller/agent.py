@@ -16,6 +16,7 @@ from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
+from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
@@ -27,7 +28,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.files.built_in import ETC
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
-from dsr.vocabulary.intentions import HALTED
+from dsr.vocabulary.intentions import FAILED, HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import MODELLED, THINGS
 
@@ -35,10 +36,8 @@ OBJECTS = (*THINGS, "hand", "finger")
 """Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""
-SILENCE = 0.5
-"""s without a new sample after which the driver counts as gone"""
-LATE = 0.1
-"""s, all that one tick can add to a silence: five ticks find no sample before the driver counts as gone. Where this
+LATE = 0.02
+"""s, all that one tick can add to a silence: several ticks find no sample before the driver counts as gone. Where this
 agent itself did not run, on an overloaded machine, samples may have come that it could not see."""
 
 
@@ -100,8 +99,9 @@ class ArmController(Agent):
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
         self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
+        self._watchdog = Watchdog(self._chain, self.config.stale)
         self._obeyed = ""
-        """The order to stop that the driver was told of"""
+        """The reason to stop that the driver was told of"""
         self._motion = MotionControl(
             self.memory,
             self._chain,
@@ -120,32 +120,41 @@ class ArmController(Agent):
 
     def tick(self, now: float) -> None:
         """Forward what the devices measured since the last tick, and follow the targets."""
-        joints = self._new_sample()
+        joints = self._new_sample(now)
+        self._look(joints, now)
+        ordered, danger = self._emergency.reason, self._watchdog.danger
+        if ordered or danger:  # before all that may fail
+            self._stay(ordered or danger, HALTED if ordered else FAILED)
+        if not ordered:
+            self._driver.keep_alive()
+        if joints is not None:
+            self._body.write(joints)
+            self._holding.tick(joints)
+            self._hear_again(joints)
+        if self._gone:
+            self._actions.refuse(self._gone)
+        elif joints is not None and not (ordered or danger):
+            self._follow_targets(joints)
+        self._obeyed = ordered or danger
+        self._emergency.tick(self._is_moving)
+        self.degraded = "; ".join(filter(None, (ordered, danger, self._gone, *(feed.trouble for feed in self._feeds))))
+        self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
+
+    def _look(self, joints: Joints | None, now: float) -> None:
+        """Find out what works: cameras, memory, the driver of the arm."""
+        for feed in self._feeds:
+            if feed.forward():
+                self._watchdog.note_frame(feed.node, now)
+        self._watchdog.look(bool(self.memory.peers), now)
         self._heard += max(0.0, now - self._ticked - LATE)
         self._ticked = now
         if joints is not None:
             self._heard = now
-            self._body.write(joints)
-            self._holding.tick(joints)
-            self._hear_again(joints)
-        elif now - self._heard > (SILENCE if self._state else START_UP) and not self._gone:
-            self._gone = f"no sample of the arm for {now - self._heard:.1f} s"
+        silence = now - self._heard
+        if silence > (self.config.stale if self._state else START_UP) and not (self._gone or self._watchdog.danger):
+            self._gone = f"no sample of the arm for {silence:.2f} s"
+            self._driver.stop()
             self._motion.report.say(NO_DRIVER, self._gone)
-        if not self._emergency.reason:
-            self._driver.keep_alive()
-        if self._emergency.reason:
-            self._stay(self._emergency.reason)
-        elif self._gone:
-            self._actions.refuse(self._gone)
-        elif joints is not None:
-            self._follow_targets(joints)
-        self._obeyed = self._emergency.reason
-        self._emergency.tick(self._is_moving)  # after obeying: what is written here may fail
-        for feed in self._feeds:
-            feed.forward()
-        troubles = (self._emergency.reason, self._gone, *(feed.trouble for feed in self._feeds))
-        self.degraded = "; ".join(filter(None, troubles))
-        self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""
@@ -175,14 +184,16 @@ class ArmController(Agent):
             self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng
         )
 
-    def _new_sample(self) -> Joints | None:
+    def _new_sample(self, now: float) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""
         state = self._driver.state()
         if state is None or (self._state is not None and state.stamp == self._state.stamp):
             return None
         try:
             joints = read_joints(state, self._chain.names)
+            self._watchdog.note_sample(joints, "", state.fault, now)
         except JointsError as error:
+            self._watchdog.note_sample(None, str(error), "", now)
             if not self._complained:
                 self.log.error("samples of the arm are dropped (logged once): %s", error)
             self._complained = True
@@ -201,15 +212,15 @@ class ArmController(Agent):
             return
         self._gone = ""
         self.log.info("samples of the arm arrive again")
-        if not self._emergency.reason:
+        if not (self._emergency.reason or self._watchdog.danger):
             self._motion.resume(joints)
             self._grip.resume()
 
-    def _stay(self, reason: str) -> None:
-        """Stop, and refuse all motion."""
+    def _stay(self, reason: str, status: str) -> None:
+        """Stop, and refuse all motion; actions end with this status."""
         if self._obeyed != reason:
             self._driver.stop()
-        self._actions.refuse(reason, HALTED)
+        self._actions.refuse(reason, status)
         self._motion.forbid(reason)
         self._grip.forbid(reason)
 

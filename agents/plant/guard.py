@@ -8,6 +8,9 @@ from __future__ import annotations
 from agents.plant.arm import SimulatedArm
 from agents.plant.messages import Command, Follow, KeepAlive, MoveGripper, MoveJoints, Stop
 
+SHOWN = 0.2
+"""s for which a fault is shown at least, that no sample of it is missed: ten samples"""
+
 
 class ArmGuard:
     """Passes commands on to an arm, and stops it by itself.
@@ -24,6 +27,8 @@ class ArmGuard:
         self._arm, self._patience, self._period = arm, patience, period
         self._forbidden = ""
         self._silence = 0.0
+        self._since = 0.0
+        """s since the arm last stopped by itself"""
         self._is_asked = False
         """Whether the present motion is one that the controller asked for."""
 
@@ -31,6 +36,8 @@ class ArmGuard:
         """Do what the controller asks, unless motion is forbidden."""
         self._silence = 0.0
         if isinstance(command, KeepAlive):
+            if not (self._forbidden or self._arm.is_driven) and self._since > SHOWN:
+                self.fault = ""
             return
         if isinstance(command, Stop):
             self._arm.stop()
@@ -56,8 +63,10 @@ class ArmGuard:
     def step(self) -> None:
         """Count the time of a step since the last sign of life."""
         self._silence += self._period
+        self._since += self._period
         self._is_asked = self._is_asked and self._arm.is_driven
         if self._is_asked and self._patience and self._silence > self._patience:
             self._is_asked = False
+            self._since = 0.0
             self._arm.stop()
             self.fault = f"no sign of life of the arm's controller for {self._silence:.2g} s"
