@@ -26,6 +26,7 @@ ONE_PLACE = {
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
     "pyrealsense2": ("agents/cameras/realsense.py",),
+    "ruckig": ("agents/plant/ramp.py",),
     "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
