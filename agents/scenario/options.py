@@ -17,6 +17,17 @@ class SensorChoice(enum.StrEnum):
     POSES = "poses"
 
 
+class HandFinderChoice(enum.StrEnum):
+    """Values of `--hands`."""
+
+    MODEL = "model"
+    COLOUR = "colour"
+
+
+Hands = Annotated[
+    HandFinderChoice | None,
+    typer.Option(help="Find hands in images by the real model or by colour; default: the system's way."),
+]
 UntaggedOption = Annotated[
     bool,
     typer.Option("--untagged", help="Without tags: boxes and cylinders are found by depth (needs `--sensor pixels`)."),

@@ -39,7 +39,7 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     blocks_after: Annotated[int, msgspec.Meta(ge=0)] = 8
     """Frames in a row, after the first, in which one must be seen to become a node: more than an unknown tag needs."""
     blocks_sure: Positive = 0.005
-    """m, standard deviation up to which its extents must be known meanwhile: what is hidden of it is not known so well."""
+    """m, standard deviation up to which its extents must be known meanwhile: what is hidden of it is not."""
     max_age: Positive = 0.7
     """s after which an object that was not seen again is not `perceived` any more (Sallami et al., Sec. V)."""
     max_camera_speed: NotNegative = 0.02

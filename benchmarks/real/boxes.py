@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from agents.scene_estimator.blocks import Block, BlockFinder, Support, upright_box
+from agents.scene_estimator.blocks import Block, BlockFinder, Cluster, Support, upright_box
 from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
-from benchmarks.real.recordings import Outcome, RealBenchmark, needed, quantiles
+from benchmarks.real.drawing import draw_outline
+from benchmarks.real.recordings import Outcome, RealBenchmark, quantiles
 from benchmarks.real.tags import BENCHMARK as TAGS
 from benchmarks.real.tags import LENS, board_normal, picture_pairs, read_pair
 from dsr.math3d.transforms import Array, Pose
@@ -41,11 +44,15 @@ class _Seen(NamedTuple):
     """The smallest rectangle around its points, from above"""
     facing: float | None
     """rad, in the world, which way the chessboard faces; None if it is not seen"""
+    picture: NDArray[np.uint8]
+    """(h, w, 3) RGB"""
+    view: FrameView
+    piece: Cluster
+    """The largest piece on the table"""
 
 
 def run(folder: Path) -> Outcome:
     """Find the board in every image."""
-    needed(folder)
     pairs, different = picture_pairs(folder)
     found = [one for path in different if (one := _look(path)) is not None]
     rows: dict[str, list[tuple[Block | None, float | None]]] = {
@@ -75,6 +82,16 @@ def run(folder: Path) -> Outcome:
     return Outcome(table, remarks, {**counts, "methods": figures})
 
 
+def draw(folder: Path) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Each image with the edge of the largest piece on the table, and the outline of the block fitted to it."""
+    for path in picture_pairs(folder)[1]:
+        one = _look(path)
+        if one is not None and one.box is not None:
+            picture = np.asarray(cv2.cvtColor(one.picture, cv2.COLOR_RGB2BGR), np.uint8)
+            draw_outline(picture, one.piece.contour, one.box.outline(one.view))
+            yield f"{'-'.join(path.relative_to(folder).with_suffix('').parts)}.png", picture
+
+
 def _look(path: Path) -> _Seen | None:
     """The largest piece on the table; None if there is no table, or nothing on it."""
     rgb, depth = read_pair(path)
@@ -92,7 +109,7 @@ def _look(path: Path) -> _Seen | None:
     if normal is not None:
         x, y, _ = (camera.rotation_matrix @ normal).tolist()
         facing = math.atan2(y, x)
-    return _Seen(None if sighting is None else sighting.block, upright_box(piece), facing)
+    return _Seen(None if sighting is None else sighting.block, upright_box(piece), facing, rgb, view, piece)
 
 
 def _table(depth: NDArray[np.float32], rng: np.random.Generator) -> tuple[Pose, Support] | None:
@@ -144,4 +161,5 @@ BENCHMARK = RealBenchmark(
     "A cardboard board on a table, found without its tag as a box; a chessboard on it tells which way it faces.",
     TAGS.published,
     run,
+    draw,
 )

@@ -17,6 +17,7 @@ from rich.table import Table
 from agents.scene_estimator.depth_plane import fit_depth_plane
 from agents.scene_estimator.detection import Tag, TagDetector, tag_corners
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
+from benchmarks.real.drawing import closeup, draw_tag
 from benchmarks.real.recordings import DataError, Outcome, RealBenchmark, needed, quantiles
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -43,7 +44,6 @@ class _Shot(NamedTuple):
 
 def run(folder: Path) -> Outcome:
     """Compare normals by three methods with those of the chessboard."""
-    needed(folder)
     pairs, different = picture_pairs(folder)
     shots = [shot for path in different for shot in _shots(path)]
     noise = NoiseModel()
@@ -79,15 +79,35 @@ def run(folder: Path) -> Outcome:
     )
 
 
+def draw(folder: Path) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """A close-up of each tag: the corners that were found, outline and axes of the pose that we estimate."""
+    noise = NoiseModel()
+    for path in _paths(folder):
+        rgb, depth = read_pair(path)
+        color = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), np.uint8)
+        for tag in TagDetector().detect(rgb):
+            pose = _ours(_Shot(tag, depth, np.zeros(3)), noise, depth=True)
+            picture, enlarged, lens = closeup(color, tag, LENS)
+            draw_tag(picture, enlarged, pose, SIDE, lens)
+            yield f"{'-'.join(path.relative_to(folder).with_suffix('').parts)}-{tag.marker_id}.png", picture
+
+
+def _paths(folder: Path) -> list[Path]:
+    """All pictures in a folder, and in those below it. Raises `DataError` without any."""
+    needed(folder)
+    paths = sorted(folder.rglob("rgb_*.png"))
+    if not paths:
+        raise DataError(f"no rgb_*.png in {folder} or its folders")
+    return paths
+
+
 def picture_pairs(folder: Path) -> tuple[int, list[Path]]:
     """How many pairs of images a folder and its folders hold, and the pictures of those that differ, sorted.
 
     Raises:
         DataError: if there is none.
     """
-    paths = sorted(folder.rglob("rgb_*.png"))
-    if not paths:
-        raise DataError(f"no rgb_*.png in {folder} or its folders")
+    paths = _paths(folder)
     different = {hashlib.sha256(path.read_bytes()).digest(): path for path in reversed(paths)}
     return len(paths), sorted(different.values())
 
@@ -170,4 +190,5 @@ BENCHMARK = RealBenchmark(
     "Published with a paper of IROS 2017, without a licence: GitHub pengjujin/apriltags_rgbd (a8586fe).\n"
     "Needed: rgb_*.png beside depth_*.png (mm, 16 bit, 960 x 540), in the folder or below.",
     run,
+    draw,
 )

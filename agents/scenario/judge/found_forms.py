@@ -6,8 +6,9 @@ descriptions of the same block, the judge takes the one that is turned least aga
 
 from __future__ import annotations
 
+from itertools import permutations, product
+
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agents.scenario.format.model import ObjectSpec
 from agents.scenario.format.units import Size
@@ -17,7 +18,10 @@ from dsr.math3d.transforms import Array, Pose
 SAME_EXTENT = 0.005
 """m, up to which two descriptions fit the true extents alike: as near as a belief must be to the truth"""
 
-_BOX = Rotation.create_group("O").as_matrix()  # (24, 3, 3) all ways to name the axes of a box
+_SIGNED = (
+    np.diag(signs)[list(order)] for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)
+)
+_BOX = np.array([turn for turn in _SIGNED if np.linalg.det(turn) > 0])  # (24, 3, 3) all ways to name the axes of a box
 _UPRIGHT, _UPSIDE_DOWN = (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)
 
 

@@ -175,6 +175,7 @@ class Judge:
         mode: Literal["live", "lockstep"],
         sensor: Literal["pixels", "poses"],
         policy: str | None = None,
+        hands: Literal["model", "colour"] | None = None,
     ) -> Result:
         """The verdicts and numbers of the finished run."""
         scenario = self.history.scenario
@@ -187,6 +188,7 @@ class Judge:
             mode=mode,
             sensor=sensor,
             policy=policy,
+            hands=hands,
             passed=passed,
             expectations=verdicts,
             metrics=metrics,

@@ -182,7 +182,7 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
             return conductor.is_over
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
-        return judge.result(run.seed, "lockstep", run.sensor, run.policy)
+        return judge.result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
 
 
 def mission_giver_of(run: Run, memory: Memory, judge: Judge) -> MissionGiver | None:
@@ -254,7 +254,7 @@ def run_live(run: Run, observer: RunObserver | None = None) -> Result:
             launcher.poll()
             launcher.clock.wait(threading.Event(), POLL_PERIOD)
         judge.close()
-        return judge.result(run.seed, "live", run.sensor, run.policy)
+        return judge.result(run.seed, "live", run.sensor, run.policy, run.hands)
 
 
 def _kill_process(launcher: Launcher, agent: str) -> None:
