@@ -126,11 +126,8 @@ class RosBridge(Agent):
         self._beliefs_out, self._images_out = BeliefsOut(core, config.send), ImagesOut(core, config.send)
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
-        self._clock_out = ClockOut(core)
-        send = config.send
-        self._questions = (
-            Questions(core, send.services, self.bus, self.keys, send.keep_missions) if config.serves else None
-        )
+        self._clock_out = ClockOut(core, config.send)
+        self._questions = Questions(core, config.send, self.bus, self.keys) if config.serves else None
         if self._questions is not None:
             core.on_close(self._questions.close)
 
@@ -152,9 +149,9 @@ class RosBridge(Agent):
         self._tf_out.update()
         self._joints_out.update()
         self._events_out.update()
-        self._beliefs_out.update(now)
+        self._beliefs_out.update()
         self._images_out.update(now)
-        self._diagnostics_out.update(now)
+        self._diagnostics_out.update()
         if self._questions is not None:
             self._questions.update()
 
