@@ -31,7 +31,7 @@ from agents.ros_bridge.messages.types import types_of
 from agents.ros_bridge.services.questions import Questions
 from dsr.agent import Access, Agent
 from dsr.connecting import identity_of
-from dsr.errors import WireError
+from dsr.errors import ConfigError, WireError
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
@@ -93,7 +93,18 @@ class RosBridge(Agent):
         return type(cls.__name__, (cls,), told)
 
     def setup(self) -> None:
-        """Connect to ROS, and announce all that is bridged. Raises `RosError` for names or types that there are not."""
+        """Connect to ROS, and announce all that is bridged.
+
+        Raises:
+            ConfigError: for names, types or a release of ROS that there are not, or a connection that is not allowed.
+            RosLinkError: if ROS cannot be reached now.
+        """
+        try:
+            self._connect()
+        except RosMessageError as error:
+            raise ConfigError(str(error)) from error
+
+    def _connect(self) -> None:
         config = self.config
         self._closing = contextlib.ExitStack()
         self._tally = Tally(self.clock, self.log)
