@@ -159,31 +159,29 @@ def test_a_subscriber_that_stands_still_holds_up_nobody(real_node: Start, link: 
     eventually(lambda: len(slow.received(topic="/image")) == 1 and len(well.received(topic="/image")) == 1)
     slow.stand_still()
     try:
-        for number in range(1, FRAMES):  # many more than are kept: whoever waited for it would raise after 1 s
+        for number in range(1, FRAMES // 2):  # six times as many as are kept: whoever waited for it would raise
             publisher.send(TYPES.encode(IMAGE, image(number)))
             eventually(lambda number=number: len(well.received(topic="/image")) > number, 5.0)
     finally:
         slow.go_on()
-    last = TYPES.encode(IMAGE, image(FRAMES))
-    publisher.send(last)
-    eventually(lambda: slow.received(topic="/image")[-1]["sha256"] == content(last)[0])
-    assert publisher.subscribers() == 2, "it was there all the time"
 
 
 def test_of_a_flood_what_is_not_taken_is_counted(real_node: Start, link: DdsLink) -> None:
-    node, got, awake = real_node("arm"), [], threading.Event()
+    node, got, all_of_them, awake = real_node("arm"), [], [], threading.Event()
 
     def receive(message: Received) -> None:
         got.append(message)
         awake.wait(20.0)
 
-    subscription = link.subscribe(Topic("/joint_states", JOINTS, Qos(depth=5)), receive)
+    slow = link.subscribe(Topic("/joint_states", JOINTS, Qos(depth=5)), receive)
+    well = link.subscribe(Topic("/joint_states", JOINTS, Qos(depth=2 * FRAMES)), all_of_them.append)
     node.advertise(topic="/joint_states", type=JOINTS, depth=FRAMES)
-    eventually(lambda: node.matched(topic="/joint_states")[0] and subscription.publishers())
+    eventually(lambda: node.matched(topic="/joint_states")[0] == 2 and slow.publishers() and well.publishers())
     sent = [TYPES.encode(JOINTS, joints(k / 3, -k)) for k in range(FRAMES)]
     node.publish(topic="/joint_states", cdr=[sent[0].hex()])
     eventually(lambda: got)
-    node.publish(topic="/joint_states", cdr=[cdr.hex() for cdr in sent], count=FRAMES, hz=500.0)
+    node.publish(topic="/joint_states", cdr=[cdr.hex() for cdr in sent], count=FRAMES)
+    eventually(lambda: len(all_of_them) == FRAMES + 1)
     awake.set()
     eventually(lambda: len(got) == 6)
     eventually(lambda: link.lost() == {"/joint_states": FRAMES - 5})
