@@ -26,6 +26,7 @@ from dsr.files.private_files import FOLDER_MODE
 from dsr.network.rendezvous import lock_claim
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
+from dsr.runtime.contention import longest_waited
 from dsr.runtime.forked import PYTHON, Process, fork_ahead
 from dsr.runtime.launched import Launched, Program, Seat, SharedProgram, exit_text
 from dsr.runtime.orders import StartAgent
@@ -226,7 +227,8 @@ class Launcher:
         """Wait until every agent had a good tick; `progress` sees the rows about 20 times a second.
 
         Raises:
-            AgentError: if one ended for good or took longer than its time limit, with the end of its log.
+            AgentError: if one ended for good or took longer than its time limit, with the end of its log. Time in which
+                its process waited for a processor of an overloaded machine does not count.
         """
         started = self.clock.monotonic()
         while True:
@@ -245,8 +247,9 @@ class Launcher:
         process = self._processes[row.agent]
         if process.ended:
             why = f"ended with {exit_text(process.exit_code)}"
-        elif waited > limit:
-            why = f"was not ready within {limit:g} s (state: {row.state}, {row.restarts} restarts)"
+        elif waited > limit + (queued := longest_waited(row.pid) if row.pid else 0.0):
+            late = f" and {queued:.0f} s more, in which it waited for a processor" if queued >= 1.0 else ""
+            why = f"was not ready within {limit:g} s{late} (state: {row.state}, {row.restarts} restarts)"
         else:
             return
         raise AgentError(f"agent {row.agent!r} {why}; the end of {process.log_file}:\n{process.last_lines()}")
