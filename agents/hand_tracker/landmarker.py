@@ -1,21 +1,15 @@
-"""The real model as a finder of hands: its landmarks in the image, made points in space by the depth image.
-
-The model guesses where hidden fingertips are, and depth there is that of the hand before them. So fingertips that the
-outline of the skin shows, where the model has one near, are where the outline says.
-"""
+"""The real model as a finder of hands: its landmarks in the image, made points in space by the depth image."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from agents.frame_images import Depth
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
 from agents.hand_tracker.model.found import FoundHand, Landmarker
 from agents.hand_tracker.sighting import LANDMARKS, TIPS, SeenHand, Side, Source, hand_of_landmarks
-from agents.hand_tracker.skin import SkinFinder
 from dsr.images.blobs import Frame
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -25,10 +19,6 @@ SIGMA = 0.005
 """m, standard deviation of each coordinate of a landmark with depth"""
 _MOST_OFF = 0.03
 """m, how far the depth at a landmark may be from where the hand's shape says, for it to be that landmark's."""
-_WRIST, _MIDDLE_KNUCKLE = 0, 9
-"""Landmarks between which the palm's length is measured"""
-_SAME_TIP = 0.3
-"""Of the palm's length in the image, how far a fingertip of the outline may be from where the model has one: 27 mm"""
 
 
 class ModelFinder:
@@ -44,21 +34,16 @@ class ModelFinder:
     def __init__(self, config: HandTrackerConfig, landmarker: Landmarker) -> None:
         self._config = config
         self._landmarker = landmarker
-        self._skin = SkinFinder(config)
         self._milliseconds = -1
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
-        """The hands in a frame; the `table` keeps its wood from being skin. Raises `WireError`, or `FAILURES`."""
+        """The hands in a frame; `table` is not needed. Raises `WireError` for an unusable frame, or `FAILURES`."""
         color, depth, intrinsics = images_with_depth(frame)
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         found = []
-        hands = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
-        outlined = [tip for hand in self._skin.find(frame, table) for tip in hand.tips.values()] if hands else []
-        for hand in hands:
+        for hand in self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds):
             pixels = hand.landmarks[:, :2] - 0.5
             points, seen = self._in_space(pixels, hand.shape, depth, intrinsics)
-            if outlined:
-                _take_outlined(np.array(outlined), intrinsics, pixels, points, seen)
             there = hand_of_landmarks(points, seen, self._side(hand), SIGMA)
             found += [] if there is None else [there]
         return found
@@ -103,17 +88,3 @@ class ModelFinder:
         in_image = np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).sum()
         in_space = np.linalg.norm(shape[:, :2] - shape[:, :2].mean(axis=0), axis=1).sum()
         return float(in_image / max(in_space, 1e-6))
-
-
-def _take_outlined(
-    tips: Array, intrinsics: Intrinsics, pixels: Array, points: Array, seen: NDArray[np.bool_]
-) -> None:
-    """Put the fingertips among landmarks (21, 3) m where the outline has them, (n, 3) m, each the nearest in the image.
-
-    Those are `seen` then. Landmarks are at `pixels` (21, 2) in the image.
-    """
-    most = _SAME_TIP * float(np.linalg.norm(pixels[_MIDDLE_KNUCKLE] - pixels[_WRIST]))
-    apart = np.linalg.norm(pixels[list(TIPS), None] - intrinsics.project(tips)[None], axis=2)
-    for finger, column in zip(*linear_sum_assignment(np.minimum(apart, 2.0 * most)), strict=True):
-        if apart[finger, column] <= most:
-            points[TIPS[finger]], seen[TIPS[finger]] = tips[column], True
