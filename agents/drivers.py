@@ -44,6 +44,8 @@ class ArmState(msgspec.Struct, frozen=True):
     """m between the finger pads"""
     gripper_contact: bool
     """Both pads touch something."""
+    fault: str = ""
+    """Why the device stopped by itself, or refuses to move, in words; empty if it does as it is told."""
 
 
 class TagReading(msgspec.Struct, frozen=True):
@@ -158,7 +160,14 @@ class ArmDriver(Protocol):
         """Open or close to `opening` m between the pads."""
 
     def stop(self) -> None:
-        """Hold the present position at once."""
+        """Come to rest at once, within the limits of the joints, and stay there."""
+
+    def keep_alive(self) -> None:
+        """The controller lives, and means the present motion to go on; told at each of its ticks.
+
+        A device that moves on by itself must come to rest when it was not told so for a while, 0.1 s if it can: the
+        process of the controller may have died. The driver's own process may have died with it.
+        """
 
     def close(self) -> None:
         """Release the device."""

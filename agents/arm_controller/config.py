@@ -77,6 +77,8 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """rad/s^2, of joints in skills"""
     approach: float = 0.08
     """m, of the straight ways down to an object and up again"""
+    stale: float = 0.08
+    """s without a new sample of the arm after which it is stopped: four ticks, so that it brakes within 0.1 s"""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01

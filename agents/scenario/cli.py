@@ -22,7 +22,7 @@ from agents.scenario.check.file_check import Findings, look_through, show_all, s
 from agents.scenario.check.truth_report import truth
 from agents.scenario.format.scenario import load_scenario, scenario_files
 from agents.scenario.judge.result import write_result
-from agents.scenario.options import Hands, SensorChoice, complete_scenario
+from agents.scenario.options import Hands, SensorChoice, UntaggedOption, complete_scenario
 from agents.scenario.run.report import ProgressBar, show_result
 from agents.scenario.run.runner import run_live, run_lockstep
 from agents.scenario.run.staging import make_run, staged_system
@@ -167,6 +167,7 @@ def run(
         PolicyChoice | None, typer.Option(help="How surprises are explained, or `published`; default: the system's.")
     ] = None,
     hands: Hands = None,
+    untagged: UntaggedOption = False,
     view: View = None,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
@@ -187,6 +188,7 @@ def run(
         "sensor": sensor.value,
         "policy": policy and policy.value,
         "hands": hands and hands.value,
+        "untagged": untagged,
     }
     _play(scenario, options, lockstep=lockstep, as_json=as_json, json_file=json_file, view=view)
 

@@ -28,6 +28,10 @@ Hands = Annotated[
     HandFinderChoice | None,
     typer.Option(help="Find hands in images by the real model or by colour; default: the system's way."),
 ]
+UntaggedOption = Annotated[
+    bool,
+    typer.Option("--untagged", help="Without tags: boxes and cylinders are found by depth (needs `--sensor pixels`)."),
+]
 
 
 def complete_scenario(incomplete: str) -> list[str]:

@@ -16,6 +16,7 @@ from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.obstacles import Load, Obstacles
 from agents.arm_controller.room import Room
 from agents.arm_controller.routes import BlockedError, JointGoal, Router
+from agents.arm_controller.safety.following import Following
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.shapes import LinkBox
 from agents.arm_controller.trajectory import Trajectory
@@ -32,6 +33,8 @@ CLEARANCE = 0.06
 """m between a carried object on its way and everything below"""
 PATIENCE = 0.5
 """s that a motion may take longer than planned"""
+BRAKING = 2.0
+"""s in which an arm comes to rest: arms brake within one from their greatest speed"""
 GRIP_PATIENCE = 2.0
 """s that the fingers may take"""
 STILL_OPENING = 0.0002
@@ -93,6 +96,7 @@ class Manipulator:
         self._router: Router
         self._end = 0.0
         self._goal: Array
+        self._following: Following
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill. Raises `TransformError` if it is unknown where the arm stands."""
@@ -187,13 +191,23 @@ class Manipulator:
         """Begin to follow a trajectory."""
         self._goal = trajectory.positions[-1]
         self._end = self.joints.stamp + trajectory.duration
+        self._following = Following(trajectory.positions, self._chain.names, self.joints.stamp)
         self._follow(trajectory)
 
     def has_arrived(self) -> bool:
-        """Whether the way is done. Raises `StuckError` if the arm stands still before its end."""
+        """Whether the way is done.
+
+        Raises:
+            StuckError: if the arm stands still before its end.
+            SkillError: if the arm is off its way.
+        """
+        if off := self._following.off_way(self.joints):
+            raise SkillError(off)
         if self.joints.stamp < self._end:
+            if self._following.stands_still(self.joints):
+                raise StuckError(f"the arm stands still {self._short():.3f} rad short of its goal")
             return False
-        away = float(np.abs(self._here - self._goal).max())
+        away = self._short()
         if away <= self.config.joint_tolerance:
             return True
         if max(map(abs, self.joints.velocities)) > self.config.still_speed:
@@ -201,6 +215,10 @@ class Manipulator:
         elif self.joints.stamp > self._end + PATIENCE:
             raise StuckError(f"the arm stands still {away:.3f} rad short of its goal")
         return False
+
+    def _short(self) -> float:
+        """How far the joints are from the end of the way, rad."""
+        return float(np.abs(self._here - self._goal).max())
 
     def away(self) -> float:
         """Distance of the tool point from its commanded place, m."""
@@ -214,8 +232,16 @@ class Manipulator:
             self.check_held(held)
 
     def hold_still(self) -> None:
-        """Stop at once; the grip stays."""
+        """Stop at once; the grip stays. The arm takes a moment to brake."""
         self._driver.stop()
+
+    def settle(self) -> Steps[None]:
+        """Wait until the arm stands still. Raises `StuckError` if it does not."""
+        until = self.joints.stamp + BRAKING
+        while max(map(abs, self.joints.velocities)) > self.config.still_speed:
+            if self.joints.stamp > until:
+                raise StuckError(f"the arm does not come to rest within {BRAKING:g} s")
+            yield "settle"
 
     # ---- gripper
 

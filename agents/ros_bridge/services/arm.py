@@ -19,6 +19,7 @@ from agents.ros_bridge.services.lane import Lane
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.vocabulary.halting import HaltLatch, HaltOrder
 
 FOLLOW = "control_msgs/action/FollowJointTrajectory"
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -36,9 +37,11 @@ _MOST_SAMPLES = 100
 class RosArm(RosDevice):
     """An `ArmDriver`. `stop` cancels all goals of the controller, and has it hold the present position.
 
+    The driver obeys `dsr halt` by itself, also while its agent is busy or hangs.
+
     Args:
-        bus: not used; drivers are made with it.
-        keys: not used either.
+        bus: where emergency stops are heard.
+        keys: of the graph.
         joints: names of the arm's joints, as in its URDF and its controller.
         trajectory: FollowJointTrajectory action of the controller.
         states: topic of JointState.
@@ -88,6 +91,7 @@ class RosArm(RosDevice):
         self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
         self._grip = RosGripper(self.link, self.types, self.tally, gripper, gripper_joint, effort) if gripper else None
         self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
+        self._halt = HaltLatch(bus, keys, self._obey_halt)
 
     # ---- state
 
@@ -118,7 +122,7 @@ class RosArm(RosDevice):
         values = [self._table[name] for name in self._names]
         return ArmState(
             stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
-            self._opening(), self._stalled,
+            self._opening(), self._stalled, self._halt.reason,
         )  # fmt: skip
 
     def _opening(self) -> float:
@@ -140,6 +144,8 @@ class RosArm(RosDevice):
         points = [(time, row) for time, row in zip(times, positions, strict=True) if time > 0.0]
         if not points:
             points = [(_SHORTEST, positions[-1])]
+        if self._is_forbidden():
+            return
         with self._lock:
             self._motions += 1
             motion = self._motions
@@ -148,6 +154,8 @@ class RosArm(RosDevice):
     def move_gripper(self, opening: float) -> None:
         """Open or close to `opening` m between the pads."""
         grip = self._grip
+        if self._is_forbidden():
+            return
         if grip is None:
             self.tally.tell("no gripper", "", "this arm has no gripper action: set the option `gripper`")
             return
@@ -164,12 +172,24 @@ class RosArm(RosDevice):
 
     def close(self) -> None:
         """Stop, and leave ROS."""
+        self._halt.close()
         for lane in (self._arm_lane, self._grip_lane, self._stop_lane):
             lane.close(_ANSWER_WITHIN)
         self._follow.close()
         if self._grip is not None:
             self._grip.close()
         super().close()
+
+    def _is_forbidden(self) -> bool:
+        reason = self._halt.reason
+        if reason:
+            self.tally.tell("motions refused", reason, f"a motion was refused: {reason}")
+        return bool(reason)
+
+    def _obey_halt(self, order: HaltOrder) -> None:
+        """In the network's thread: `stop` only passes the command on."""
+        if order.halted:
+            self.stop()
 
     # ---- in the lanes' threads
 

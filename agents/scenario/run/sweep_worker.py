@@ -29,6 +29,7 @@ class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
     sensor: Sensor
     policy: Policy | None
     hands: HandFinder | None = None
+    untagged: bool = False
 
 
 class SweepAnswer(msgspec.Struct, frozen=True):
@@ -65,7 +66,14 @@ def _answer(job: SweepJob) -> bytes:
     from agents.scenario.run.runner import run_lockstep
 
     try:
-        run = make_run(job.file, seed=job.seed, sensor=job.sensor, policy=job.policy, hands=job.hands)
+        run = make_run(
+            job.file,
+            seed=job.seed,
+            sensor=job.sensor,
+            policy=job.policy,
+            hands=job.hands,
+            untagged=job.untagged,
+        )
         return msgspec.msgpack.encode(SweepAnswer(run_lockstep(run)))
     except Exception as error:  # whatever is wrong with one run is that run's failure
         return msgspec.msgpack.encode(SweepAnswer(None, f"{type(error).__name__}: {error}"))
