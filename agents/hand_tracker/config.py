@@ -69,9 +69,6 @@ class HandTrackerConfig(msgspec.Struct, frozen=True):
     """The model says left for right, as on mirrored images."""
     least_score: Share = 0.5
     """Of the model: for a palm, and for a hand in the square about one, to count."""
-    least_followed_score: Share = 0.3
-    """Of the model run by LiteRT, for a hand to count that was in the last image: it is likely to be there still.
-    In four scenarios 0.3 keeps 88 % of the looks at hands, 0.5 80 %; either keeps 0.3 % of looks where a hand was."""
     least_side_score: Share = 0.7
     """Of the model, below which it is left open whether a hand is a right or a left one."""
     max_camera_speed: NotNegative = 0.02

@@ -47,15 +47,13 @@ class LiteRtLandmarker:
     Args:
         files: the model.
         least_score: 0 to 1, of a palm, and of a hand in its square, to count.
-        least_followed_score: 0 to 1, of a hand that was in the last image; None for the same.
 
     Raises:
         ConfigError: if LiteRT is not installed, or it cannot use the model.
     """
 
-    def __init__(self, files: ModelFiles, least_score: float, least_followed_score: float | None = None) -> None:
+    def __init__(self, files: ModelFiles, least_score: float) -> None:
         self._least_score = least_score
-        self._least_followed = least_score if least_followed_score is None else least_followed_score
         self._detector: _Network | None = _Network(files, DETECTOR, PIXELS, _DETECTOR_OUTPUTS)
         self._landmarks: _Network | None = _Network(files, LANDMARKER, _CROP, _LANDMARK_OUTPUTS)
         self._regions: list[Region] = []
@@ -79,7 +77,7 @@ class LiteRtLandmarker:
 
     def _look_again(self, color: Color) -> list[FoundHand]:
         """Where hands were in the image before."""
-        return _distinct([self._look(color, region) for region in self._regions], [], self._least_followed)
+        return _distinct([self._look(color, region) for region in self._regions], [], self._least_score)
 
     def _look_anew(self, color: Color, found: list[FoundHand]) -> list[FoundHand]:
         """Where palms are detected that are not those of the hands found already."""

@@ -29,4 +29,4 @@ def load_landmarker(config: HandTrackerConfig) -> Callable[[], Landmarker]:
     files = configured_model(config)
     if config.runner == "mediapipe":
         return lambda: TasksLandmarker(Path(files.where), config.least_score)
-    return lambda: LiteRtLandmarker(files, config.least_score, config.least_followed_score)
+    return lambda: LiteRtLandmarker(files, config.least_score)

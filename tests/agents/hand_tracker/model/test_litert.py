@@ -78,21 +78,6 @@ def test_a_hand_is_followed_while_palms_are_looked_for_elsewhere(
     assert landmarker.detect(np.zeros_like(image), 6) == [] == landmarker.detect(image, 7)
 
 
-@pytest.mark.parametrize(("presence", "hands"), [(0.55, [1, 1]), (0.4, [0, 1]), (0.25, [0, 0])])
-def test_a_hand_that_was_there_needs_less_to_count_than_a_new_one(
-    presence: float, hands: list[int], model_files: ModelFiles, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    image = photo("nocurl")
-    found = []
-    for least in (0.5, 0.3):
-        with closing(LiteRtLandmarker(model_files, 0.5, least)) as landmarker:
-            look = landmarker._look
-            landmarker.detect(image, 0)
-            monkeypatch.setattr(landmarker, "_look", lambda *at, look=look: look(*at)._replace(presence=presence))
-            found.append(len(landmarker.detect(image, 1)))
-    assert found == hands
-
-
 def test_two_hands_are_two_and_one_is_never_found_twice(landmarker: LiteRtLandmarker) -> None:
     image = photo("nocurl")
     both = np.concatenate([image, image[:, ::-1]], axis=1)
