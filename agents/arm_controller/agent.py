@@ -53,7 +53,7 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "camera", "table", "action", HALT_NODE, *MODELLED, *OBJECTS),
+        nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
             *("size", "bounds", "mesh", "present", "perceived"),
@@ -102,20 +102,22 @@ class ArmController(Agent):
         self._watchdog = Watchdog(self._chain, self.config.stale)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
+        self._scene = ArmScene(self.memory)
+        gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
+        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
+        manipulator = self._make_manipulator(robot)
+        self._actions = RunningActions(self.memory, manipulator, config, self.log)
+        widest = robot.stroke(config.end_effector_link) or math.inf
         self._motion = MotionControl(
             self.memory,
             self._chain,
             config,
             send=self._send,
+            forbids=manipulator.forbids,
             stop=self._driver.stop,
             log=self.log,
             rng=np.random.default_rng(self.seed),
         )
-        self._scene = ArmScene(self.memory)
-        gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
-        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        self._actions = RunningActions(self.memory, self._make_manipulator(robot), config, self.log)
-        widest = robot.stroke(config.end_effector_link) or math.inf
         self._grip = GripperControl(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
 
     def tick(self, now: float) -> None:

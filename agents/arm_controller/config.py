@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from agents.arm_controller.safety.zones import Zone
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 
@@ -73,8 +74,14 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """rad, preferred joint positions where a `target_pose` leaves a choice; the present ones if empty."""
     observe_joints: tuple[float, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.09, 1.5708)
     """rad, where `observe` goes: the arm hides nothing from the camera there; also what skills prefer to be near to"""
-    acceleration: float = 4.0
-    """rad/s^2, of joints in skills"""
+    acceleration: float = 5.0
+    """rad/s^2, the most of a joint in skills: what data sheets of arms of this size name for the large joints"""
+    jerk: float = 100.0
+    """rad/s^3, the most of a joint in skills: the acceleration turns round within 0.1 s, and motions take 0.1 s more"""
+    workspace: Zone | None = None
+    """World; the tool point stays within; None: everywhere"""
+    forbidden: dict[str, Zone] = {}
+    """World, by name: where no part of the arm goes, nor what it carries. Nodes of type `zone` are others."""
     approach: float = 0.08
     """m, of the straight ways down to an object and up again"""
     stale: float = 0.08

@@ -13,13 +13,14 @@ from agents.arm_controller.figure import Figure
 from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain, UnreachableError
-from agents.arm_controller.obstacles import Load, Obstacles
+from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.room import Room
 from agents.arm_controller.routes import BlockedError, JointGoal, Router
 from agents.arm_controller.safety.following import Following
+from agents.arm_controller.safety.zones import Zones
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.trajectory import MotionLimits, Trajectory, resampled
 from agents.drivers import ArmDriver
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
@@ -90,6 +91,7 @@ class Manipulator:
         self.speed = config.default_speed
         """0 to 1 of the joints' limits"""
         self._chain = chain
+        self._zones = Zones(config.workspace, config.forbidden, scene)
         self._driver = driver
         self._follow = follow
         self._rng = rng
@@ -172,9 +174,21 @@ class Manipulator:
         things = self._things()
         lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)
         below = max([self.figure.reach, *lowest])
-        travel = max((thing.top for thing in things), default=0.0) + below + CLEARANCE
+        zones = {zone.name for zone in self._zones.forbidden()}  # they may be high, and are passed beside
+        travel = max((thing.top for thing in things if thing.name not in zones), default=0.0) + below + CLEARANCE
         load = Load(opening, held)
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
+
+    def forbids(self, joints: Joints, goal: Sequence[float]) -> str:
+        """What keeps a straight way in joint space from its end, of zones and workspace; empty if nothing does.
+
+        Raises `TransformError` if it is unknown where the arm stands.
+        """
+        rows = resampled(np.array([joints.positions, goal]))
+        arm_from_world = self.scene.world_from(self.config.arm).inverse()
+        zones = Obstacles(self.figure, self._zones.forbidden(), arm_from_world, "", self._zones.workspace)
+        by = zones.blocking(rows, Load(joints.opening), len(rows))
+        return "" if by in (None, ITSELF) else f"{by} is in the way"
 
     def room(self, target: str) -> Room:
         """The free space around an object, for the gripper."""
@@ -276,16 +290,17 @@ class Manipulator:
         return np.array(wanted) if wanted else self._here
 
     @property
-    def _limits(self) -> tuple[float, float]:
-        return self.speed, self.config.acceleration
+    def _limits(self) -> MotionLimits:
+        return MotionLimits(self.speed, self.config.acceleration, self.config.jerk)
 
     def _things(self) -> list[Obstacle]:
         objects = [thing for thing in self.scene.objects() if thing.name != self.holding.held]
         base = self.scene.world_from(self.config.arm).t
-        return [*objects, *self.scene.tables(), *self.scene.models(base)]
+        return [*objects, *self.scene.tables(), *self.scene.models(base), *self._zones.forbidden()]
 
     def _obstacles(self, things: Sequence[Obstacle], target: str) -> Obstacles:
-        return Obstacles(self.figure, things, self.scene.world_from(self.config.arm).inverse(), target)
+        arm_from_world = self.scene.world_from(self.config.arm).inverse()
+        return Obstacles(self.figure, things, arm_from_world, target, self._zones.workspace)
 
     def _searched(self, arm_from_tool: Pose) -> Array:
         try:
