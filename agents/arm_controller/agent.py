@@ -16,6 +16,7 @@ from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
+from agents.arm_controller.safety.sight import Pace
 from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
@@ -36,6 +37,10 @@ OBJECTS = (*THINGS, "hand", "finger")
 """Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""
+SILENCE = 0.5
+"""s without a new sample after which the driver of a slow device counts as gone, too"""
+SLOWER = 1.5
+"""Share of the longest interval between samples of late that a silence may last: a robot at 20 Hz is not gone"""
 LATE = 0.02
 """s, all that one tick can add to a silence: several ticks find no sample before the driver counts as gone. Where this
 agent itself did not run, on an overloaded machine, samples may have come that it could not see."""
@@ -100,6 +105,7 @@ class ArmController(Agent):
         self._complained = False
         self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
         self._watchdog = Watchdog(self._chain, self.config.stale)
+        self._pace = Pace(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
         self._scene = ArmScene(self.memory)
@@ -152,8 +158,9 @@ class ArmController(Agent):
         self._ticked = now
         if joints is not None:
             self._heard = now
+            self._pace.note(now)
         silence = now - self._heard
-        if silence > (self.config.stale if self._state else START_UP) and not (self._gone or self._watchdog.danger):
+        if silence > (self._pace.patience if self._state else START_UP) and not (self._gone or self._watchdog.danger):
             self._gone = f"no sample of the arm for {silence:.2f} s"
             self._driver.stop()
             self._motion.report.say(NO_DRIVER, self._gone)

@@ -84,8 +84,9 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """World, by name: where no part of the arm goes, nor what it carries. Nodes of type `zone` are others."""
     approach: float = 0.08
     """m, of the straight ways down to an object and up again"""
-    stale: float = 0.08
-    """s without a new sample of the arm after which it is stopped: four ticks, so that it brakes within 0.1 s"""
+    stale: float = 0.06
+    """s without a new sample after which the arm is stopped: three ticks, so that it brakes within 0.1 s; longer for a
+    device that tells samples more rarely than at 25 Hz"""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01
