@@ -44,8 +44,8 @@ AT_ONCE = 0.1
 """s within which the arm brakes after most faults"""
 THREE_FRAMES = 0.35
 """s, likewise after the loss of a camera at 10 Hz: three intervals, and a tick"""
-GETS_ON = 0.45
-"""s, likewise after the joints of a lying driver stand still: 0.4 s, and the ticks of agent and plant"""
+GETS_ON = 0.4
+"""s, likewise after the joints of a lying driver stand still: 0.3 s, a sample, and the ticks of agent and plant"""
 MOVES = 0.05
 """rad/s of the fastest joint from which the arm moves"""
 STILL = 0.01

@@ -16,7 +16,7 @@ from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
-from agents.arm_controller.safety.sight import Pace
+from agents.arm_controller.safety.sight import Patience
 from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
@@ -33,7 +33,7 @@ from dsr.vocabulary.intentions import FAILED, HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import MODELLED, THINGS
 
-OBJECTS = (*THINGS, "hand", "finger")
+OBJECTS = (*THINGS, "hand", "finger", "person")
 """Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""
@@ -105,7 +105,7 @@ class ArmController(Agent):
         self._complained = False
         self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
         self._watchdog = Watchdog(self._chain, self.config.stale)
-        self._pace = Pace(SLOWER, self.config.stale, SILENCE)
+        self._patience = Patience(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
         self._scene = ArmScene(self.memory)
@@ -158,9 +158,9 @@ class ArmController(Agent):
         self._ticked = now
         if joints is not None:
             self._heard = now
-            self._pace.note(now)
-        silence = now - self._heard
-        if silence > (self._pace.patience if self._state else START_UP) and not (self._gone or self._watchdog.danger):
+            self._patience.note(now)
+        silence, patience = now - self._heard, self._patience.seconds if self._state else START_UP
+        if silence > patience and not (self._gone or self._watchdog.danger):
             self._gone = f"no sample of the arm for {silence:.2f} s"
             self._driver.stop()
             self._motion.report.say(NO_DRIVER, self._gone)

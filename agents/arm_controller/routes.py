@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.trajectory import SPACING, MotionLimits, Trajectory, resampled, rounded, timed
+from agents.arm_controller.trajectory import PERIOD, SPACING, MotionLimits, Trajectory, resampled, rounded, timed
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
@@ -77,6 +77,15 @@ class Router:
     def effort(self, start: Array, goal: Array) -> float:
         """Seconds that the slowest joint needs from one to the other at its full speed."""
         return float((np.abs(goal - start) / self._velocity).max())
+
+    def fastest(self, rows: Array) -> float:
+        """Greatest speed of the tool point, m/s, when it passes through a row of joint positions (m, n) each period."""
+        tips = self._chain.frames(rows)[:, -1, :3, 3]
+        return float(np.linalg.norm(np.diff(tips, axis=0), axis=1).max(initial=0.0)) / PERIOD
+
+    def retimed(self, rows: Array, limits: MotionLimits) -> Trajectory:
+        """The way through joint positions (m, n), from rest to rest within other limits."""
+        return timed(resampled(rows), self._velocity, limits)
 
     def plan(
         self,

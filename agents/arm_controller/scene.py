@@ -50,7 +50,8 @@ class ArmScene:
     """The belief as the arm needs it; read anew with each call."""
 
     def __init__(self, memory: Memory) -> None:
-        self._memory = memory
+        self.memory = self._memory = memory
+        """The memory that it is read from."""
 
     def object(self, name: str) -> Obstacle | None:
         """The object, or None if it is not believed to be anywhere."""

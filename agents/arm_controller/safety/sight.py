@@ -14,7 +14,7 @@ INTERVALS = 10
 """Intervals of late, the longest of which is a device's"""
 
 
-class Pace:
+class Patience:
     """How long a device may be silent: a share of its longest interval of late, within bounds.
 
     Args:
@@ -35,7 +35,7 @@ class Pace:
         self._last = now
 
     @property
-    def patience(self) -> float:
+    def seconds(self) -> float:
         """How long the device may be silent, s."""
         return min(max(self._share * max(self._intervals, default=0.0), self._least), self._most)
 
@@ -49,13 +49,13 @@ class Sight:
 
     def __init__(self, node: str) -> None:
         self._node = node
-        self._pace = Pace(MISSED, LEAST, SILENCE)
+        self._patience = Patience(MISSED, LEAST, SILENCE)
 
     def note(self, now: float) -> None:
         """A frame came at time `now` (s)."""
-        self._pace.note(now)
+        self._patience.note(now)
 
     def trouble(self, now: float) -> str:
         """What is wrong at time `now` (s), in words; empty if nothing is."""
-        silence = self._pace.silence(now)
-        return f"{self._node} gave no frame for {silence:.2f} s" if silence > self._pace.patience else ""
+        silence = self._patience.silence(now)
+        return f"{self._node} gave no frame for {silence:.2f} s" if silence > self._patience.seconds else ""
