@@ -7,8 +7,10 @@ and are made with `Class(bus, keys)`.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
+import typing
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -16,6 +18,7 @@ import msgspec
 
 from dsr.config.extras import missing_extra
 from dsr.config.plugins import DRIVERS, load
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
 from dsr.network.keys import Keys
@@ -259,7 +262,7 @@ def camera_entry(name: str) -> CameraEntry:
 def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any:
     """Make the driver `module:Class`, or that of an entry; `options` are passed on.
 
-    Raises `ConfigError` for an unknown name, or options that it does not have.
+    Raises `ConfigError` for an unknown name, or options that it does not have, or that are of another type.
     """
     place = name if ":" in name else camera_entry(name).driver
     module, _, cls = place.partition(":")
@@ -268,11 +271,26 @@ def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any
     except (ImportError, AttributeError, ValueError) as error:
         reason = missing_extra(error) or error
         raise ConfigError(f"driver {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
+    if not callable(factory):
+        raise ConfigError(f"driver {name!r} is a {type(factory).__name__}; expected 'module:Class'")
     try:
         inspect.signature(factory).bind(bus, keys, **options)
     except TypeError as error:
         raise ConfigError(f"driver {name!r}: {error}; its options: {', '.join(_options(factory)) or 'none'}") from error
+    _check_types(name, factory, options)
     return factory(bus, keys, **options)
+
+
+def _check_types(name: str, factory: Any, options: Mapping[str, Any]) -> None:
+    """Raise `ConfigError` for an option of another type than the driver says; what it does not say is not checked."""
+    try:
+        said = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
+    except (NameError, TypeError, AttributeError):
+        return
+    for option, value in options.items():
+        with contextlib.suppress(TypeError):  # a type that no file can tell
+            if option in said:
+                convert(value, said[option], f"driver {name!r}: option {option!r}")
 
 
 def _options(factory: Any) -> list[str]:

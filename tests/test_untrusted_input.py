@@ -19,7 +19,13 @@ UNSAFE_ATTRIBUTES = {"system", "popen", "load", "loadtxt", "genfromtxt", "fromfi
 """Of `os` and `numpy`."""
 OWN_CHILDREN = {"agents/scenario/run/sweep.py", "agents/scenario/run/sweep_worker.py"}
 """Speak with processes that they start themselves, through pipes that nobody else can reach."""
-LOADED_BY_NAME = {"dsr/runtime/system.py", "agents/drivers.py", "dsr/__init__.py", "dsr/cli/commands.py"}
+LOADED_BY_NAME = {
+    "dsr/runtime/system.py",
+    "agents/drivers.py",
+    "dsr/__init__.py",
+    "dsr/cli/commands.py",
+    "dsr/runtime/forked.py",
+}
 """May import a module by a name, which comes from a local file or command line."""
 
 

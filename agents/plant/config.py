@@ -18,6 +18,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
 
     scenario: str = ""
     """Path of a scenario file, or the name of a built-in one."""
+    untagged: bool = False
+    """Whether its boxes and cylinders have no tags."""
     sensor: SensorKind = "pixels"
     """`pixels`: rendered images. `poses`: true poses of what is recognised with measured noise, no images.
     `none`: cameras deliver nothing."""

@@ -51,7 +51,7 @@ class Plant(Agent):
 
     def setup(self) -> None:
         """Build the world and let the objects settle. Raises `ConfigError`."""
-        scenario = load_scenario(self.config.scenario)
+        scenario = load_scenario(self.config.scenario, without_tags=self.config.untagged)
         self._reality = Reality(scenario, self.config, self.seed)
         self._duration = scenario.duration
         self._epoch: float | None = None

@@ -21,6 +21,7 @@ from agents.ros_bridge.bridge.out_status import ClockOut, DiagnosticsOut, Events
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
+from agents.ros_bridge.bridge.turns import Turns
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import LinkConfig, RosLink
 from agents.ros_bridge.link.opening import open_link
@@ -36,8 +37,6 @@ from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
 
 _JOINTS = ("joint_names", "joint_positions", "joint_velocities")
-_REST = 10
-"""Times as long as a tick took, until a message wakes the agent again: so that a flood takes a tenth of a core"""
 _LOOK = 1.0
 """s between two looks at what may be wrong with the connection"""
 _NUMBER = re.compile(r"[0-9]+")
@@ -99,8 +98,8 @@ class RosBridge(Agent):
         self._closing = contextlib.ExitStack()
         self._tally = Tally(self.clock, self.log)
         self.counts = self._tally.counts
-        self._looked = self._rested = -math.inf
-        self._woken = False
+        self._looked = -math.inf
+        self._turns = Turns(self.clock, self.wake)
         self._problem = self._hint = ""
         self._lasting: set[str] = set()
         """Problems of the last look, without numbers; and of these, those that are logged"""
@@ -114,7 +113,7 @@ class RosBridge(Agent):
         names = FrameNames(config.world_frame)
         self._core = core = BridgeCore(
             self.memory, link, types_of(config.link.distro), names, self._times, self._tally, self.clock, self.name,
-            self._notify,
+            self._turns,
         )  # fmt: skip
         self._closing.callback(core.close)
         replay = self.bus.subscribe(replayed_key(self.keys), self._on_replay, newest=1)
@@ -128,13 +127,20 @@ class RosBridge(Agent):
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
         self._clock_out = ClockOut(core)
-        self._questions = Questions(core, config.send.services, self.bus, self.keys) if config.serves else None
+        send = config.send
+        self._questions = (
+            Questions(core, send.services, self.bus, self.keys, send.keep_missions) if config.serves else None
+        )
         if self._questions is not None:
             core.on_close(self._questions.close)
 
     def tick(self, now: float) -> None:
         """Take what came from ROS, then send what is new in the memory."""
-        began, self._woken = self.clock.monotonic(), False
+        with self._turns.tick():
+            self._take_and_send(now)
+            self._tell_problems()
+
+    def _take_and_send(self, now: float) -> None:
         self._clock_out.update()
         self._hear_clock()
         if self._tf_in is not None:
@@ -151,9 +157,6 @@ class RosBridge(Agent):
         self._diagnostics_out.update(now)
         if self._questions is not None:
             self._questions.update()
-        self._tell_problems()
-        ended = self.clock.monotonic()
-        self._rested = ended + _REST * (ended - began)
 
     def teardown(self) -> None:
         """Leave ROS."""
@@ -164,12 +167,6 @@ class RosBridge(Agent):
     def told(self) -> list[str]:
         """Each kind of trouble that there was, once, in words."""
         return self._tally.told
-
-    def _notify(self) -> None:
-        """Something came or changed: tick at once, unless ticks take so long that it has to wait for the next one."""
-        if not self._woken and self.clock.monotonic() >= self._rested:
-            self._woken = True
-            self.wake()
 
     def _hear_clock(self) -> None:
         if self._clock_in is None:

@@ -17,6 +17,7 @@ from rich.table import Table
 from agents.scene_estimator.depth_plane import fit_depth_plane
 from agents.scene_estimator.detection import Tag, TagDetector, tag_corners
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
+from benchmarks.real.drawing import closeup, draw_tag
 from benchmarks.real.recordings import DataError, Outcome, RealBenchmark, needed, quantiles
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -43,10 +44,7 @@ class _Shot(NamedTuple):
 
 def run(folder: Path) -> Outcome:
     """Compare normals by three methods with those of the chessboard."""
-    needed(folder)
-    paths = sorted(folder.rglob("rgb_*.png"))
-    if not paths:
-        raise DataError(f"no rgb_*.png in {folder} or its folders")
+    paths = _paths(folder)
     shots: list[_Shot] = []
     seen: set[bytes] = set()
     for path in paths:
@@ -87,17 +85,44 @@ def run(folder: Path) -> Outcome:
     )
 
 
-def _shots(path: Path) -> Iterator[_Shot]:
-    """The tags of a pair of images. Raises `DataError` for images that are none."""
+def draw(folder: Path) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """A close-up of each tag: the corners that were found, outline and axes of the pose that we estimate."""
+    noise = NoiseModel()
+    for path in _paths(folder):
+        color, depth = _pair(path)
+        for tag in TagDetector().detect(np.asarray(cv2.cvtColor(color, cv2.COLOR_BGR2RGB), np.uint8)):
+            pose = _ours(_Shot(tag, depth, np.zeros(3)), noise, depth=True)
+            picture, enlarged, lens = closeup(color, tag, LENS)
+            draw_tag(picture, enlarged, pose, SIDE, lens)
+            yield f"{'-'.join(path.relative_to(folder).with_suffix('').parts)}-{tag.marker_id}.png", picture
+
+
+def _paths(folder: Path) -> list[Path]:
+    """All pictures in a folder, and in those below it. Raises `DataError` without any."""
+    needed(folder)
+    paths = sorted(folder.rglob("rgb_*.png"))
+    if not paths:
+        raise DataError(f"no rgb_*.png in {folder} or its folders")
+    return paths
+
+
+def _pair(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Colour (h, w, 3), blue first, and depth (h, w) in m. Raises `DataError` for images that are none."""
     color = cv2.imread(str(path))
     depth = cv2.imread(str(path.with_name(path.name.replace("rgb_", "depth_"))), cv2.IMREAD_UNCHANGED)
     if color is None or depth is None or depth.dtype != np.uint16 or color.shape[:2] != depth.shape:
         raise DataError(f"{path}: expected a picture, and beside it depth_*.png of 16 bit and the same size")
+    return np.asarray(color, np.uint8), (depth / 1000.0).astype(np.float32)
+
+
+def _shots(path: Path) -> Iterator[_Shot]:
+    """The tags of a pair of images. Raises `DataError` for images that are none."""
+    color, depth = _pair(path)
     rgb = np.asarray(cv2.cvtColor(color, cv2.COLOR_BGR2RGB), np.uint8)
     normal = _board(cv2.cvtColor(color, cv2.COLOR_BGR2GRAY))
     if normal is not None:
         for tag in TagDetector().detect(rgb):
-            yield _Shot(tag, (depth / 1000.0).astype(np.float32), normal)
+            yield _Shot(tag, depth, normal)
 
 
 def _board(grey: NDArray[np.integer] | cv2.typing.MatLike) -> Array | None:
@@ -159,4 +184,5 @@ BENCHMARK = RealBenchmark(
     "Published with a paper of IROS 2017, without a licence: GitHub pengjujin/apriltags_rgbd (a8586fe).\n"
     "Needed: rgb_*.png beside depth_*.png (mm, 16 bit, 960 x 540), in the folder or below.",
     run,
+    draw,
 )

@@ -48,6 +48,27 @@ def test_pictures_without_depth_are_told(tmp_path: Path) -> None:
         benchmark.run(tmp_path)
 
 
+def test_found_tags_are_drawn_where_they_are(tmp_path: Path) -> None:
+    tag = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 7, 80)
+    picture = np.full((540, 960, 3), 255, np.uint8)
+    picture[200:280, 400:480] = tag[..., None]
+    cv2.imwrite(str(tmp_path / "rgb_1.png"), picture)
+    cv2.imwrite(str(tmp_path / "depth_1.png"), np.full((540, 960), 317, np.uint16))  # mm at which 48 mm are 80 px
+    done = real("tags", "--data", str(tmp_path), "--pictures", str(tmp_path / "out"))
+    assert done.returncode == 0 and "1 pictures" in done.stdout
+    drawn = cv2.imread(str(tmp_path / "out/rgb_1-7.png"))
+    assert drawn is not None
+    magenta = (drawn[..., 1] < 100) & (drawn[..., 0] > 150) & (drawn[..., 2] > 150)  # the outline of the pose
+    rows, columns = np.nonzero(magenta)
+    left, top = 440 - 120, 240 - 120
+    assert rows.min() / 2 + top == pytest.approx(200, abs=2) and rows.max() / 2 + top == pytest.approx(280, abs=2)
+    assert columns.min() / 2 + left == pytest.approx(400, abs=2)
+
+
+def test_without_images_there_is_nothing_to_draw() -> None:
+    assert real("block", "--pictures", "out").returncode == 2
+
+
 def test_settings_that_are_others_are_told(tmp_path: Path) -> None:
     (tmp_path / "tag_detections.bag.bz2").write_bytes(bz2.compress(b""))
     (tmp_path / "cameras.yaml").write_text("cam0: {intrinsics: [1, 2]}")

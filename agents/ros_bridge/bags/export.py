@@ -23,6 +23,7 @@ from agents.ros_bridge.bridge.out_status import DiagnosticsOut
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
+from agents.ros_bridge.bridge.turns import Turns
 from agents.ros_bridge.mapping.names import FrameNames
 from agents.ros_bridge.messages.types import types_of
 from dsr.clock import ManualClock
@@ -149,7 +150,7 @@ class _Export:
         self._keys = Keys(source.memory.graph_name)
         self._core = core = _RecordedCore(
             source.memory, self._bag, types_of(DISTRO), FrameNames(), TimeSource(clock, "wall", tally), tally, clock,
-            "", _nothing, self._wanted.fits,
+            "", Turns(clock, _nothing), self._wanted.fits,
         )  # fmt: skip
         self._tf, self._joints, self._beliefs = TfOut(core, _SEND), JointsOut(core, _SEND), BeliefsOut(core, _SEND)
         self._events, self._frames = RecordedEventsOut(core, _SEND), FramesOut(core, raw=self._raw)

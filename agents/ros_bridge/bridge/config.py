@@ -122,6 +122,8 @@ class Send(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Topic of events and situations, as JSON"""
     services: str = "/dsr"
     """Namespace of the services that answer questions; there are none over DDS"""
+    keep_missions: Annotated[float, msgspec.Meta(ge=0)] = 600.0
+    """s after which a mission that came through the service is removed once it has ended, as calibrators do"""
 
 
 class RosBridgeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -17,6 +17,7 @@ from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.mapping.transforms import to_pose_with_covariance
+from agents.ros_bridge.services.missions import EndedMissions
 from dsr.clock import WALL_CLOCK
 from dsr.errors import DsrError, GoalError, TransportError
 from dsr.frames.tree import BELIEVED, WORLD
@@ -58,10 +59,12 @@ class Questions:
         namespace: for example `/dsr`.
         bus: for what-if questions.
         keys: of the graph.
+        keep: s for which missions that have ended stay.
     """
 
-    def __init__(self, core: BridgeCore, namespace: str, bus: Transport, keys: Keys) -> None:
+    def __init__(self, core: BridgeCore, namespace: str, bus: Transport, keys: Keys, keep: float) -> None:
         self._core = core
+        self._ended = EndedMissions(core, keep)
         self._what_if = WhatIf(bus, keys, core.clock)
         self._ticks_in = threading.get_ident()
         self._lock = threading.Lock()
@@ -79,7 +82,8 @@ class Questions:
         ]
 
     def update(self) -> None:
-        """Ask what came since the last tick, and pass on what was answered."""
+        """Ask what came since the last tick, pass on what was answered, and forget missions that ended long ago."""
+        self._ended.update()
         with self._lock:
             waiting = list(self._waiting)
         for asked in waiting:
@@ -166,7 +170,7 @@ class Questions:
             if self._closed:
                 raise TransportError("what if? the bridge ends")
             self._waiting.append(asked)
-        self._core.notify()
+        self._core.turns.notify()
         if not WALL_CLOCK.wait(asked.done, _PATIENCE):
             self._finish(asked)
         pending = asked.pending

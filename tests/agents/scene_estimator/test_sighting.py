@@ -67,6 +67,8 @@ def test_an_empty_frame_shows_nothing(frame: Frame) -> None:
         {"depth": np.zeros((120, 160), np.float32)},
         {"depth": np.zeros((240, 320), np.uint16)},
         {"depth": np.zeros((240, 320, 1), np.float32)},
+        {"depth": np.full((240, 320), 812.0, np.float32)},
+        {"depth": np.full((240, 320), 3e38, np.float32)},
     ],
 )
 def test_images_of_another_kind_are_refused(frame: Frame, arrays: dict[str, Any]) -> None:

@@ -22,6 +22,7 @@ from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, 
 from agents.ros_bridge.link.telling import Lately, few
 from agents.ros_bridge.messages.names import check_name
 from agents.ros_bridge.messages.types import RosTypes, types_of
+from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.ros")
 
@@ -89,7 +90,7 @@ class DdsSubscription:
         self._wait = WaitSet(participant)
         self._wait.attach(self._stop)
         self._wait.attach(ReadCondition(self._reader, _ANY))
-        self._thread = threading.Thread(target=self._run, name=f"ros-sub-{name}", daemon=True)
+        self._thread = new_thread(self._run, f"ros-sub-{name}")
         self._thread.start()
 
     @property
