@@ -81,7 +81,7 @@ def collision_solid(collision: ET.Element) -> tuple[str, Vector3]:
     if solid.tag == "sphere":
         return "sphere", (across, across, across)
     file = f" {solid.get('filename')!r}" if solid.get("filename") else ""
-    raise ValueError(f"<{solid.tag}>{file} is not supported; expected <box>, <cylinder> or <sphere> around it")
+    raise ValueError(f"<{solid.tag}>{file} is not supported here; expected <box>, <cylinder> or <sphere> around it")
 
 
 def attribute(element: ET.Element, name: str) -> str:

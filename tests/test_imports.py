@@ -20,12 +20,13 @@ ONE_PLACE = {
     "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
     "rosbags": ("agents/ros_bridge/", "benchmarks/real/"),
     "cyclonedds": ("agents/ros_bridge/link/dds/",),
-    "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
+    "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py", "agents/arm_controller/mesh_boxes.py"),
     "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
     "pyrealsense2": ("agents/cameras/realsense.py",),
+    "ruckig": ("agents/plant/ramp.py",),
     "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
@@ -37,6 +38,8 @@ SHARED_BY_AGENTS = (
     "agents.depth_alignment",
     "agents.drivers",
     "agents.frame_images",
+    "agents.hand_tracker.config",
+    "agents.hand_tracker.model.loading",
     "agents.inbox",
     "agents.intrinsics_file",
     "agents.object_models",
@@ -48,6 +51,7 @@ SHARED_BY_AGENTS = (
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",
+    "agents.urdf_files",
     "agents.viewer.camera_window",
 )
 """Modules within `agents` that all its packages may import."""

@@ -14,7 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from agents.arm_controller.shapes import LinkBox, read_boxes
+from agents.arm_controller.collisions import read_boxes
+from agents.arm_controller.shapes import LinkBox
 from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3, from_rotvec
@@ -147,15 +148,15 @@ def load_robot(file: Path) -> Robot:
 
 
 def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
-    """The robot described by URDF `data` that came from `file`. Raises `ConfigError`."""
-    return parse_urdf(data, file, _robot)
+    """The robot described by URDF `data` that came from `file`, beside which its meshes are. Raises `ConfigError`."""
+    return parse_urdf(data, file, lambda root: _robot(root, Path(file).parent))
 
 
-def _robot(root: ET.Element) -> Robot:
+def _robot(root: ET.Element, folder: Path) -> Robot:
     joints = tuple(_joint(element) for element in root.findall("joint"))
     elements = [(attribute(element, "name"), element) for element in root.findall("link")]
     root_link = _root_link([name for name, _ in elements], joints)
-    boxes = {name: read_boxes(element) for name, element in elements}
+    boxes = {name: read_boxes(element, folder) for name, element in elements}
     drawn = [name for name, element in elements if element.find("visual") is not None]
     drawn_only = tuple(name for name in drawn if not boxes[name])
     return Robot(root.get("name", ""), root_link, joints, boxes, drawn_only)

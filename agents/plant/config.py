@@ -18,6 +18,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
 
     scenario: str = ""
     """Path of a scenario file, or the name of a built-in one."""
+    untagged: bool = False
+    """Whether its boxes and cylinders have no tags."""
     sensor: SensorKind = "pixels"
     """`pixels`: rendered images. `poses`: true poses of what is recognised with measured noise, no images.
     `none`: cameras deliver nothing."""
@@ -32,6 +34,9 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """Of the lenses of all cameras; None: they are ideal."""
     overhead: tuple[float, float, float, float, float, float, float] = (*OVERHEAD.t, *OVERHEAD.q)
     """world_from_camera of the overhead camera (optical frame): m, then a quaternion (x, y, z, w)"""
+    deadman: float = 0.08
+    """s without a sign of life of the arm's controller after which a moving arm stops by itself: four ticks of the
+    controller, so that it stops within 0.1 s; 0.0 for never"""
     camera_hz: float = 10.0
     state_hz: float = 50.0
     truth_hz: float = 20.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import xml.etree.ElementTree as ET
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -40,11 +39,8 @@ def panda() -> JointChain:
     package = find_spec("pybullet_data")
     if package is None or package.origin is None:
         pytest.skip("the Panda's URDF is not installed")
-    description = ET.parse(Path(package.origin).parent / "franka_panda" / "panda.urdf").getroot()
-    for link in description.iter("link"):  # meshes, which are refused: here only its joints count
-        for shape in link.findall("collision"):
-            link.remove(shape)
-    return JointChain(parse_robot(ET.tostring(description)).between("panda_link0", "panda_hand"))
+    robot = load_robot(Path(package.origin).parent / "franka_panda" / "panda.urdf")
+    return JointChain(robot.between("panda_link0", "panda_hand"))
 
 
 CHAINS = {

@@ -106,10 +106,12 @@ def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
         (b'<geometry><sphere radius="-1"/></geometry>', "link 'hand': its collision <sphere> has no volume"),
         (
             b'<geometry><mesh filename="package://arm/hand.stl"/></geometry>',
-            "link 'hand': <mesh> 'package://arm/hand.stl' is not supported; expected",
+            "link 'hand': mesh 'package://arm/hand.stl': there is no package 'arm'; expected a folder",
         ),
-        (b'<geometry><capsule radius="0.1" length="1"/></geometry>', "<capsule> is not supported"),
-        (b'<geometry><plane normal="0 0 1"/></geometry>', "<plane> is not supported"),
+        (b'<geometry><mesh filename="hand.stl"/></geometry>', "link 'hand': mesh 'hand.stl': there is no file"),
+        (b"<geometry><mesh/></geometry>", "link 'hand': a <mesh> has no 'filename'"),
+        (b'<geometry><capsule radius="0.1" length="1"/></geometry>', "<capsule> is not supported here"),
+        (b'<geometry><plane normal="0 0 1"/></geometry>', "<plane> is not supported here"),
     ],
 )
 def test_a_shape_that_would_be_left_out_is_refused_with_link_and_file(shape: bytes, reason: str) -> None:
