@@ -16,6 +16,7 @@ from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
+from agents.arm_controller.safety.sight import Patience
 from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
@@ -32,10 +33,14 @@ from dsr.vocabulary.intentions import FAILED, HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import MODELLED, THINGS
 
-OBJECTS = (*THINGS, "hand", "finger")
+OBJECTS = (*THINGS, "hand", "finger", "person")
 """Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""
+SILENCE = 0.5
+"""s without a new sample after which the driver of a slow device counts as gone, too"""
+SLOWER = 1.5
+"""Share of the longest interval between samples of late that a silence may last: a robot at 20 Hz is not gone"""
 LATE = 0.02
 """s, all that one tick can add to a silence: several ticks find no sample before the driver counts as gone. Where this
 agent itself did not run, on an overloaded machine, samples may have come that it could not see."""
@@ -53,7 +58,7 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "camera", "table", "action", HALT_NODE, *MODELLED, *OBJECTS),
+        nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
             *("size", "bounds", "mesh", "present", "perceived"),
@@ -100,22 +105,25 @@ class ArmController(Agent):
         self._complained = False
         self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
         self._watchdog = Watchdog(self._chain, self.config.stale)
+        self._patience = Patience(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
+        self._scene = ArmScene(self.memory)
+        gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
+        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
+        manipulator = self._make_manipulator(robot)
+        self._actions = RunningActions(self.memory, manipulator, config, self.log)
+        widest = robot.stroke(config.end_effector_link) or math.inf
         self._motion = MotionControl(
             self.memory,
             self._chain,
             config,
             send=self._send,
+            forbids=manipulator.forbids,
             stop=self._driver.stop,
             log=self.log,
             rng=np.random.default_rng(self.seed),
         )
-        self._scene = ArmScene(self.memory)
-        gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
-        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        self._actions = RunningActions(self.memory, self._make_manipulator(robot), config, self.log)
-        widest = robot.stroke(config.end_effector_link) or math.inf
         self._grip = GripperControl(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
 
     def tick(self, now: float) -> None:
@@ -150,8 +158,9 @@ class ArmController(Agent):
         self._ticked = now
         if joints is not None:
             self._heard = now
-        silence = now - self._heard
-        if silence > (self.config.stale if self._state else START_UP) and not (self._gone or self._watchdog.danger):
+            self._patience.note(now)
+        silence, patience = now - self._heard, self._patience.seconds if self._state else START_UP
+        if silence > patience and not (self._gone or self._watchdog.danger):
             self._gone = f"no sample of the arm for {silence:.2f} s"
             self._driver.stop()
             self._motion.report.say(NO_DRIVER, self._gone)

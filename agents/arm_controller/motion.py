@@ -51,6 +51,7 @@ class MotionControl:
         chain: from the arm's base to the tool point.
         config: names and tolerances.
         send: moves the joints.
+        forbids: says what keeps the arm from going from its joints to others, empty if nothing does.
         stop: holds them at once.
         log: for targets that cannot be reached.
         rng: starting points of the inverse kinematics.
@@ -63,6 +64,7 @@ class MotionControl:
         config: ArmControllerConfig,
         *,
         send: Send,
+        forbids: Callable[[Joints, Positions], str],
         stop: Callable[[], None],
         log: logging.Logger,
         rng: np.random.Generator,
@@ -72,6 +74,7 @@ class MotionControl:
         self._chain = chain
         self._config = config
         self._send = send
+        self._forbids = forbids
         self._stop = stop
         self._rng = rng
         self._watch = memory.watch(node_type="arm", attribute=(*_TARGETS, "target_speed"))
@@ -157,6 +160,8 @@ class MotionControl:
             return
         try:
             goal = self._goal_of(node, speed, joints)
+            if problem := self._forbids(joints, goal):
+                raise TargetError(problem)
         except (TargetError, UnreachableError, TransformError) as error:
             self._halt(UNREACHABLE, f"{self._active}: {error}")
             return

@@ -102,6 +102,11 @@ class SimulatedArm:
         return not self._ramp.is_resting
 
     @property
+    def is_braking(self) -> bool:
+        """Whether the joints come to rest because the arm was stopped."""
+        return self._ramp.is_braking
+
+    @property
     def held(self) -> str | None:
         """Name of the object in the gripper."""
         return self._held

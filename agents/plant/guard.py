@@ -55,6 +55,7 @@ class ArmGuard:
     def forbid(self, reason: str) -> None:
         """Stop, and refuse all motion from now on; with no reason, motion is allowed again, and nothing moves yet."""
         if reason and not self._forbidden:
+            self._is_asked = False
             self._arm.stop()
         if reason != self._forbidden:
             self.fault = reason

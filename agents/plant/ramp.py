@@ -67,7 +67,7 @@ class Ramp:
         An arm that something holds up has a velocity of 0: it stays where it is, and presses no further. A stop that is
         under way goes on.
         """
-        if self._is_aiming and self._aim.control_interface == ControlInterface.Velocity:
+        if self.is_braking:
             return
         if positions is not None and velocities is not None:
             self.positions = np.array(positions, dtype=float)
@@ -80,6 +80,11 @@ class Ramp:
     def is_resting(self) -> bool:
         """Whether the ramp has arrived: another step would change nothing."""
         return self._trajectory is None and not self._is_aiming
+
+    @property
+    def is_braking(self) -> bool:
+        """Whether the ramp comes to rest after `stop`."""
+        return self._is_aiming and self._aim.control_interface == ControlInterface.Velocity
 
     def step(self) -> None:
         """Advance by a period."""

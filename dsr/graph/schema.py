@@ -316,6 +316,7 @@ _NODE_TYPES = {
     "situation": "something that holds, or held, for a time",
     "query": "a request for edges of spatial relations, see dsr.spatial",
     "calibration": "a request to calibrate a camera, see dsr.vocabulary.calibration",
+    "zone": "a box that no arm may enter; its frame is at the centre",
     "halt": "the newest order of an emergency stop, see dsr.vocabulary.halting",
 }
 

@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 
 OFF = 0.1
 """rad that a joint may be off the way: arms lag behind in time, and hardly beside it"""
-STANDSTILL = 0.4
-"""s in which an arm gets on; it takes up to 0.2 s to hear of a trajectory and to gain speed"""
+STANDSTILL = 0.25
+"""s, beside the time that samples may take, in which an arm gets on: to hear of a trajectory, and to gain speed"""
 PROGRESS = 0.002
 """rad by which a joint must have moved for that"""
 
@@ -24,9 +24,11 @@ class Following:
         positions: (m, n) rad, the way.
         names: of the joints.
         begin: s, when the arm was told.
+        late: s that samples may be late.
     """
 
-    def __init__(self, positions: Array, names: tuple[str, ...], begin: float) -> None:
+    def __init__(self, positions: Array, names: tuple[str, ...], begin: float, late: float) -> None:
+        self._patience = STANDSTILL + late
         self._way, self._names = positions, names
         self._place = positions[0]
         self._since = begin
@@ -43,4 +45,4 @@ class Following:
         here = np.array(joints.positions)
         if float(np.abs(here - self._place).max()) > PROGRESS:
             self._place, self._since = here, joints.stamp
-        return joints.stamp - self._since > STANDSTILL
+        return joints.stamp - self._since > self._patience

@@ -48,6 +48,7 @@ class RunningActions:
         """Name of the action under way."""
         self.step = ""
         """Name of its present step."""
+        self._waits_for = ""
         for node in memory.nodes("action"):
             if node.get("status") == RUNNING:
                 self._arm.hold_still()
@@ -117,6 +118,7 @@ class RunningActions:
     def _advance(self, steps: Steps[None]) -> None:
         try:
             self.step = next(steps)
+            self._tell_waiting()
         except StopIteration:
             self._end(DONE, "", moving=False)
         except DsrError as error:
@@ -124,6 +126,14 @@ class RunningActions:
         except Exception as error:
             self._end(FAILED, f"unexpected {type(error).__name__}: {error}")
             raise
+
+    def _tell_waiting(self) -> None:
+        """Say in the action's node for whom the arm stands still."""
+        whom = self._arm.waits_for
+        if whom != self._waits_for:
+            self._waits_for = whom
+            told = f"stands still: {whom} is near" if whom else ""
+            self._memory.update_node(self.running, explanation=told)
 
     def _end(self, status: str, explanation: str, *, moving: bool = True, hopeless: bool = False) -> None:
         name, steps = self.running, self._steps

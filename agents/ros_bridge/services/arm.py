@@ -12,6 +12,7 @@ from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointSample, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_duration
+from agents.ros_bridge.services.deadman import ALL_GOALS, FOLLOW, Deadman
 from agents.ros_bridge.services.device import RosDevice
 from agents.ros_bridge.services.goals import GIVEN_UP, tell_end, wait_for_end
 from agents.ros_bridge.services.gripper import RosGripper
@@ -21,11 +22,8 @@ from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.vocabulary.halting import HaltLatch, HaltOrder
 
-FOLLOW = "control_msgs/action/FollowJointTrajectory"
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 _POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
-_ALL_GOALS = bytes(16)
-"""A goal id of zeros: to cancel it ends all goals of the server"""
 _ANSWER_WITHIN = 2.0
 """s that a controller may take to accept or cancel a goal"""
 _SHORTEST = 0.1
@@ -52,6 +50,7 @@ class RosArm(RosDevice):
         gripper_open: position of this joint, and in commands, at `stroke`.
         stroke: m between the pads at `gripper_open`.
         effort: N, greatest force of the gripper; 0 leaves it to the controller.
+        deadman: s without `keep_alive` after which a process of its own cancels all goals; 0 for no such process.
         link: how ROS is reached, see `LinkConfig`.
         restamp: take the time of arrival for the stamps of ROS.
 
@@ -64,6 +63,7 @@ class RosArm(RosDevice):
         trajectory: str = "/joint_trajectory_controller/follow_joint_trajectory",
         states: str = "/joint_states", speed: float = 1.0, gripper: str = "", gripper_joint: str = "",
         gripper_closed: float = 0.0, gripper_open: float = 0.085, stroke: float = 0.085, effort: float = 0.0,
+        deadman: float = 0.1,
         link: Mapping[str, Any] | None = None, restamp: bool = False,
     ) -> None:  # fmt: skip
         if not joints or speed <= 0.0 or stroke <= 0.0 or gripper_open == gripper_closed:
@@ -78,6 +78,8 @@ class RosArm(RosDevice):
             )
         super().__init__("/dsr_arm", link or {}, restamp)
         self._names = tuple(joints)
+        self._patience, self._trajectory, self._link_options = deadman, trajectory, dict(link or {})
+        self._deadman: Deadman | None = None
         self._speed = speed
         self._gripper_joint, self._stroke = gripper_joint, stroke
         self._closed_at, self._open_at = gripper_closed, gripper_open
@@ -170,9 +172,18 @@ class RosArm(RosDevice):
             self._motions += 1
         self._stop_lane.do(self._cancel_and_hold)
 
+    def keep_alive(self) -> None:
+        """The controller lives. The first call starts the process that cancels all goals when no more calls come."""
+        if self._deadman is None and self._patience > 0.0:
+            self._deadman = Deadman(self._link_options, self._trajectory, self._patience)
+        if self._deadman is not None:
+            self._deadman.alive()
+
     def close(self) -> None:
         """Stop, and leave ROS."""
         self._halt.close()
+        if self._deadman is not None:
+            self._deadman.close()
         for lane in (self._arm_lane, self._grip_lane, self._stop_lane):
             lane.close(_ANSWER_WITHIN)
         self._follow.close()
@@ -226,7 +237,7 @@ class RosArm(RosDevice):
 
     def _cancel_and_hold(self) -> None:
         try:
-            self._follow.cancel(_ALL_GOALS, _ANSWER_WITHIN)
+            self._follow.cancel(ALL_GOALS, _ANSWER_WITHIN)
         except RosError as error:
             self.tally.tell("not stopped", "", f"the controller did not answer to a cancel: {error}")
         state = self._state

@@ -179,7 +179,7 @@ def test_silence_of_the_driver_is_reported_once_and_the_target_is_followed_after
 ) -> None:
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(0.1)
-    bench.run(0.06, silent=True)
+    bench.run(0.04, silent=True)
     assert bench.status == "moving"
     bench.run(0.04, silent=True)
     assert bench.status == "no_driver" and bench.arm.told[-1] == ("stop",)

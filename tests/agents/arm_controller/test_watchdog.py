@@ -145,12 +145,12 @@ def test_an_arm_off_its_way_or_that_stands_still_is_noticed() -> None:
 
         return Joints(stamp, positions, (0.0, 0.0), 0.0, False)
 
-    following = Following(way, ("a", "b"), 0.0)
+    following = Following(way, ("a", "b"), 0.0, 0.05)
     assert following.off_way(sample(0.1, 0.1, 0.5 * OFF)) == ""
     assert following.off_way(sample(0.1, 0.1, 2 * OFF)) == "b is 0.20 rad off its way"
-    assert not following.stands_still(sample(STANDSTILL, 0.0, 0.0))
-    assert following.stands_still(sample(STANDSTILL + 0.02, 0.0, 0.0))
-    assert not following.stands_still(sample(STANDSTILL + 0.04, 0.1, 0.0))
+    assert not following.stands_still(sample(STANDSTILL + 0.05, 0.0, 0.0))
+    assert following.stands_still(sample(STANDSTILL + 0.07, 0.0, 0.0))
+    assert not following.stands_still(sample(STANDSTILL + 0.09, 0.1, 0.0))
     assert bench.told == []
 
 

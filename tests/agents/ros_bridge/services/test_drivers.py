@@ -18,7 +18,7 @@ from agents.ros_bridge.mapping.cameras import to_camera_info
 from agents.ros_bridge.mapping.images import to_image
 from agents.ros_bridge.mapping.joints import to_joint_state
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
-from agents.ros_bridge.services.arm import FOLLOW
+from agents.ros_bridge.services.deadman import FOLLOW
 from agents.ros_bridge.services.gripper import GRIP
 from agents.ros_bridge.services.lane import Lane
 from agents.scene_estimator.pose import NoiseModel
