@@ -52,7 +52,7 @@ class DynamixelArm:
         baud: bit/s.
 
     Raises:
-        ConfigError: for options that fit no arm, a port that cannot be opened, or without the library.
+        ConfigError: for options that fit no arm, or a port that cannot be opened.
     """
 
     clock: ClassVar[Clock] = WALL_CLOCK

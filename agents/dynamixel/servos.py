@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import dynamixel_sdk as sdk
+
 from dsr.errors import ConfigError, DsrError, suggest
 
 
@@ -51,18 +53,13 @@ class Servos:
         pulses: of a turn, for each servo.
 
     Raises:
-        ConfigError: without the library, for a series that is none, or a port that cannot be opened.
+        ConfigError: for a series that is none, or a port that cannot be opened.
     """
 
     def __init__(self, port: str, baud: int, ids: Sequence[int], series: str, pulses: Sequence[int]) -> None:
-        try:
-            import dynamixel_sdk as sdk
-        except ImportError as error:
-            raise ConfigError('servos need the library dynamixel-sdk: pip install "dsr-memory[dynamixel]"') from error
         if series not in SERIES:
             raise ConfigError(f"series {series!r} of servos; {suggest(series, SERIES)}")
         self.table = SERIES[series]
-        self._sdk: Any = sdk
         self._ids, self._pulses = tuple(ids), tuple(pulses)
         self._port = sdk.PortHandler(port)
         self._packets = sdk.PacketHandler(2.0)
@@ -96,7 +93,7 @@ class Servos:
 
     def command(self, positions: Sequence[float]) -> None:
         """Send positions (rad); nobody answers that."""
-        writer = self._sdk.GroupSyncWrite(self._port, self._packets, self.table.goal, 4)
+        writer = sdk.GroupSyncWrite(self._port, self._packets, self.table.goal, 4)
         for id, pulses, position in zip(self._ids, self._pulses, positions, strict=True):
             goal = round(position * pulses / _TURN) + self.table.zero
             writer.addParam(id, list((goal & 0xFFFFFFFF).to_bytes(4, "little")))
@@ -120,7 +117,7 @@ class Servos:
 
     def _ask(self, reader: Any, what: str) -> None:
         result = reader.txRxPacket()
-        if result != self._sdk.COMM_SUCCESS:
+        if result != sdk.COMM_SUCCESS:
             raise ServoError(f"no {what} of the servos: {self._packets.getTxRxResult(result)}")
 
     def _value(self, reader: Any, id: int, place: int, length: int) -> int:
@@ -130,7 +127,7 @@ class Servos:
 
     def _write(self, id: int, place: int, value: int) -> None:
         result, _ = self._packets.write1ByteTxRx(self._port, id, place, value)
-        if result != self._sdk.COMM_SUCCESS:
+        if result != sdk.COMM_SUCCESS:
             raise ServoError(f"servo {id} does not answer: {self._packets.getTxRxResult(result)}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -172,9 +171,3 @@ def test_an_emergency_stop_is_obeyed_by_the_driver_alone(arm: DynamixelArm, netw
 def test_options_that_fit_no_arm_are_wrong_input(network: LocalNetwork, options: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         DynamixelArm(network.connect("arm"), Keys("g"), **{"port": "/dev/null", **options})
-
-
-def test_without_the_library_the_extra_is_named(network: LocalNetwork, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
-    with pytest.raises(ConfigError, match=r"dsr-memory\[dynamixel\]"):
-        DynamixelArm(network.connect("arm"), Keys("g"), port="/dev/null", joints=NAMES)
