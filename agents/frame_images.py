@@ -40,5 +40,5 @@ def images(frame: Frame) -> tuple[Color, Depth | None, Intrinsics]:
 def _middle(depth: Depth) -> float:
     """m, the median of the known depths; 0 without any."""
     looked = depth[::_EVERY, ::_EVERY]
-    known = looked[looked > 0.0]
+    known = looked[np.isfinite(looked) & (looked > 0.0)]
     return float(np.median(known.astype(np.float64))) if known.size else 0.0

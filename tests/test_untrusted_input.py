@@ -21,12 +21,12 @@ OWN_CHILDREN = {"agents/scenario/run/sweep.py", "agents/scenario/run/sweep_worke
 """Speak with processes that they start themselves, through pipes that nobody else can reach."""
 LOADED_BY_NAME = {
     "dsr/runtime/system.py",
+    "dsr/runtime/forked.py",
     "agents/drivers.py",
     "dsr/__init__.py",
     "dsr/cli/commands.py",
-    "dsr/runtime/forked.py",
 }
-"""May import a module by a name, which comes from a local file or command line."""
+"""May import a module by a name, which comes from a local file, a command line or the parent of a fork."""
 
 
 def offences(tree: ast.AST) -> list[str]:

@@ -31,7 +31,7 @@ from agents.ros_bridge.messages.types import types_of
 from agents.ros_bridge.services.questions import Questions
 from dsr.agent import Access, Agent
 from dsr.connecting import identity_of
-from dsr.errors import WireError
+from dsr.errors import ConfigError, WireError
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
@@ -93,7 +93,18 @@ class RosBridge(Agent):
         return type(cls.__name__, (cls,), told)
 
     def setup(self) -> None:
-        """Connect to ROS, and announce all that is bridged. Raises `RosError` for names or types that there are not."""
+        """Connect to ROS, and announce all that is bridged.
+
+        Raises:
+            ConfigError: for names, types or a release of ROS that there are not, or a connection that is not allowed.
+            RosLinkError: if ROS cannot be reached now.
+        """
+        try:
+            self._connect()
+        except RosMessageError as error:
+            raise ConfigError(str(error)) from error
+
+    def _connect(self) -> None:
         config = self.config
         self._closing = contextlib.ExitStack()
         self._tally = Tally(self.clock, self.log)
@@ -126,11 +137,8 @@ class RosBridge(Agent):
         self._beliefs_out, self._images_out = BeliefsOut(core, config.send), ImagesOut(core, config.send)
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
-        self._clock_out = ClockOut(core)
-        send = config.send
-        self._questions = (
-            Questions(core, send.services, self.bus, self.keys, send.keep_missions) if config.serves else None
-        )
+        self._clock_out = ClockOut(core, config.send)
+        self._questions = Questions(core, config.send, self.bus, self.keys) if config.serves else None
         if self._questions is not None:
             core.on_close(self._questions.close)
 
@@ -152,9 +160,9 @@ class RosBridge(Agent):
         self._tf_out.update()
         self._joints_out.update()
         self._events_out.update()
-        self._beliefs_out.update(now)
+        self._beliefs_out.update()
         self._images_out.update(now)
-        self._diagnostics_out.update(now)
+        self._diagnostics_out.update()
         if self._questions is not None:
             self._questions.update()
 

@@ -19,10 +19,16 @@ from pathlib import Path
 import cv2
 from rich.console import Console
 
-from benchmarks.real import block, gen3, hand_eye, hands, tags
+from benchmarks.real import block, boxes, gen3, hand_eye, hands, tags
 from benchmarks.real.recordings import DataError, RealBenchmark
 
-BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK, hand_eye.BENCHMARK, gen3.BENCHMARK)
+BENCHMARKS: tuple[RealBenchmark, ...] = (
+    tags.BENCHMARK,
+    boxes.BENCHMARK,
+    block.BENCHMARK,
+    hand_eye.BENCHMARK,
+    gen3.BENCHMARK,
+)
 
 
 def main() -> int:

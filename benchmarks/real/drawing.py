@@ -52,6 +52,13 @@ def closeup(picture: Picture, tag: Tag, lens: Intrinsics) -> tuple[Picture, Tag,
     return np.asarray(enlarged, np.uint8), replace(tag, corners=corners), there
 
 
+def draw_outline(picture: Picture, found: Array, fitted: Array) -> None:
+    """Draw outermost pixels (n, 2) as dots where they were found, and the outline (m, 2) px of what was fitted."""
+    columns, rows = np.round(found).astype(int).T
+    picture[rows, columns] = _FOUND
+    _line(picture, [*fitted, fitted[0]], _FITTED)
+
+
 def draw_points(picture: Picture, found: Array, fitted: Array | None = None) -> None:
     """Draw points (n, 2) px as circles where they were found, and as crosses where a pose predicts them."""
     for point in found[np.isfinite(found).all(axis=1)]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import LATCHED, BridgeCore
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.names import BELIEF
@@ -21,8 +21,6 @@ _STALE = 1.0
 """s by which the newest sample below another parent must be newer before a frame changes its parent in tf"""
 _MOST_AT_ONCE = 500
 """Transforms of one message"""
-_PERIOD = 0.02
-"""s after a message until a change of the memory wakes the bridge again: one that comes sooner waits for a tick"""
 _RT, _BELIEVED = "RT", "Virtual_RT"
 _POSE = "pose"
 
@@ -42,8 +40,7 @@ class TfOut:
         self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
         """Parent and newest pose by edge type and child"""
         self._static: dict[tuple[str, str], StampedTransform] = {}
-        self._sent = -math.inf
-        """s, our monotonic time of the newest message"""
+        self._throttle = Throttle(core.clock, config.tf_hz)
         self.received: set[str] = set()
         """Nodes whose edges RT the bridge itself writes: changes of these are not looked at"""
         types = [type for type, wanted in ((_RT, config.tf), (_BELIEVED, config.belief)) if wanted]
@@ -65,12 +62,12 @@ class TfOut:
         return not (isinstance(element, Edge) and element.type == _RT and element.dst in self.received)
 
     def _changed(self) -> None:
-        if self._core.clock.monotonic() - self._sent >= _PERIOD:
+        if self._throttle.is_due:  # else it waits for a tick
             self._core.turns.notify()
 
     def update(self) -> None:
-        """Send what changed since the last call."""
-        if not self._sends:
+        """Send what changed since the last message, if it is time."""
+        if not self._sends or not self._throttle.is_due:
             return
         dynamic: list[StampedTransform] = []
         latched = False
@@ -95,8 +92,8 @@ class TfOut:
             else:
                 latched |= self._static.pop((edge.type, edge.dst), None) is not None
                 dynamic.append(transform)
-        if dynamic:
-            self._sent = self._core.clock.monotonic()
+        if dynamic or latched:
+            self._throttle.take()
         for begin in range(0, len(dynamic), _MOST_AT_ONCE):
             self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
         if latched:

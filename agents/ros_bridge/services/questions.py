@@ -12,7 +12,9 @@ from typing import Any
 
 import msgspec
 
+from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
@@ -56,15 +58,18 @@ class Questions:
 
     Args:
         core: of the bridge.
-        namespace: for example `/dsr`.
+        config: with the namespace, for example `/dsr`.
         bus: for what-if questions.
         keys: of the graph.
-        keep: s for which missions that have ended stay.
     """
 
-    def __init__(self, core: BridgeCore, namespace: str, bus: Transport, keys: Keys, keep: float) -> None:
+    def __init__(self, core: BridgeCore, config: Send, bus: Transport, keys: Keys) -> None:
         self._core = core
-        self._ended = EndedMissions(core, keep)
+        self._ended = EndedMissions(core, config.keep_missions)
+        self._throttle = Throttle(core.clock, config.beliefs_hz)
+        self._objects_found: dict[str, Any] = {}
+        """The newest answer about objects"""
+        namespace = config.services
         self._what_if = WhatIf(bus, keys, core.clock)
         self._ticks_in = threading.get_ident()
         self._lock = threading.Lock()
@@ -117,10 +122,15 @@ class Questions:
         return respond
 
     def _objects(self, _: Any) -> dict[str, Any]:
-        """All present things and surfaces as JSON: where they are believed to be, and what they rest on."""
-        nodes = nodes_by_name(self._core.memory, (*THINGS, *SURFACES))
-        found = [self._described(node) for node in nodes if is_present(node)]
-        return {"success": True, "message": msgspec.json.encode(found).decode()}
+        """All present things and surfaces as JSON: where they are believed to be, and what they rest on.
+
+        Looked up no more often than beliefs are published, however often it is asked.
+        """
+        if self._throttle.take():
+            nodes = nodes_by_name(self._core.memory, (*THINGS, *SURFACES))
+            found = [self._described(node) for node in nodes if is_present(node)]
+            self._objects_found = {"success": True, "message": msgspec.json.encode(found).decode()}
+        return self._objects_found
 
     def _described(self, node: Node) -> dict[str, Any]:
         memory = self._core.memory

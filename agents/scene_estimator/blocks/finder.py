@@ -50,7 +50,7 @@ _DAMPING = 1e-3  # of the information: what keeps steps short
 _TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
 _RAISED = 0.12  # m, standard deviation of where a block stands that is not on the support: anywhere up to `HIGHEST`
-_STRAINED = 3.0  # standard deviations, by which something may be off that nobody asks for, before it is doubted
+_STRAINED = 3.0  # standard deviations, by which all depths, or the support's height, may be off, before that is doubted
 _SUNK = 3.0  # standard deviations of the support's height, by which a block may seem to be in it
 _LEAST_EDGE = 12  # outermost pixels that nothing hides, by which a block is known
 _OTHERS = 3  # parameters that nobody asks for
@@ -73,7 +73,7 @@ class BlockSighting(NamedTuple):
     measured: bool
     """Its extents are what this exposure shows; else they are those that were known before"""
     strained: bool
-    """It fits only if something that nobody asks for is far off, such as the depth or the height of the support"""
+    """It fits only if all depths, or the height of the support, are far off"""
     cost: float
     """Twice the negative logarithm of how likely the piece is by such a block, wherever that is and however large"""
 
@@ -303,7 +303,7 @@ class _Problem:
         information = self._information(p)
         covariance = np.asarray(np.linalg.inv(information)[: 1 - _OTHERS, : 1 - _OTHERS], np.float64)
         cost += float(np.linalg.slogdet(information)[1]) + 2.0 * float(np.log(self._prior_std).sum())
-        off = np.abs((p - self._prior) / self._prior_std)[-_OTHERS:]
+        off = np.abs((p - self._prior) / self._prior_std)[-_OTHERS:-1]
         return _Solved(block, covariance, cost, self._measured, bool(off.max() > _STRAINED))
 
 

@@ -134,9 +134,9 @@ class UntaggedObjects:
         return [(track.name, _pose(track, sighting, stamp)) for track, sighting in found]
 
     def _consider_unknown(self, camera: str, sightings: list[BlockSighting]) -> None:
-        """Count the frames in a row that show them, with all of their edges."""
+        """Count the frames in a row that show them, with all of their extents."""
         before = {id(one.track): one for one in self._candidates.get(camera, [])}
-        whole = [sighting for sighting in sightings if sighting.hidden <= self._config.most_hidden]
+        whole = [sighting for sighting in sightings if sighting.size_sigma.max() <= self._config.blocks_sure]
         candidates = []
         for sighting, track in zip(whole, assigned([one.track for one in before.values()], whole), strict=True):
             last = None if track is None else before[id(track)]

@@ -77,6 +77,13 @@ def test_images_of_another_kind_are_refused(frame: Frame, arrays: dict[str, Any]
         reader().read(msgspec.structs.replace(frame, arrays=merged))
 
 
+def test_depth_that_is_endless_where_nothing_is_seen_is_in_metres_all_the_same(frame: Frame) -> None:
+    depth = frame.arrays["depth"].copy()
+    depth[::2] = np.inf
+    depth[1::4] = np.inf
+    assert reader().read(msgspec.structs.replace(frame, arrays={**frame.arrays, "depth": depth}))[0]
+
+
 @pytest.mark.parametrize("name", ["fx", "fy", "cx", "cy"])
 @pytest.mark.parametrize("value", [None, "wide", np.nan, np.inf, -1e300, 1e300, 1e9])
 def test_intrinsics_of_no_camera_are_refused(frame: Frame, name: str, value: Any) -> None:

@@ -59,6 +59,15 @@ def test_where_are_the_objects(system: Bridged) -> None:
     assert cube["position"] == [0.3, 0.1, 0.02] and table["position"] is None
 
 
+def test_objects_are_looked_up_ten_times_a_second_however_often_they_are_asked_for(system: Bridged) -> None:
+    first = ask(system, "objects", TRIGGER).message
+    system.memory.add_node("cube_2", "cube")
+    system.run(0.04)
+    assert ask(system, "objects", TRIGGER).message == first
+    system.run(0.1)
+    assert [one["name"] for one in json.loads(ask(system, "objects", TRIGGER).message)][:2] == ["cube_1", "cube_2"]
+
+
 def test_where_is_a_frame_in_another_one(system: Bridged) -> None:
     response = ask(system, "transform", TRANSFORM, target="map", source="cube_1")
     assert response.success and response.pose.header.frame_id == "map"
