@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from dsr.memory import Memory
 from dsr.visibility import LEAST_SHARE, is_enough
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
-from simulation_handler.perception.visibility import ExpectedVisibility, RayVisibility
+from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
 from simulation_handler.reasoner import Reasoner
+from simulation_handler.shapes.geometry import Solid
 from simulation_handler.shapes.meshes import Forms
 
 SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
@@ -41,6 +42,7 @@ class Seeing:
         self._memory = memory
         self._belief = belief
         self._last = -math.inf
+        self._rays = _Rays()
         self.visibility: VisibilityQuery | None = None
         """What the cameras should see by the last look; None without a camera."""
 
@@ -52,11 +54,11 @@ class Seeing:
         with contextlib.suppress(np.linalg.LinAlgError):
             cameras, memory = views(self._memory), self._memory
             hiding = [*obstacles(memory), *modelled(memory, self._forms), *hands(memory, now), *persons(memory, now)]
-            rays = RayVisibility(cameras, hiding, by_color(memory))
-            self.visibility = rays.visibilities if cameras else None
+            self._rays = rays = self._rays.seen_from(cameras, hiding, by_color(memory))
+            self.visibility = rays.recognised.visibilities if cameras else None
             solids = self._belief.solids()
-            whole = RayVisibility(cameras, hiding, whole=True).visibilities(solids)
-            self._write({key: (whole[key], visible) for key, visible in rays.visibilities(solids).items()})
+            whole = rays.whole.visibilities(solids)
+            self._write({key: (whole[key], visible) for key, visible in rays.recognised.visibilities(solids).items()})
 
     def _write(self, visibilities: Mapping[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]]) -> None:
         """Of the whole of each object, and of what it is recognised by."""
@@ -76,6 +78,23 @@ class Seeing:
             if written is None or _is_news(written, values):
                 with contextlib.suppress(DsrError):  # an end may be gone meanwhile
                     self._memory.add_edge(camera, name, "sees", **values)
+
+
+class _Rays:
+    """What cameras should see, as long as they, what hides, and what has a colour are as they are."""
+
+    def __init__(
+        self, cameras: Sequence[CameraView] = (), hiding: Sequence[Solid] = (), by_color: Collection[str] = ()
+    ) -> None:
+        self._asked = list(cameras), list(hiding), set(by_color)
+        self.recognised = RayVisibility(cameras, hiding, by_color)
+        """Of what objects are recognised by"""
+        self.whole = RayVisibility(cameras, hiding, whole=True)
+        """Of the whole of each object"""
+
+    def seen_from(self, cameras: Sequence[CameraView], hiding: Sequence[Solid], by_color: Collection[str]) -> _Rays:
+        """These rays, if all is as it was; or else other ones."""
+        return self if (list(cameras), list(hiding), set(by_color)) == self._asked else _Rays(cameras, hiding, by_color)
 
 
 def _is_news(written: Edge, values: Mapping[str, Any]) -> bool:

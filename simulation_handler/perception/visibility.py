@@ -197,6 +197,8 @@ class RayVisibility:
         self._by_color = frozenset(by_color)
         self._smallest = 0.0 if whole else SMALLEST
         self._whole = whole
+        self._last: tuple[list[Solid], dict[tuple[str, str], ExpectedVisibility]] | None = None
+        """The question before, and its answer"""
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
         """Share (0 to 1) of each solid that each camera should see, by (camera, name).
@@ -209,7 +211,12 @@ class RayVisibility:
         return {key: visible.share for key, visible in self.visibilities(solids).items()}
 
     def visibilities(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
-        """The same, also saying what hides most of each."""
+        """The same, also saying what hides most of each. The same question again costs nothing."""
+        if self._last is None or self._last[0] != list(solids):
+            self._last = list(solids), self._look(solids)
+        return dict(self._last[1])
+
+    def _look(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
         found, parts = {}, _Parts.of(solids)
         for camera in self._cameras:
             by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)

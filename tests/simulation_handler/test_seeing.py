@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from dsr.runtime.system import AgentSpec
 from dsr.visibility import is_seen, visibility
 from dsr.vocabulary.calibration import PROVISIONAL, STEADY, SURPRISE, Report, request_calibration
 from simulation_handler import SimulationHandler
+from simulation_handler.graph_io import seeing
 from simulation_handler.graph_io.views import obstacles, views
+from simulation_handler.perception.visibility import CameraView, RayVisibility
 from tests.simulation_handler.test_agent import NAME, OVERHEAD, Table
 from tests.simulation_handler.worlds import CUBE, cube_at
 
@@ -51,6 +54,25 @@ def test_what_is_in_view_below_another_and_below_the_arm(table: Table) -> None:
     table.run(0.3)
     share, covered_by = seen(table)["cube_3"]
     assert share < 1.0 and covered_by == "link"
+
+
+def test_cameras_and_what_hides_are_made_ready_anew_only_when_they_changed(
+    table: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def make(cameras: Sequence[CameraView], *others: Any, **options: Any) -> RayVisibility:
+        made.append([camera.camera for camera in cameras])
+        return RayVisibility(cameras, *others, **options)
+
+    table.add("cube_3", cube_at(0.3, -0.1))
+    table.run(2.0)
+    monkeypatch.setattr(seeing, "RayVisibility", make)
+    table.run(1.0)
+    assert made == [] and seen(table)["cube_3"] == (1.0, "")
+    add_arm(table, 0.32, -0.06)
+    table.run(0.5)
+    assert made == [["camera"]] * 2 and seen(table)["cube_3"][1] == "link"
 
 
 def test_what_the_arm_hides_if_a_camera_did_not_move_but_all_objects(table: Table) -> None:

@@ -20,6 +20,7 @@ from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
+from simulation_handler.perception import visibility
 from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
 from simulation_handler.shapes.geometry import Solid
 
@@ -50,6 +51,23 @@ def test_a_tower_hides_all_but_its_top() -> None:
 def test_a_cube_half_on_another_hides_part_of_it() -> None:
     lower, upper = solid("lower", Pose((0.35, 0.0, 0.02))), solid("upper", Pose((0.37, 0.0, 0.06)))
     assert shares(lower, upper)["lower"] == pytest.approx(0.4, abs=0.2)
+
+
+def test_who_asks_the_same_again_gets_the_same_without_another_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = []
+    look = visibility._visibility
+    monkeypatch.setattr(visibility, "_visibility", lambda *of: (looks.append(of), look(*of))[1])
+    rays = RayVisibility([view()])
+    lower, upper = solid("lower", Pose((0.35, 0.0, 0.02))), solid("upper", Pose((0.37, 0.0, 0.06)))
+    first = rays.visibilities([lower, upper])
+    kept = dict(first)
+    first.clear()  # of the asker's own copy
+    assert rays.visibilities((lower, upper)) == kept and len(looks) == 1
+    moved = solid("upper", Pose((0.37, 0.0, 0.0600001)))
+    assert rays.visibilities([lower, moved]) == RayVisibility([view()]).visibilities([lower, moved])
+    assert rays.visibilities([upper, lower]) == kept
+    assert rays.visibilities([lower])["overhead", "lower"] == ExpectedVisibility(1.0, "")
+    assert len(looks) == 5
 
 
 def test_touching_neighbours_hide_nothing_of_each_other() -> None:
