@@ -30,6 +30,7 @@ ONE_PLACE = {
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
+    "agents.arm_controller.arm_model",
     "agents.arm_controller.kinematics",
     "agents.arm_controller.urdf",
     "agents.camera_feed",

@@ -166,6 +166,9 @@ def run(
     policy: Annotated[
         PolicyChoice | None, typer.Option(help="How surprises are explained, or `published`; default: the system's.")
     ] = None,
+    robot: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="An arm of `etc/robots`, or a URDF file, in place of its own.")
+    ] = "",
     view: View = None,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
@@ -181,7 +184,7 @@ def run(
     The run leaves a folder in runs/ with recording, logs and result.json.
     """
     show_all(scenario, for_people(as_json))
-    options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value}
+    options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value, "robot": robot}
     _play(scenario, options, lockstep=lockstep, as_json=as_json, json_file=json_file, view=view)
 
 

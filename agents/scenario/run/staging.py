@@ -7,9 +7,11 @@ from typing import Any, Literal
 
 import msgspec
 
+from agents.arm_controller.arm_model import load_arm
 from agents.scenario.format.events import Kill
-from agents.scenario.format.model import Scenario
+from agents.scenario.format.model import RobotSpec, Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
+from agents.urdf_files import find_robot
 from dsr.config.extras import check_installed
 from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
@@ -23,6 +25,8 @@ Policy = Literal["hypotheses", "algorithm1", "published"]
 and infer actions as they did."""
 PLANT = "plant"
 """Name of the agent that plays the simulated reality."""
+ARM = "arm_controller"
+"""Name of the agent that moves the arm."""
 MISSION = "mission"
 """Name of the agent that pursues the scenario's `[mission]`."""
 
@@ -35,6 +39,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """The scenario's file; agents read it again."""
     seed: int = 0
     sensor: Sensor = "pixels"
+    robot: str = ""
+    """Name of a robot in `etc/robots`, or path of a URDF file, in place of the scenario's."""
     policy: Policy | None = None
     """Name of the method that explains surprises; None for the simulation handler's own choice."""
     folder: Path | None = None
@@ -69,6 +75,8 @@ def staged_system(run: Run) -> System:
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)
+    if ARM in _names(system) and (run.robot or _is_other_robot(run.scenario.robot)):
+        system = _with_robot(system, run)
     system = system.apart(*_names(system).intersection(_killed(run.scenario)))
     if "recorder" in _names(system):
         system = system.with_config("recorder", about=_about(run, system))
@@ -104,12 +112,37 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
             if run.scenario.plans
             else {}
         ),
-        PLANT: {"scenario": str(run.file), "sensor": run.sensor},
+        PLANT: {"scenario": str(run.file), "sensor": run.sensor, **({"robot": run.robot} if run.robot else {})},
         "scene_setup": {"scenario": str(run.file)},
         "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
         "viewer": {"folder": folder, "spawn": run.window, "awaits_start": True},
     }
+
+
+def _is_other_robot(robot: RobotSpec) -> bool:
+    """Whether the scenario has another arm than the systems that come along, or has it elsewhere."""
+    plain = RobotSpec()
+    return robot.exists and (robot.model, robot.position, robot.yaw) != (plain.model, plain.position, plain.yaw)
+
+
+def _with_robot(system: System, run: Run) -> System:
+    """The system whose arm controller knows the description and place of the arm that the plant has.
+
+    Links, home posture and fingers are those of the description; a camera on a link that it lacks is not there.
+    """
+    robot = run.scenario.robot
+    file = find_robot(run.robot, Path()) if run.robot else find_robot(robot.model, run.file.parent)
+    links = load_arm(file).robot.parents
+    cameras = system.agent(ARM).config.get("cameras", {})
+    return system.with_config(
+        ARM,
+        urdf=str(file.resolve()),
+        mount={"translation": robot.position, "rotation": robot.base.q},
+        observe_joints=(),
+        posture=(),
+        cameras={name: camera for name, camera in cameras.items() if camera.get("link", "") in ("", *links)},
+    )
 
 
 def _policy_settings(policy: Policy | None) -> dict[str, dict[str, Any]]:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from agents.arm_controller.arm_model import arm_model
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
@@ -87,10 +87,6 @@ def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
     assert [box.half for box in palm] == [(0.0375, 0.0375, 0.03), (0.0625, 0.015, 0.01)]
     assert len(robot.rigid("link_7")) == len(robot.boxes["link_7"]) + len(palm)
     assert len(robot.rigid("link_7", without="end_effector_link")) == len(robot.boxes["link_7"])
-    assert robot.stroke("end_effector_link") == 0.085 and robot.stroke("base_link") == 0.085
-    assert bounds(robot.fingers("end_effector_link", 0.04)) == pytest.approx(
-        (-0.036, -0.011, 0.08, 0.036, 0.011, 0.135)
-    )
     assert bounds(()) is None
 
 
@@ -134,14 +130,13 @@ def test_macros_are_not_passed_over() -> None:
 
 
 def test_a_shape_that_hangs_beside_the_arm_is_refused() -> None:
-    """Such as a knuckle that turns on the gripper, or a second arm: the planner would not know where it is."""
+    """Such as a second arm: the planner would not know where it is."""
     added = b"""<link name="knuckle"><collision><geometry><sphere radius="0.01"/></geometry></collision></link>
-      <joint name="bend" type="revolute"><parent link="end_effector_link"/><child link="knuckle"/>
+      <joint name="bend" type="revolute"><parent link="link_3"/><child link="knuckle"/>
       <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1"/></joint></robot>"""
     robot = parse_robot(GEN3.read_bytes().replace(b"</robot>", added))
-    chain = JointChain(robot.between("base_link", "tool_link"))
     with pytest.raises(ConfigError, match="link 'knuckle' has a collision shape, but is neither a part of the arm"):
-        Figure(robot, chain, "base_link", "end_effector_link", "tool_link")
+        Figure(arm_model(robot, palm="end_effector_link"))
 
 
 def test_endless_rows_of_links_are_refused() -> None:
