@@ -53,6 +53,11 @@ def _listed(variable: str) -> list[Path]:
     return [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
 
 
+def known_robots() -> dict[str, Path]:
+    """Find the robots that come along, by name."""
+    return {file.stem: file for file in sorted((ETC / "robots").glob("*.urdf"))}
+
+
 def find_robot(name_or_path: str, folder: Path) -> Path:
     """The description of a robot: a path with a suffix, relative to `folder`, or the name of one that comes along.
 
@@ -60,7 +65,7 @@ def find_robot(name_or_path: str, folder: Path) -> Path:
     """
     if Path(name_or_path).suffix:
         return folder / Path(name_or_path).expanduser()
-    known = {file.stem: file for file in (ETC / "robots").glob("*.urdf")}
+    known = known_robots()
     if name_or_path not in known:
         hint = suggest(name_or_path, known)
         raise ConfigError(f"unknown robot model {name_or_path!r}; {hint}, or the path of a URDF file")

@@ -35,7 +35,8 @@ GANTRY = b"""<robot name="gantry"><link name="base"/><link name="x"/><link name=
   <joint name="flange" type="fixed"><parent link="c"/><child link="tip"/><origin xyz="0.1 0 0" rpy="0 1 0"/></joint>
 </robot>"""
 
-PALLETISER = b"""<robot name="palletiser"><link name="base"/><link name="turret"/><link name="lower"/><link name="upper"/>
+PALLETISER = b"""<robot name="palletiser"><link name="base"/><link name="turret"/><link name="lower"/>
+  <link name="upper"/>
   <link name="level"/><link name="tip"/>
   <joint name="yaw" type="continuous"><parent link="base"/><child link="turret"/><axis xyz="0 0 1"/></joint>
   <joint name="lean" type="revolute"><parent link="turret"/><child link="lower"/><origin xyz="0.1 0 0.3"/>
