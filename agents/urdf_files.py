@@ -36,6 +36,11 @@ def find_mesh(name: str, folder: Path) -> Path:
     return found
 
 
+def find_package(name: str, folder: Path) -> Path | None:
+    """The folder of a package as a description in `folder` sees it; None if there is none."""
+    return next(_packages(name, folder.resolve()), None)
+
+
 def _packages(name: str, folder: Path) -> Iterator[Path]:
     """Folders that may be the package, those near the description first."""
     if name in ("", ".", ".."):

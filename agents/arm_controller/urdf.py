@@ -16,7 +16,8 @@ from typing import Literal, cast, get_args
 
 from agents.arm_controller.collisions import read_boxes
 from agents.arm_controller.shapes import LinkBox
-from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
+from agents.urdf_elements import attribute, number, origin, parse_urdf, vector
+from agents.xacro_file import read_robot
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3, from_rotvec
 from dsr.math3d.transforms import Pose
@@ -152,8 +153,8 @@ class Robot:
 
 
 def load_robot(file: Path) -> Robot:
-    """The robot described in a URDF file. Raises `ConfigError`."""
-    return parse_robot(read_urdf(file), str(file))
+    """The robot described in a URDF or xacro file. Raises `ConfigError`."""
+    return parse_robot(read_robot(file), str(file))
 
 
 def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:

@@ -14,8 +14,9 @@ import numpy as np
 import pybullet
 
 from agents.plant.bullet import Bullet
-from agents.urdf_elements import attribute, parse_urdf, read_urdf
+from agents.urdf_elements import attribute, parse_urdf
 from agents.urdf_files import find_mesh
+from agents.xacro_file import read_robot
 from dsr.errors import ConfigError
 from dsr.geometry import load_model
 from dsr.math3d.transforms import Pose
@@ -49,7 +50,7 @@ def _prepared(file: Path, folder: Path) -> bytes:
                     _replace_mesh(link, shape, file.parent, folder)
         return ET.tostring(root)
 
-    return parse_urdf(read_urdf(file), str(file), prepare)
+    return parse_urdf(read_robot(file), str(file), prepare)
 
 
 def _replace_mesh(link: ET.Element, shape: ET.Element, beside: Path, folder: Path) -> None:

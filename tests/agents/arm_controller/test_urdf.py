@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from agents.arm_controller.arm_model import arm_model
 from agents.arm_controller.figure import Figure
@@ -127,6 +128,50 @@ def test_macros_are_not_passed_over() -> None:
     text = SLIDER.replace(b'<robot name="slider">', b'<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:hand/>')
     with pytest.raises(ConfigError, match=r"arm\.urdf: it has xacro macros"):
         parse_robot(text, "arm.urdf")
+
+
+MACROS = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:include filename="beside.xacro"/><xacro:include filename="$(find parts)/links.xacro"/>
+  <xacro:arg name="length" default="0.2"/><link name="base"/>
+  <xacro:bar name="bar" parent="base" length="${2 * $(arg length)}"/>{}</robot>"""
+BAR = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="bar" params="name parent length">
+  <link name="${name}"><collision><geometry><mesh filename="package://parts/bar.stl" scale="${length} 1 1"/></geometry>
+  </collision></link><joint name="${name}_joint" type="continuous"><parent link="${parent}"/><child link="${name}"/>
+  </joint></xacro:macro></robot>"""
+
+
+@pytest.fixture
+def macros(tmp_path: Path) -> Path:
+    """A description that includes a file beside it, and one of a package with a mesh."""
+    (tmp_path / "arm" / "urdf").mkdir(parents=True)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "links.xacro").write_text(BAR)
+    trimesh.creation.box((1.0, 0.1, 0.1)).export(tmp_path / "parts" / "bar.stl")
+    (tmp_path / "arm" / "urdf" / "beside.xacro").write_text("<robot/>")
+    file = tmp_path / "arm" / "urdf" / "arm.urdf.xacro"
+    file.write_text(MACROS.replace("{}", ""))
+    return file
+
+
+def test_macros_are_expanded_with_their_packages(macros: Path) -> None:
+    robot = load_robot(macros)
+    assert [joint.name for joint in robot.joints] == ["bar_joint"]
+    assert sorted(robot.boxes["bar"][0].size) == pytest.approx((0.1, 0.1, 0.4))
+
+
+@pytest.mark.parametrize(
+    ("macro", "reason"),
+    [
+        ('<xacro:include filename="$(find gone)/a.xacro"/>', "cannot be expanded: there is no package 'gone'"),
+        ("<xacro:gone/>", "its macros cannot be expanded: .*gone"),
+        ('<link name="${1 / 0}"/>', "its macros cannot be expanded: .*division by zero"),
+    ],
+)
+def test_macros_that_cannot_be_expanded_are_an_error(macro: str, reason: str, macros: Path) -> None:
+    macros.write_text(MACROS.replace("{}", macro))
+    with pytest.raises(ConfigError, match=reason) as error:
+        load_robot(macros)
+    assert str(error.value).startswith(str(macros))
 
 
 def test_a_shape_that_hangs_beside_the_arm_is_refused() -> None:
