@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.arm_controller.gripper import Gripper
+from agents.arm_controller.gripper import GripperModel
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.srdf import semantics_of
 from agents.arm_controller.urdf import Robot, fixed_pose, load_robot
@@ -38,7 +38,7 @@ class ArmModel:
     """Link at the tool point: between the fingers, z out of the gripper, x from finger to finger."""
     chain: JointChain
     """From base to tool."""
-    gripper: Gripper
+    gripper: GripperModel
     home: tuple[float, ...] = ()
     """Positions (rad or m) of the chain's joints at its home posture; empty if nobody says."""
 
@@ -101,7 +101,7 @@ def arm_model(
     chain = JointChain(robot.between(base, tool))
     if not len(chain):
         raise ConfigError(f"robot {robot.name!r}: no joint moves {tool!r} against {base!r}")
-    gripper = Gripper(robot, palm, fixed_pose(between), fingers)
+    gripper = GripperModel(robot, palm, fixed_pose(between), fingers)
     return ArmModel(robot, base, palm, tool, chain, gripper, _posture(robot, chain, home or {}))
 
 

@@ -26,7 +26,7 @@ _ASKEW = 0.2
 """Share of a finger's way that may be across the tool's x axis: fingers on circles also move along z."""
 
 
-class Gripper:
+class GripperModel:
     """The fingers of one gripper; without any, its opening is always 0.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.arm_controller.arm_model import arm_model, load_arm
-from agents.arm_controller.gripper import Gripper
+from agents.arm_controller.gripper import GripperModel
 from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import parse_robot
 from dsr.errors import ConfigError
@@ -32,7 +32,7 @@ JAWS = """<robot name="jaws">
 PAD = '<collision><geometry><box size="0.01 0.02 0.03"/></geometry></collision>'
 
 
-def jaws(axis: str = "1 0 0", master: str = "open_left", pad: str = PAD) -> Gripper:
+def jaws(axis: str = "1 0 0", master: str = "open_left", pad: str = PAD) -> GripperModel:
     return arm_model(parse_robot(JAWS.format(axis=axis, master=master, pad=pad).encode())).gripper
 
 
