@@ -24,6 +24,7 @@ _LEAST_STROKE = 0.001
 """m; fingers that open less grip nothing."""
 _ASKEW = 0.2
 """Share of a finger's way that may be across the tool's x axis: fingers on circles also move along z."""
+_DIGITS = 9  # of lengths in m, beyond which sums are rounded
 
 
 class GripperModel:
@@ -147,6 +148,7 @@ class GripperModel:
         self._check_way(beside[0], beside[-1])
         edges = np.array([[(center[0] - half[0], center[0] + half[0]) for center, half in row] for row in beside])
         gaps = np.maximum(edges[:, right, 0].min(axis=1) - edges[:, left, 1].max(axis=1), 0.0)
+        gaps = np.round(gaps, _DIGITS)
         steps = np.diff(gaps)
         if gaps.max() < _LEAST_STROKE or not ((steps >= -1e-6).all() or (steps <= 1e-6).all()):
             raise ConfigError(f"{self._who()}: its fingers do not open from one end of their ranges to the other")
