@@ -30,13 +30,14 @@ class CameraFeed:
         self._described: dict[str, Any] = {}
         self._complained = False
 
-    def forward(self) -> None:
-        """Publish the newest frame, if there is a new one."""
+    def forward(self) -> bool:
+        """Publish the newest frame, if there is a new one; returns whether there was."""
         frame = self._driver.frame()
         if frame is None:
-            return
+            return False
         self._describe(frame)
         self._memory.put_frame(self.node, frame)
+        return True
 
     @property
     def trouble(self) -> str:

@@ -7,8 +7,10 @@ and are made with `Class(bus, keys)`.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
+import typing
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -16,6 +18,7 @@ import msgspec
 
 from dsr.config.extras import missing_extra
 from dsr.config.plugins import DRIVERS, load
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
 from dsr.network.keys import Keys
@@ -41,6 +44,8 @@ class ArmState(msgspec.Struct, frozen=True):
     """m between the finger pads"""
     gripper_contact: bool
     """Both pads touch something."""
+    fault: str = ""
+    """Why the device stopped by itself, or refuses to move, in words; empty if it does as it is told."""
 
 
 class TagReading(msgspec.Struct, frozen=True):
@@ -155,7 +160,14 @@ class ArmDriver(Protocol):
         """Open or close to `opening` m between the pads."""
 
     def stop(self) -> None:
-        """Hold the present position at once."""
+        """Come to rest at once, within the limits of the joints, and stay there."""
+
+    def keep_alive(self) -> None:
+        """The controller lives, and means the present motion to go on; told at each of its ticks.
+
+        A device that moves on by itself must come to rest when it was not told so for a while, 0.1 s if it can: the
+        process of the controller may have died. The driver's own process may have died with it.
+        """
 
     def close(self) -> None:
         """Release the device."""
@@ -250,7 +262,7 @@ def camera_entry(name: str) -> CameraEntry:
 def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any:
     """Make the driver `module:Class`, or that of an entry; `options` are passed on.
 
-    Raises `ConfigError` for an unknown name, or options that it does not have.
+    Raises `ConfigError` for an unknown name, or options that it does not have, or that are of another type.
     """
     place = name if ":" in name else camera_entry(name).driver
     module, _, cls = place.partition(":")
@@ -259,11 +271,26 @@ def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any
     except (ImportError, AttributeError, ValueError) as error:
         reason = missing_extra(error) or error
         raise ConfigError(f"driver {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
+    if not callable(factory):
+        raise ConfigError(f"driver {name!r} is a {type(factory).__name__}; expected 'module:Class'")
     try:
         inspect.signature(factory).bind(bus, keys, **options)
     except TypeError as error:
         raise ConfigError(f"driver {name!r}: {error}; its options: {', '.join(_options(factory)) or 'none'}") from error
+    _check_types(name, factory, options)
     return factory(bus, keys, **options)
+
+
+def _check_types(name: str, factory: Any, options: Mapping[str, Any]) -> None:
+    """Raise `ConfigError` for an option of another type than the driver says; what it does not say is not checked."""
+    try:
+        said = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
+    except (NameError, TypeError, AttributeError):
+        return
+    for option, value in options.items():
+        with contextlib.suppress(TypeError):  # a type that no file can tell
+            if option in said:
+                convert(value, said[option], f"driver {name!r}: option {option!r}")
 
 
 def _options(factory: Any) -> list[str]:

@@ -43,15 +43,24 @@ def read_intrinsics_file(path: Path) -> Intrinsics:
 
 
 def _intrinsics(told: dict[str, Any]) -> Intrinsics:
-    size = int(told["height"]), int(told["width"])
+    size = _pixels(told["height"]), _pixels(told["width"])
     if min(size) < 1:
         raise ValueError(f"images of {size[1]} x {size[0]} px")
     found = Intrinsics.from_meta({name: told[name] for name in INTRINSICS[:4]}, size)
     coefficients = list(told.get("distortion") or ())
     if not any(coefficients):
         return found
-    model = told.get("distortion_model") or _BY_COUNT.get(len(coefficients), "")
+    model = told.get("distortion_model") or _BY_COUNT.get(len(coefficients))
+    if model is None:
+        raise ValueError(f"{len(coefficients)} coefficients of distortion: of which distortion_model?")
     return replace(found, distortion=Distortion.of(model, coefficients))
+
+
+def _pixels(told: Any) -> int:
+    """A width or height. Raises `ValueError` for what is no whole number."""
+    if isinstance(told, bool) or not isinstance(told, (int, float)) or not float(told).is_integer():
+        raise ValueError(f"width or height {str(told)[:20]!r}: expected a whole number of px")
+    return int(told)
 
 
 def _from_ours(text: str, kind: str) -> dict[str, Any]:
@@ -73,6 +82,8 @@ def _from_yaml(text: str) -> dict[str, Any]:
         file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except (cv2.error, SystemError) as error:
         raise ValueError("no YAML") from error
+    if not file.root().isMap():
+        raise ValueError("expected a map with camera_matrix")
     matrix = _numbers(file, "camera_matrix")
     if len(matrix) != 9:
         raise ValueError(f"camera_matrix has {len(matrix)} numbers; expected 9")

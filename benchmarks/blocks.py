@@ -19,6 +19,7 @@ from rich.table import Table
 from agents.frame_images import images
 from agents.scenario.format.scenario import ObjectSpec, TableSpec
 from agents.scene_estimator.blocks import Block, BlockFinder, KnownBlock, Support, upright_box
+from agents.scene_estimator.blocks.block import BlockKind
 from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
 from benchmarks.color_scene import AWAY, ColorScene, looking_at
@@ -93,6 +94,10 @@ def _color(name: str) -> tuple[float, float, float]:
     return _PALE if name == "pale_box" else _COLOR
 
 
+def _kind(name: str) -> BlockKind:
+    return "cylinder" if name == "can" else "cube" if name == "cube" else "box"
+
+
 def _shape(name: str, size: tuple[float, float, float]) -> tuple[Part, ...]:
     return (Part("cylinder", size),) if name == "can" else ()
 
@@ -100,7 +105,7 @@ def _shape(name: str, size: tuple[float, float, float]) -> tuple[Part, ...]:
 def _trial(scene: ColorScene, name: str, distance: float, rng: np.random.Generator) -> BlockResult:
     size = BLOCKS[name]
     x, y, yaw = rng.uniform((0.25, -0.1, -np.pi / 4), (0.45, 0.1, np.pi / 4))
-    truth = Block("cylinder" if name == "can" else "box", x, y, yaw, size, 0.0)
+    truth = Block(_kind(name), x, y, yaw, size, 0.0)
     scene.put(name, Pose.from_rotvec(truth.centre, (0.0, 0.0, yaw)))
     camera = looking_at(truth.centre, distance, rng)
     color, depth, intrinsics = images(scene.frame(camera))
@@ -127,7 +132,7 @@ def _looked(view: FrameView, color: NDArray[np.uint8], truth: Block) -> BlockRes
     found, peer = (_alike(block, truth) for block in (sighting.block, upright_box(cluster)))
     off = np.array(found.centre) - truth.centre
     nees = float(off @ np.linalg.solve(sighting.covariance[:3, :3], off))
-    turned = math.nan if truth.kind == "cylinder" else abs(math.remainder(found.yaw - truth.yaw, math.pi))
+    turned = math.nan if truth.is_round else abs(math.remainder(found.yaw - truth.yaw, math.pi))
     errors = {"fit": _errors(found, truth), "rectangle": _errors(peer, truth)}
     first, second, third = np.diff(times).tolist()
     return BlockResult(True, found.kind == truth.kind, errors, turned, nees, (first, second, third))
@@ -135,7 +140,7 @@ def _looked(view: FrameView, color: NDArray[np.uint8], truth: Block) -> BlockRes
 
 def _alike(block: Block, truth: Block) -> Block:
     """With its axes named as those of the truth, as nearly as can be."""
-    if truth.kind == "cylinder":
+    if truth.is_round:
         return block
     return min(
         map(block.turned, range(4)),

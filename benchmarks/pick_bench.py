@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from agents.arm_controller import ArmController
 from agents.plant import Plant
 from agents.plant.messages import Truth
 from agents.scene_setup import SceneSetup
+from dsr.clock import ManualClock
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep
@@ -50,9 +51,19 @@ class Bench:
         blocks: what stands on the table.
         seed: of the run.
         noise: m, standard deviation of the constant error of each object's believed x and y.
+        arm: configuration of the arm controller.
+        clock: of the run, for devices that need it; a new one if None.
     """
 
-    def __init__(self, blocks: Sequence[Block], *, seed: int = 0, noise: float = 0.0) -> None:
+    def __init__(
+        self,
+        blocks: Sequence[Block],
+        *,
+        seed: int = 0,
+        noise: float = 0.0,
+        arm: Mapping[str, Any] | None = None,
+        clock: ManualClock | None = None,
+    ) -> None:
         rng = np.random.default_rng(seed)
         self._errors: dict[str, tuple[float, float, float]] = {
             block.name: (*rng.normal(0.0, noise, 2).tolist(), 0.0) for block in blocks
@@ -64,8 +75,9 @@ class Bench:
                 [
                     AgentSpec("plant", Plant, {"scenario": str(file), "sensor": "poses"}),
                     AgentSpec("scene_setup", SceneSetup, {"scenario": str(file)}),
-                    AgentSpec("arm_controller", ArmController),
+                    AgentSpec("arm_controller", ArmController, dict(arm or {})),
                 ],
+                clock=clock,
                 seed=seed,
                 strict=True,
             )

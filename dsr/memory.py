@@ -320,6 +320,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         attribute: str | Iterable[str] | None = None,
         existing: bool = True,
         notify: Callable[[], None] | None = None,
+        where: Callable[[Node | Edge], bool] | None = None,
     ) -> Watch:
         """Follow changes: of nodes or edges of these types, of these attributes; of everything by default.
 
@@ -330,6 +331,8 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             existing: begin with what is there already.
             notify: called, in any thread and with the graph locked, when there is something to poll, and when the
                 watch is closed; it must return at once.
+            where: tells of an element whether its additions and updates are wanted; removals are reported in any case.
+                It is called for each of them, in any thread and with the graph locked: it must return at once.
 
         Raises:
             SchemaError: for an unknown name.
@@ -339,7 +342,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             checked_names(edge_type, self.schema.edge_types, "edge type"),
             checked_names(attribute, self.schema.attributes, "attribute"),
         )
-        watch = Watch(wanted, notify)
+        watch = Watch(wanted, notify, where)
         with self._replica.lock:
             present: list[Node | Edge] = [*self._graph.nodes.values(), *self._graph.edges.values()] if existing else []
             self._watches.follow(watch, present)

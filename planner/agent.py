@@ -9,6 +9,7 @@ from dsr.agent import Access, Agent
 from dsr.clock import ROUNDING
 from dsr.errors import GoalError
 from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import SURFACES, THINGS, Relations, read_relations
@@ -50,12 +51,12 @@ class Planner(Agent):
     shares_process = True
     goal_libraries = (PACKAGE,)
     reads = Access(
-        nodes=("intention", "action", "gripper", "camera", "arm", *THINGS, *SURFACES),
+        nodes=("intention", "action", "gripper", "camera", "arm", HALT_NODE, *THINGS, *SURFACES),
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
         attributes=(
             *("goal", "maintain", "priority", "status", "explanation", "hopeless", "request"),
             *("size", "present", "surprising", "mount"),
-            *("detectable", "source", "replans", *INTRINSICS),
+            *("detectable", "source", "replans", *INTRINSICS, *HALT_ATTRIBUTES),
         ),
     )
     writes = Access(

@@ -14,6 +14,7 @@ from dsr.errors import GoalError
 from dsr.memory import Memory
 from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.halting import HALT_NODE, order_of
 from dsr.vocabulary.intentions import (
     DONE,
     FAILED,
@@ -142,6 +143,7 @@ class Execution:
         if self._arm.is_hidden(goal.things):
             yield from self._arm.rest()
         while True:
+            self._check_allowed()
             yield from self._settle()
             yield from self._waiting.until_there(goal)
             if goal.holds(self._relations()):
@@ -157,6 +159,12 @@ class Execution:
             else:
                 yield from self._settle()
                 self._check_worth(goal)
+
+    def _check_allowed(self) -> None:
+        """Raise `GivingUp` while an emergency stop forbids motion: nothing begins by itself when it is released."""
+        order = order_of(self._memory.get_node(HALT_NODE))
+        if order is not None and order.halted:
+            raise GivingUp(FAILED, order.reason)
 
     def _check_worth(self, goal: Goal) -> None:
         """After a plan that was carried out to its end: raise `GivingUp` if that has been in vain too often."""
@@ -299,6 +307,7 @@ class Execution:
 
         progress = yield from self._arm.run(name, told, watch, lambda: monitor.change)
         if progress.status != DONE:
+            self._check_allowed()
             if skill.target_pose is not None:
                 self._avoid.append((skill.target_pose.t[0], skill.target_pose.t[1]))
             problem = f"{skill}: {progress.explanation or progress.status}"

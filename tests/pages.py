@@ -36,8 +36,8 @@ from tests.agents.ros_bridge.robot import bridged
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("docs/**/*.md")))
-PATIENCE = 20.0
-"""s for an endless program to print a line, and to end."""
+PATIENCE = 60.0
+"""s for an endless program to print a line, and again to end: beside 30 busy processes each takes 7 s."""
 _BLOCK = re.compile(
     r"^(?:<!-- not run: (?P<excuse>.+) -->\n)?(?P<endless><!-- runs until it is stopped -->\n)?"
     r"(?:`(?P<name>[\w./-]+)`:\n)?```(?P<language>\w*)\n(?P<code>.*?)^```$",
@@ -244,10 +244,13 @@ def _until_stopped(block: Block) -> None:
         killer.start()
         assert process.stdout is not None
         line = process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate()
         killer.cancel()
-    assert line and process.returncode != -signal.SIGKILL, errors.decode()
+        process.send_signal(signal.SIGINT)
+        try:
+            _, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert line, f"it printed nothing in {PATIENCE:g} s, or ended: exit code {process.returncode}, {errors.decode()}"
 
 
 def check_dsr(words: list[str]) -> None:

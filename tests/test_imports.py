@@ -27,6 +27,7 @@ ONE_PLACE = {
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
     "pyrealsense2": ("agents/cameras/realsense.py",),
+    "ruckig": ("agents/plant/ramp.py",),
     "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
@@ -39,6 +40,8 @@ SHARED_BY_AGENTS = (
     "agents.depth_alignment",
     "agents.drivers",
     "agents.frame_images",
+    "agents.hand_tracker.config",
+    "agents.hand_tracker.model.loading",
     "agents.inbox",
     "agents.intrinsics_file",
     "agents.object_models",

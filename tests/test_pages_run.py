@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from dsr import Pose, connect
+from dsr.clock import WALL_CLOCK
 from tests.pages import PAGES, ROOT, Attempt, blocks_in, blocks_of, needs_system
 
 STAGED = [page for page in PAGES if needs_system(blocks_of(page))]
@@ -64,6 +69,32 @@ def test_all_blocks_of_pages_about_a_running_system_work(stage: Path, subtests: 
         with subtests.test(page=page.stem):
             Attempt(blocks_of(page), known).all()
     assert len(known) >= FEWEST_LOOKS
+
+
+def test_the_program_of_the_readme_waits_until_it_is_known_where_a_cube_is(folder: Path) -> None:
+    """It may hear of a cube before it hears where the camera is that sees the cube."""
+    (block,) = (block for block in blocks_of(ROOT / "README.md") if block.name == "counter.py")
+    Path(block.name).write_text(block.code, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with connect("tabletop", agent="robot", must_exist=False) as memory:
+        for name, type in (("world", "world"), ("table", "table"), ("camera_1", "camera"), ("cube_1", "cube")):
+            memory.add_node(name, type)
+        memory.add_edge("camera_1", "cube_1", "RT", pose=Pose((0.0, 0.0, 1.0)))
+        with subprocess.Popen(
+            [sys.executable, "-u", block.name], stdout=subprocess.PIPE, env=environment, text=True
+        ) as process:
+            said = memory.watch(node_type="table", attribute="seen", existing=False)
+            while not memory.peers and process.poll() is None:
+                WALL_CLOCK.wait(threading.Event(), 0.05)
+            WALL_CLOCK.wait(threading.Event(), 1.0)  # it looks at the cube
+            memory.add_edge("world", "camera_1", "RT", pose=Pose((0.5, 0.0, 0.0)))
+            while not said.poll() and process.poll() is None:
+                memory.update_node("cube_1", last_seen=WALL_CLOCK.now())
+                WALL_CLOCK.wait(threading.Event(), 0.05)
+            process.send_signal(signal.SIGINT)
+            assert process.stdout is not None
+            assert process.stdout.readline() == "cube_1 is at [0.5 0.  1. ] m\n"
+        assert memory.node("table")["seen"] == 1
 
 
 def test_few_blocks_have_an_excuse() -> None:

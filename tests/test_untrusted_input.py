@@ -19,8 +19,14 @@ UNSAFE_ATTRIBUTES = {"system", "popen", "load", "loadtxt", "genfromtxt", "fromfi
 """Of `os` and `numpy`."""
 OWN_CHILDREN = {"agents/scenario/run/sweep.py", "agents/scenario/run/sweep_worker.py"}
 """Speak with processes that they start themselves, through pipes that nobody else can reach."""
-LOADED_BY_NAME = {"dsr/runtime/system.py", "agents/drivers.py", "dsr/__init__.py", "dsr/cli/commands.py"}
-"""May import a module by a name, which comes from a local file or command line."""
+LOADED_BY_NAME = {
+    "dsr/runtime/system.py",
+    "dsr/runtime/forked.py",
+    "agents/drivers.py",
+    "dsr/__init__.py",
+    "dsr/cli/commands.py",
+}
+"""May import a module by a name, which comes from a local file, a command line or the parent of a fork."""
 
 
 def offences(tree: ast.AST) -> list[str]:

@@ -15,6 +15,9 @@ from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
+from agents.arm_controller.safety.halting import EmergencyStop
+from agents.arm_controller.safety.sight import Patience
+from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
@@ -24,17 +27,21 @@ from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.files.built_in import ETC
+from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
+from dsr.vocabulary.intentions import FAILED, HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import MODELLED, THINGS
 
-OBJECTS = (*THINGS, "hand", "finger")
+OBJECTS = (*THINGS, "hand", "finger", "person")
 """Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""
 SILENCE = 0.5
-"""s without a new sample after which the driver counts as gone"""
-LATE = 0.1
-"""s, all that one tick can add to a silence: five ticks find no sample before the driver counts as gone. Where this
+"""s without a new sample after which the driver of a slow device counts as gone, too"""
+SLOWER = 1.5
+"""Share of the longest interval between samples of late that a silence may last: a robot at 20 Hz is not gone"""
+LATE = 0.02
+"""s, all that one tick can add to a silence: several ticks find no sample before the driver counts as gone. Where this
 agent itself did not run, on an overloaded machine, samples may have come that it could not see."""
 
 
@@ -50,26 +57,28 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "camera", "table", "action", *MODELLED, *OBJECTS),
+        nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
             *("size", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request"),
+            *HALT_ATTRIBUTES,
         ),
     )
     writes = Access(
-        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera", "action"),
+        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera", "action", HALT_NODE),
         edges=("RT", "has", "grasping"),
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
             *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
             *("bounds", "source", "since"),
+            *HALT_ATTRIBUTES,
             *("stream", *INTRINSICS),
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
     )
-    publishes = ("blob/*", "device/arm/command")
+    publishes = ("blob/*", "device/arm/command", "device/halted/*")
     Config = ArmControllerConfig
     config: ArmControllerConfig
 
@@ -95,45 +104,71 @@ class ArmController(Agent):
         self._gone = ""
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
+        self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
+        self._watchdog = Watchdog(self._chain, self.config.stale)
+        self._patience = Patience(SLOWER, self.config.stale, SILENCE)
+        self._obeyed = ""
+        """The reason to stop that the driver was told of"""
+        self._scene = ArmScene(self.memory)
+        gripper_from_tool = self._model.palm_from_tool
+        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
+        manipulator = self._make_manipulator()
+        self._actions = RunningActions(self.memory, manipulator, config, self.log)
+        widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
             self.memory,
             self._chain,
             config,
             send=self._send,
+            forbids=manipulator.forbids,
             stop=self._driver.stop,
             log=self.log,
             rng=np.random.default_rng(self.seed),
         )
-        self._scene = ArmScene(self.memory)
-        gripper_from_tool = self._model.palm_from_tool
-        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        self._actions = RunningActions(self.memory, self._make_manipulator(), config, self.log)
-        widest = self._model.gripper.widest or math.inf
         self._grip = GripperControl(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
 
     def tick(self, now: float) -> None:
         """Forward what the devices measured since the last tick, and follow the targets."""
-        joints = self._new_sample()
+        joints = self._new_sample(now)
+        self._look(joints, now)
+        ordered, danger = self._emergency.reason, self._watchdog.danger
+        if ordered or danger:  # before all that may fail
+            self._stay(ordered or danger, HALTED if ordered else FAILED)
+        if not ordered:
+            self._driver.keep_alive()
+        if joints is not None:
+            self._body.write(joints)
+            self._holding.tick(joints)
+            self._hear_again(joints)
+        if self._gone:
+            self._actions.refuse(self._gone)
+        elif joints is not None and not (ordered or danger):
+            self._follow_targets(joints)
+        self._obeyed = ordered or danger
+        self._emergency.tick(self._is_moving)
+        self.degraded = "; ".join(filter(None, (ordered, danger, self._gone, *(feed.trouble for feed in self._feeds))))
+        self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
+
+    def _look(self, joints: Joints | None, now: float) -> None:
+        """Find out what works: cameras, memory, the driver of the arm."""
+        for feed in self._feeds:
+            if feed.forward():
+                self._watchdog.note_frame(feed.node, now)
+        self._watchdog.look(bool(self.memory.peers), now)
         self._heard += max(0.0, now - self._ticked - LATE)
         self._ticked = now
         if joints is not None:
             self._heard = now
-            self._body.write(joints)
-            self._holding.tick(joints)
-            self._follow_targets(joints)
-        elif now - self._heard > (SILENCE if self._state else START_UP) and not self._gone:
-            self._gone = f"no sample of the arm for {now - self._heard:.1f} s"
+            self._patience.note(now)
+        silence, patience = now - self._heard, self._patience.seconds if self._state else START_UP
+        if silence > patience and not (self._gone or self._watchdog.danger):
+            self._gone = f"no sample of the arm for {silence:.2f} s"
+            self._driver.stop()
             self._motion.report.say(NO_DRIVER, self._gone)
-        if self._gone:
-            self._actions.refuse(self._gone)
-        for feed in self._feeds:
-            feed.forward()
-        self.degraded = "; ".join(filter(None, (self._gone, *(feed.trouble for feed in self._feeds))))
-        self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""
-        closers = (getattr(self, name, None) for name in ("_actions", "_motion", "_grip", "_driver"))
+        closers = (getattr(self, name, None) for name in ("_actions", "_motion", "_grip", "_driver", "_emergency"))
         for closer in (*closers, *getattr(self, "_feeds", ())):
             if closer is not None:
                 closer.close()
@@ -161,14 +196,16 @@ class ArmController(Agent):
             self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng
         )
 
-    def _new_sample(self) -> Joints | None:
+    def _new_sample(self, now: float) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""
         state = self._driver.state()
         if state is None or (self._state is not None and state.stamp == self._state.stamp):
             return None
         try:
             joints = read_joints(state, self._chain.names)
+            self._watchdog.note_sample(joints, "", state.fault, now)
         except JointsError as error:
+            self._watchdog.note_sample(None, str(error), "", now)
             if not self._complained:
                 self.log.error("samples of the arm are dropped (logged once): %s", error)
             self._complained = True
@@ -176,12 +213,30 @@ class ArmController(Agent):
         self._state = state
         return joints
 
-    def _follow_targets(self, joints: Joints) -> None:
-        if self._gone:
-            self._gone = ""
-            self.log.info("samples of the arm arrive again")
+    @property
+    def _is_moving(self) -> bool:
+        """Whether a joint moved at the newest sample."""
+        return self._state is not None and bool(max(map(abs, self._state.velocities)) > self.config.still_speed)
+
+    def _hear_again(self, joints: Joints) -> None:
+        """After a silence of the driver: it may have forgotten what it was told."""
+        if not self._gone:
+            return
+        self._gone = ""
+        self.log.info("samples of the arm arrive again")
+        if not (self._emergency.reason or self._watchdog.danger):
             self._motion.resume(joints)
             self._grip.resume()
+
+    def _stay(self, reason: str, status: str) -> None:
+        """Stop, and refuse all motion; actions end with this status."""
+        if self._obeyed != reason:
+            self._driver.stop()
+        self._actions.refuse(reason, status)
+        self._motion.forbid(reason)
+        self._grip.forbid(reason)
+
+    def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
         for follower in (self._motion, self._grip):
             if self._actions.running:

@@ -8,6 +8,8 @@ from typing import Any
 import msgspec
 
 from agents.arm_controller.arm_model import ArmModel, load_arm
+from agents.arm_controller.safety.separation import Separation
+from agents.arm_controller.safety.zones import Zone
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 
@@ -81,10 +83,21 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     observe_joints: tuple[float, ...] = ()
     """rad, where `observe` goes: the arm hides nothing from the camera there; also what skills prefer to be near to. If
     empty: the state `home` of the SRDF file beside the URDF file"""
-    acceleration: float = 4.0
-    """rad/s^2, of joints in skills"""
+    acceleration: float = 5.0
+    """rad/s^2, the most of a joint in skills: what data sheets of arms of this size name for the large joints"""
+    jerk: float = 100.0
+    """rad/s^3, the most of a joint in skills: the acceleration turns round within 0.1 s, and motions take 0.1 s more"""
+    separation: Separation = Separation()
+    """How fast the tool point may be in skills near hands and people."""
+    workspace: Zone | None = None
+    """World; the tool point stays within; None: everywhere"""
+    forbidden: dict[str, Zone] = {}
+    """World, by name: where no part of the arm goes, nor what it carries. Nodes of type `zone` are others."""
     approach: float = 0.08
     """m, of the straight ways down to an object and up again"""
+    stale: float = 0.05
+    """s without a new sample after which the arm is stopped: three ticks, so that it brakes within 0.1 s; longer for a
+    device that tells samples more rarely than at 30 Hz"""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01

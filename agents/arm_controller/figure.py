@@ -74,6 +74,10 @@ class Figure:
         halves = np.broadcast_to(np.array([box.half for box in parts]), (*placed.shape[:2], 3))
         return Boxes(placed[..., :3, 3], placed[..., :3, :3], halves)
 
+    def tips(self, positions: Array) -> Array:
+        """(m, 3) m, where the tool point is in the base frame at joint `positions` (m, n)."""
+        return np.asarray(self._chain.frames(positions)[:, -1, :3, 3])
+
     def meets_itself(self, boxes: Boxes, margin: float) -> NDArray[np.bool_]:
         """(m,) whether parts of the arm that are not neighbours are closer than `margin` m."""
         count = boxes.centers.shape[1]

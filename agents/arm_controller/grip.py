@@ -9,6 +9,7 @@ from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.report import (
     ACTING,
+    FORBIDDEN,
     IDLE,
     MOVING,
     REACHED,
@@ -55,12 +56,12 @@ class GripperControl:
         self._stall = StallDetector()
         self._goal: float | None = None
         self._last = 0.0
-        self._yields = False
+        self._yields = ("", "")  # status and explanation while something else decides over the gripper
 
     def tick(self, joints: Joints) -> None:
         """Take a new opening if there is one, else see how far the fingers are."""
-        if self._yields:
-            self._yields = False
+        if self._yields[0]:
+            self._yields = ("", "")
             self.report.say(IDLE)
         changed = any(change.name == self._config.gripper for change in self._watch.poll())
         if changed:
@@ -76,17 +77,24 @@ class GripperControl:
 
         One that is written meanwhile is taken away again.
         """
+        self._give_up(ACTING, "", f"{action} is running")
+
+    def forbid(self, reason: str) -> None:
+        """Forget the opening, because nothing must move; call it in place of `tick` while that lasts."""
+        self._give_up(FORBIDDEN, reason, reason)
+
+    def _give_up(self, status: str, told: str, refusal: str) -> None:
         self._watch.poll()
         node = self._memory.get_node(self._config.gripper)
         written = node is not None and "target_opening" in node
         if written:
             self._memory.remove_attribute(self._config.gripper, "target_opening")
-        if not self._yields:
+        if self._yields != (status, told):
             self._goal = None
-            self.report.say(ACTING)
+            self.report.say(status, told)
         elif written:
-            self.report.say(REFUSED, f"target_opening: {action} is running")
-        self._yields = True
+            self.report.say(REFUSED, f"target_opening: {refusal}")
+        self._yields = (status, told)
 
     def resume(self) -> None:
         """Follow the opening again, because the driver may have forgotten it."""

@@ -17,6 +17,7 @@ from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.report import (
     ACTING,
+    FORBIDDEN,
     IDLE,
     MOVING,
     REACHED,
@@ -50,6 +51,7 @@ class MotionControl:
         chain: from the arm's base to the tool point.
         config: names and tolerances.
         send: moves the joints.
+        forbids: says what keeps the arm from going from its joints to others, empty if nothing does.
         stop: holds them at once.
         log: for targets that cannot be reached.
         rng: starting points of the inverse kinematics.
@@ -62,6 +64,7 @@ class MotionControl:
         config: ArmControllerConfig,
         *,
         send: Send,
+        forbids: Callable[[Joints, Positions], str],
         stop: Callable[[], None],
         log: logging.Logger,
         rng: np.random.Generator,
@@ -71,18 +74,19 @@ class MotionControl:
         self._chain = chain
         self._config = config
         self._send = send
+        self._forbids = forbids
         self._stop = stop
         self._rng = rng
         self._watch = memory.watch(node_type="arm", attribute=(*_TARGETS, "target_speed"))
         self._stall = StallDetector()
         self._active = ""  # the attribute that is followed
         self._goal: Positions | None = None  # while on the way
-        self._yields = False
+        self._yields = ("", "")  # status and explanation while something else decides over the arm
 
     def tick(self, joints: Joints) -> None:
         """Take a new target if there is one, else see how far the arm is."""
-        if self._yields:
-            self._yields = False
+        if self._yields[0]:
+            self._yields = ("", "")
             self.report.say(IDLE)
         changes = [change for change in self._watch.poll() if change.name == self._config.arm]
         changed = frozenset[str]().union(*(change.attributes for change in changes))
@@ -99,17 +103,27 @@ class MotionControl:
 
         A target that is written meanwhile is taken away again.
         """
+        self._give_up(ACTING, "", f"{action} is running")
+
+    def forbid(self, reason: str) -> None:
+        """Forget the target, because the arm must not move; call it in place of `tick` while that lasts.
+
+        A target that is written meanwhile is taken away again: nothing moves on its own when motion is allowed again.
+        """
+        self._give_up(FORBIDDEN, reason, reason)
+
+    def _give_up(self, status: str, told: str, refusal: str) -> None:
         self._watch.poll()
         node = self._memory.get_node(self._config.arm)
         written = [] if node is None else [name for name in _TARGETS if name in node]
         for name in written:
             self._memory.remove_attribute(self._config.arm, name)
-        if not self._yields:
+        if self._yields != (status, told):
             self._active, self._goal = "", None
-            self.report.say(ACTING)
+            self.report.say(status, told)
         elif written:
-            self.report.say(REFUSED, f"{written[0]}: {action} is running")
-        self._yields = True
+            self.report.say(REFUSED, f"{written[0]}: {refusal}")
+        self._yields = (status, told)
 
     def resume(self, joints: Joints) -> None:
         """Follow the target again, because the driver may have forgotten it."""
@@ -146,6 +160,8 @@ class MotionControl:
             return
         try:
             goal = self._goal_of(node, speed, joints)
+            if problem := self._forbids(joints, goal):
+                raise TargetError(problem)
         except (TargetError, UnreachableError, TransformError) as error:
             self._halt(UNREACHABLE, f"{self._active}: {error}")
             return

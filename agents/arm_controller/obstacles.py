@@ -9,6 +9,7 @@ import numpy as np
 
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.overlap import room
+from agents.arm_controller.safety.zones import EDGE, Zone
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.shapes import LinkBox
 from dsr.math3d.boxes import Array, Boxes, stacked
@@ -45,10 +46,19 @@ class Obstacles:
         things: what must not be touched.
         arm_from_world: where the world is in the arm's frame.
         target: the one of them that the gripper may be around at the end of a path.
+        workspace: where the tool point must stay; None for anywhere.
     """
 
-    def __init__(self, figure: Figure, things: Sequence[Obstacle], arm_from_world: Pose, target: str = "") -> None:
+    def __init__(
+        self,
+        figure: Figure,
+        things: Sequence[Obstacle],
+        arm_from_world: Pose,
+        target: str = "",
+        workspace: Zone | None = None,
+    ) -> None:
         self._figure = figure
+        self._workspace, self._world_from_arm = workspace, arm_from_world.inverse()
         self._names = [thing.name for thing in things]
         self._target = self._names.index(target) if target in self._names else None
         self._boxes = stacked((arm_from_world @ thing.pose, thing.size) for thing in things)
@@ -60,7 +70,7 @@ class Obstacles:
         things, and around the target.
         """
         boxes = self._figure.boxes(path, load.opening, load.held)
-        found = [(row, name) for row, name in self._meetings(boxes, load, final)]
+        found = [*self._meetings(boxes, load, final), *self._leavings(path)]
         return min(found)[1] if found else None
 
     def _meetings(self, boxes: Boxes, load: Load, final: int) -> list[tuple[int, str]]:
@@ -69,6 +79,15 @@ class Obstacles:
         met = [(_first_met(column), name) for column, name in zip(left.T, self._names, strict=True)]
         itself = _first_met(np.where(self._figure.meets_itself(boxes, 0.0), -1.0, 1.0))
         return [(row, name) for row, name in [*met, (itself, ITSELF)] if row is not None]
+
+    def _leavings(self, path: Array) -> list[tuple[int, str]]:
+        """The row at which the tool point leaves the workspace, if it does."""
+        if self._workspace is None:
+            return []
+        world = self._world_from_arm
+        tips = self._figure.tips(path) @ world.rotation_matrix.T + np.array(world.t)
+        row = _first_met(self._workspace.room(tips))
+        return [] if row is None else [(row, EDGE)]
 
     def _room(self, boxes: Boxes, load: Load, final: int) -> Array:
         """(m, k) m that is left between the arm and each thing beyond the margin; inf where there is plenty."""

@@ -15,6 +15,7 @@ STOPPED = "stopped"
 NO_DRIVER = "no_driver"
 ACTING = "acting"
 REFUSED = "refused"
+FORBIDDEN = "halted"
 
 PATIENCE = 1.0
 """s that something may stand still short of its target before it counts as stopped"""

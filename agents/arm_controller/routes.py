@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.trajectory import SPACING, Trajectory, resampled, rounded, timed
+from agents.arm_controller.trajectory import PERIOD, SPACING, MotionLimits, Trajectory, resampled, rounded, timed
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
@@ -78,6 +78,15 @@ class Router:
         """Seconds that the slowest joint needs from one to the other at its full speed."""
         return float((np.abs(goal - start) / self._velocity).max())
 
+    def fastest(self, rows: Array) -> float:
+        """Greatest speed of the tool point, m/s, when it passes through a row of joint positions (m, n) each period."""
+        tips = self._chain.frames(rows)[:, -1, :3, 3]
+        return float(np.linalg.norm(np.diff(tips, axis=0), axis=1).max(initial=0.0)) / PERIOD
+
+    def retimed(self, rows: Array, limits: MotionLimits) -> Trajectory:
+        """The way through joint positions (m, n), from rest to rest within other limits."""
+        return timed(resampled(rows), self._velocity, limits)
+
     def plan(
         self,
         start: Array,
@@ -85,7 +94,7 @@ class Router:
         load: Load,
         obstacles: Obstacles,
         travel: float,
-        limits: tuple[float, float],
+        limits: MotionLimits,
     ) -> Trajectory:
         """A way from joint positions `start` (n,) rad to `goal`.
 
@@ -95,7 +104,7 @@ class Router:
             load: what moves along.
             obstacles: what must not be touched.
             travel: m above the world's zero, height of the tool point at which everything is passed over.
-            limits: 0 to 1 of the joints' speed limits, and rad/s^2.
+            limits: of speed, acceleration and jerk.
 
         Raises:
             BlockedError: if each way that was tried is blocked, with what blocks the last one.
@@ -105,12 +114,12 @@ class Router:
             rows, final = _smooth(path)
             by = obstacles.blocking(rows, load, final)
             if by is None:
-                return timed(rows, limits[0] * self._velocity, limits[1])
+                return timed(rows, self._velocity, limits)
             blocked = by
         raise BlockedError(blocked)
 
     def rise(
-        self, start: Array, height: float, load: Load, obstacles: Obstacles, limits: tuple[float, float]
+        self, start: Array, height: float, load: Load, obstacles: Obstacles, limits: MotionLimits
     ) -> Trajectory:
         """Straight up by `height` m, or as far as the arm gets; arguments and errors as of `plan`."""
         line = self._line(start, height, cut=True)
@@ -118,7 +127,7 @@ class Router:
         by = obstacles.blocking(rows, load, len(rows))
         if by is not None:
             raise BlockedError(by)
-        return timed(rows, limits[0] * self._velocity, limits[1])
+        return timed(rows, self._velocity, limits)
 
     def _paths(self, start: Array, goal: JointGoal, travel: float) -> Iterator[_Path]:
         """Ways to try, in this order."""

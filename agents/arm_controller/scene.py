@@ -50,7 +50,8 @@ class ArmScene:
     """The belief as the arm needs it; read anew with each call."""
 
     def __init__(self, memory: Memory) -> None:
-        self._memory = memory
+        self.memory = self._memory = memory
+        """The memory that it is read from."""
 
     def object(self, name: str) -> Obstacle | None:
         """The object, or None if it is not believed to be anywhere."""
@@ -83,6 +84,12 @@ class ArmScene:
     def tables(self) -> list[Obstacle]:
         """List all tables."""
         return [thing for node in self._memory.nodes("table") if (thing := self.table(node.name)) is not None]
+
+    def zones(self) -> list[Obstacle]:
+        """List the boxes that no arm may enter: nodes of type `zone` with a size and a pose."""
+        nodes = self._memory.nodes("zone")
+        found = [(node, node.get("size"), self._memory.get_transform(WORLD, node.name)) for node in nodes]
+        return [Obstacle(node.name, pose, size) for node, size, pose in found if size is not None and pose is not None]
 
     def models(self, base: Vector3) -> list[Obstacle]:
         """The boxes around objects with meshes that stand around an arm whose base is at `base` (m, world).

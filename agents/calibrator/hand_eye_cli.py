@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from agents.calibrator.hand_eye.report import HandEyeReport
 
 _LENSES = ("pinhole", "plumb_bob", "rational_polynomial", "equidistant")
+_MOST_OFF = 1.0
+"""m or rad, standard deviation of the hand: one that is off by more is not known at all"""
 _TARGETS = "circles:10x10:0.01, chessboard:8x6:0.025 (inner corners), tag36h11:7:0.05 (id 7), tags:FILE, square:0.2; m."
 
 
@@ -46,13 +48,18 @@ def hand_eye(
         bool, typer.Option("--fit-joints", help="With --urdf: find a constant error of each joint, too.")
     ] = False,
     position_std: Annotated[
-        float | None, typer.Option(min=0.0, metavar="M", help="Error of the hand's position; default: as images show.")
+        float | None,
+        typer.Option(
+            min=0.0, max=_MOST_OFF, metavar="M", help="Error of the hand's position; default: as images show."
+        ),
     ] = None,
     rotation_std: Annotated[
-        float | None, typer.Option(min=0.0, metavar="RAD", help="Error of the hand's rotation, likewise.")
+        float | None,
+        typer.Option(min=0.0, max=_MOST_OFF, metavar="RAD", help="Error of the hand's rotation, likewise."),
     ] = None,
     joint_std: Annotated[
-        float | None, typer.Option(min=0.0, metavar="RAD", help="With --urdf: error of each joint, such as rounding.")
+        float | None,
+        typer.Option(min=0.0, max=_MOST_OFF, metavar="RAD", help="With --urdf: error of each joint, such as rounding."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the result: .toml or .json.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from agents.cameras.errors import CorruptFrameError, DeviceError, EndOfPicturesE
 from agents.cameras.given_intrinsics import GivenIntrinsics, SizeError
 from agents.drivers import SILENCE
 from dsr.clock import WALL_CLOCK, Clock
+from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
 from dsr.threads import new_thread
 
@@ -63,6 +65,9 @@ class CameraReader:
         counts: where the device counts too; those of the reader are added.
         clock: of stamps and pauses.
         log: where it is told that the camera is gone, or back.
+
+    Raises:
+        ConfigError: for times that cannot be waited.
     """
 
     def __init__(
@@ -70,6 +75,11 @@ class CameraReader:
         silence: float = SILENCE, frozen: float = FROZEN, first_pause: float = FIRST_PAUSE,
         counts: Counter[str] | None = None, clock: Clock = WALL_CLOCK, log: logging.Logger | None = None,
     ) -> None:  # fmt: skip
+        if not (0.0 < silence < math.inf and 0.0 < first_pause <= _LONGEST_PAUSE and 0.0 <= frozen < math.inf):
+            raise ConfigError(
+                f"silence {silence}, frozen {frozen}, first_pause {first_pause}: expected s, the first positive, the "
+                f"second not negative, the last between 0 and {_LONGEST_PAUSE:g}"
+            )
         self._device, self._intrinsics, self._clock = device, intrinsics, clock
         self._log = log or logging.getLogger("dsr.camera")
         self._condition = CameraCondition(name, self._log, silence, frozen, counts)

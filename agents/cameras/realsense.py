@@ -64,15 +64,15 @@ class RealSense(CameraReader):
     clock: ClassVar[Clock] = WALL_CLOCK
 
     def __init__(
-        self, bus: Transport, keys: Keys, name: str = "realsense", *, serial: str = "", file: str = "",
+        self, bus: Transport, keys: Keys, name: str = "realsense", *, serial: str | int = "", file: str = "",
         width: int = 640, height: int = 480, fps: int = 30, depth: bool = True, loop: bool = True,
         silence: float = SILENCE, frozen: float = FROZEN, first_pause: float = FIRST_PAUSE,
     ) -> None:  # fmt: skip
         library = load_library()
         if file and not Path(file).is_file():
             raise ConfigError(f"{file}: there is no such file")
-        if min(width, height, fps) < 1 or silence <= 0.0 or first_pause <= 0.0:
-            raise ConfigError("driver realsense: width, height, fps and silence are positive")
+        if min(width, height, fps) < 1:
+            raise ConfigError("driver realsense: width, height and fps are positive")
         kind = type(self)
         counts: Counter[str] = Counter()
         device = RealSenseDevice(

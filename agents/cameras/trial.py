@@ -21,8 +21,6 @@ _AHEAD = 0.05
 """s by which a stamp may be ahead of our clock: what clocks of one machine never are"""
 _LATE = 0.5
 """s by which pictures may be late: no driver needs as long, so that it is rather a clock that is behind"""
-_FAR = 60.0
-"""m, beyond which depth is likely in another unit"""
 
 
 class CameraFindings(msgspec.Struct, frozen=True):
@@ -135,10 +133,10 @@ def _content(frame: Frame | None) -> tuple[tuple[int, ...], Any, Intrinsics | No
         missing.append(f"no agent can measure in these pictures: {error}")
     if depth is None:
         missing.append("no depth: objects are found by their tags only, and hands not by skin colour")
-    elif (spread := _spread(depth)) is None:
+    elif _spread(depth) is None:
         missing.append("depth is known nowhere: is something too near, or the emitter off?")
-    elif spread[1] > _FAR:
-        missing.append(f"depths of {spread[1]:.0f} m: are they in millimetres? Metres are expected")
+    if intrinsics is not None and not (0.0 <= intrinsics.cx < shape[1] and 0.0 <= intrinsics.cy < shape[0]):
+        missing.append("the optical axis is not in the picture: are these the intrinsics of another camera or size?")
     return shape, depth, intrinsics, missing
 
 

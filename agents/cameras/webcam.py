@@ -74,8 +74,8 @@ class Webcam(CameraReader):
         silence: float = SILENCE, frozen: float = FROZEN, first_pause: float = FIRST_PAUSE,
     ) -> None:  # fmt: skip
         check_installed(["cv2"], "driver webcam")
-        if min(width, height, fps, latency) < 0 or silence <= 0.0 or first_pause <= 0.0:
-            raise ConfigError("driver webcam: width, height, fps, latency: none is negative; silence is positive")
+        if not all(0.0 <= number < math.inf for number in (width, height, fps, latency)):
+            raise ConfigError("driver webcam: width, height, fps, latency: expected numbers that are not negative")
         kind = type(self)
         source = WebcamDevice(device, (width, height, fps), latency, kind.clock, kind.capture)
         intrinsics = GivenIntrinsics(calibration, fov)

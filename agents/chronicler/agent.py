@@ -19,6 +19,7 @@ from dsr.timeline import (
     ACTION,
     AGENT,
     EVENT,
+    FORBIDDEN,
     INTENTION,
     OBJECTS,
     PRESENT,
@@ -33,6 +34,7 @@ from dsr.timeline import (
     Retention,
     is_keyed,
 )
+from dsr.vocabulary.halting import HALT_NODE
 
 _LAG = 1.0
 """s; what this process never saw hold may be on its way: another writer told it, who heard of it earlier"""
@@ -221,12 +223,13 @@ class Chronicler(Agent):
         memory, config = self.memory, self.config
         self._chronicle = Chronicle(memory, self.name, keep=Retention(config.count, config.age))
         self._company = Company()
-        kinds = {*config.relations, PRESENT, SURPRISING, INTENTION, ACTION}
+        kinds = {*config.relations, PRESENT, SURPRISING, FORBIDDEN, INTENTION, ACTION}
         self._states = Keeper(memory, self._chronicle, kinds, lambda entry, now: ending(memory, entry, now))
         self._agents = Keeper(memory, self._chronicle, {AGENT}, self._company.ending, LAG)
         self._relations = memory.watch(edge_type=config.relations)
         self._values = memory.watch(
-            node_type=(*OBJECTS, INTENTION, ACTION), attribute=("present", "status", "explanation")
+            node_type=(*OBJECTS, HALT_NODE, INTENTION, ACTION),
+            attribute=("present", "status", "explanation", "halt_id"),
         )
         self._surprises = memory.watch(attribute="surprising")
         self._surprising: set[str] = set()

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
-from dsr.timeline import ACTION, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
+from dsr.timeline import ACTION, FORBIDDEN, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
+from dsr.vocabulary.halting import HALT_NODE, order_of
 from dsr.vocabulary.intentions import ACTIVE, RUNNING
 from dsr.vocabulary.relations import is_present
 
@@ -40,7 +41,7 @@ def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[st
     found += [_presence(node, now) for node in memory.nodes(OBJECTS) if is_present(node)]
     nodes = (memory.get_node(name) for name in sorted(surprising))
     found += [_surprise(node, now) for node in nodes if node is not None and node.get("surprising") is True]
-    return [*found, *_doings(memory, now)]
+    return [*found, *_halts(memory, now), *_doings(memory, now)]
 
 
 def ending(memory: Memory, entry: Entry, now: float) -> tuple[float, str]:
@@ -51,6 +52,10 @@ def ending(memory: Memory, entry: Entry, now: float) -> tuple[float, str]:
         return _written(node, "present", now), f"{name} gone"
     if entry.kind == SURPRISING:
         return _written(node, "surprising", now), f"{name} is no longer surprising"
+    if entry.kind == FORBIDDEN:
+        order = order_of(node)
+        by = "" if order is None or order.halted else f" by {order.by}"
+        return _written(node, "halted", now), f"released{by}"
     if entry.kind in (ACTION, INTENTION):
         return _written(node, "status", now), "removed" if node is None else describe_status(node)
     return now, ""
@@ -84,6 +89,14 @@ def _surprise(node: Node, now: float) -> ChronicledFact:
     begin, why = _written(node, "surprising", now), str(node.get("surprise", ""))
     text = f"{node.name} is surprising{f': {why}' if why else ''}"
     return ChronicledFact(SURPRISING, (node.name,), begin, repr(begin), False, text)
+
+
+def _halts(memory: Memory, now: float) -> Iterator[ChronicledFact]:
+    """The emergency stop, while it forbids motion."""
+    order = order_of(memory.get_node(HALT_NODE))
+    if order is not None and order.halted:
+        begin = min(order.stamp or now, now)
+        yield ChronicledFact(FORBIDDEN, (HALT_NODE,), begin, order.id, True, order.reason, order.by)
 
 
 def _doings(memory: Memory, now: float) -> Iterator[ChronicledFact]:

@@ -12,6 +12,10 @@ from rich.table import Table
 
 from dsr.cli.common import JsonOption, add_names, add_numbers, console, errors, for_people, print_json, shown
 from dsr.errors import ConfigError
+from dsr.files.data_files import read_file
+
+_MOST_BYTES = 64 << 20
+"""Of a picture: one of 20 megapixels has less without compression"""
 
 app = typer.Typer(name="hands", no_args_is_help=True, help="Get the real model of hands, and see what it finds.")
 
@@ -109,7 +113,8 @@ def try_images(
 
     The exit code is 0 if hands were found in all of them.
     """
-    rows = [_look(image, out, model, runner) for image in images]
+    drawings = _drawings(images, out)
+    rows = [_look(image, drawing, model, runner) for image, drawing in zip(images, drawings, strict=True)]
     if as_json:
         print_json(rows)
     else:
@@ -129,7 +134,19 @@ def _table(rows: list[dict[str, Any]]) -> Table:
     return table
 
 
-def _look(image: Path, out: Path | None, model: str, runner: RunnerChoice) -> dict[str, Any]:
+def _drawings(images: list[Path], out: Path | None) -> list[Path | None]:
+    """The file for each picture's drawing. Raises `ConfigError` if one would take the place of another picture."""
+    if out is None:
+        return [None for _ in images]
+    files = [out / f"{image.stem}.png" for image in images]
+    if len(set(files)) < len(files):
+        raise ConfigError(f"--out {out}: two of the pictures have one name; try them one after the other")
+    if taken := {file.resolve() for file in files} & {image.resolve() for image in images}:
+        raise ConfigError(f"--out {out}: {min(taken).name} would be overwritten; name another folder")
+    return list(files)
+
+
+def _look(image: Path, drawing: Path | None, model: str, runner: RunnerChoice) -> dict[str, Any]:
     """What is found in one picture; each is looked at as if there had been none before. Raises `ConfigError`."""
     import cv2
     import numpy as np
@@ -139,7 +156,11 @@ def _look(image: Path, out: Path | None, model: str, runner: RunnerChoice) -> di
     from agents.hand_tracker.model.found import FAILURES
     from agents.hand_tracker.model.loading import load_landmarker
 
-    read = cv2.imread(str(image))
+    data = np.frombuffer(read_file(image, _MOST_BYTES), np.uint8)
+    try:
+        read = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    except cv2.error:
+        read = None
     if read is None:
         raise ConfigError(f"{str(image)!r} is no picture that can be read")
     color = np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), np.uint8)
@@ -150,14 +171,14 @@ def _look(image: Path, out: Path | None, model: str, runner: RunnerChoice) -> di
         raise ConfigError(f"the model failed at {str(image)!r}: {error}") from error
     finally:
         landmarker.close()
-    if out is not None:
+    if drawing is not None:
         try:
-            out.mkdir(parents=True, exist_ok=True)
-            written = cv2.imwrite(str(out / f"{image.stem}.png"), cv2.cvtColor(drawn(color, found), cv2.COLOR_RGB2BGR))
+            drawing.parent.mkdir(parents=True, exist_ok=True)
+            written = cv2.imwrite(str(drawing), cv2.cvtColor(drawn(color, found), cv2.COLOR_RGB2BGR))
         except OSError as error:
-            raise ConfigError(f"{str(out)!r} cannot be written ({error})") from error
+            raise ConfigError(f"{str(drawing.parent)!r} cannot be written ({error})") from error
         if not written:
-            raise ConfigError(f"{str(out / image.stem)!r} cannot be written")
+            raise ConfigError(f"{str(drawing)!r} cannot be written")
     told = [
         {
             "side": hand.side,

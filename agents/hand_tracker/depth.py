@@ -18,12 +18,15 @@ _GROWTHS = 3  # how often the window grows where there is no depth
 
 
 def images_with_depth(frame: Frame) -> tuple[Color, Depth, Intrinsics]:
-    """Colour, depth (0 where it is not known) and lens of a frame. Raises `WireError` if something is wrong."""
+    """Colour, depth (0 where it is not known, or the lens shows nothing) and lens of a frame. Raises `WireError`."""
     color, depth, intrinsics = images(frame)
     if depth is None:
         raise WireError(f"frame at {frame.stamp}: the camera gives no depth, without which hands have no place")
     if not depth.min() >= 0.0 or not np.isfinite(depth.max()):
         depth = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
+    if intrinsics.distortion is not None:
+        x, y = intrinsics.slopes()
+        depth = np.where(np.isfinite(x) & np.isfinite(y), depth, np.float32(0.0))
     return color, depth, intrinsics
 
 
@@ -49,6 +52,9 @@ def depth_at(depth: Depth, pixel: Array, radius: float, mask: NDArray[np.bool_] 
 
 
 def behind_surface(pixel: Array, depth: float, radius: float, intrinsics: Intrinsics) -> Array:
-    """(3,) the centre of a ball of `radius` m whose surface is seen at a pixel (2,), `depth` m along the axis."""
+    """(3,) the centre of a ball of `radius` m whose surface is seen at a pixel (2,), `depth` m along the axis.
+
+    NaN at a pixel where a distorting lens shows nothing.
+    """
     ray = intrinsics.rays(pixel)
     return np.asarray(ray * depth + radius * ray / np.linalg.norm(ray))

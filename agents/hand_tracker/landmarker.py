@@ -79,7 +79,8 @@ class ModelFinder:
         centre = float(np.nanmedian(surface + radii - shape[:, 2]))
         for k in np.flatnonzero(np.isfinite(surface)):
             points[k] = behind_surface(pixels[k], float(surface[k]), float(radii[k]), intrinsics)
-            seen[k] = abs(surface[k] + radii[k] - shape[k, 2] - centre) < _MOST_OFF
+            fits = abs(surface[k] + radii[k] - shape[k, 2] - centre) < _MOST_OFF
+            seen[k] = fits and np.isfinite(points[k]).all()
         return points, seen
 
     @staticmethod

@@ -173,11 +173,13 @@ class SkinFinder:
         if surface is None:
             return None
         palm = behind_surface(middle, surface, self._config.palm_radius, intrinsics)
+        if not np.isfinite(palm).all():
+            return None
         wrist = find_wrist(patch, middle, body, depth, intrinsics.fx)
         tips: dict[int, Array] = {}
         for tip in found if wrist is None else away_from(wrist, middle, found):
             centre = self._centre(tip, patch.distance, mask, depth, intrinsics)
-            if centre is not None:
+            if centre is not None and np.isfinite(centre).all():
                 tips[len(tips)] = centre
         elbow = None if wrist is None else _surface(wrist, patch, depth, intrinsics)
         along = _along(palm, tips, elbow, mask, depth, intrinsics)
@@ -247,7 +249,8 @@ def jumps(depth: Depth, mask: Mask) -> Mask:
 def _surface(pixel: Array, patch: Patch, depth: Depth, intrinsics: Intrinsics) -> Array | None:
     """(3,) m, what is seen around a pixel (2,) at the edge of a hand."""
     there = depth_at(depth, pixel, 0.01 * intrinsics.fx / patch.distance)
-    return None if there is None else behind_surface(pixel, there, 0.0, intrinsics)
+    point = None if there is None else behind_surface(pixel, there, 0.0, intrinsics)
+    return point if point is not None and np.isfinite(point).all() else None
 
 
 def _along(

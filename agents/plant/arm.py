@@ -11,99 +11,12 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.arm_controller.arm_model import ArmModel, load_arm
+from agents.plant.ramp import Ramp
 from agents.plant.robot_file import load_body
 from agents.plant.world import STEP, World
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-
-ACCELERATION = 5.0
-"""rad/s^2, of the joint with the longest way"""
-
-CATCH_UP = 1.1
-"""Share of the velocity limits with which the arm catches up with a trajectory that is elsewhere"""
-
-_LEAST_SHARE = 0.05  # of speed and acceleration, for joints that are nearly there already
-
-Array = NDArray[np.float64]
-
-
-class Ramp:
-    """Positions (n,) in rad that move to a target; from rest, in a straight line in joint space.
-
-    Args:
-        positions: (n,) where it starts, at rest.
-        limits: (n,) highest velocities, rad/s.
-    """
-
-    def __init__(self, positions: Sequence[float], limits: Sequence[float]) -> None:
-        self.positions: Array = np.array(positions, dtype=float)
-        self.velocities: Array = np.zeros(len(positions))
-        self._limits: Array = np.array(limits, dtype=float)
-        self._target = self.positions.copy()
-        self._cruise = self._limits
-        self._acceleration: Array = np.full(len(positions), ACCELERATION)
-        self._trajectory: tuple[Array, Array] | None = None
-        self._elapsed = 0.0
-
-    def aim(self, target: Sequence[float], speed: float = 1.0) -> None:
-        """Go to `target` (n,) rad at `speed` (0 to 1) of the limits; may be called while moving."""
-        self._trajectory = None
-        self._target = np.array(target, dtype=float)
-        distances = np.abs(self._target - self.positions) + self.velocities**2 / (2 * ACCELERATION)
-        if not distances.any():
-            return
-        shares = np.maximum(distances / distances.max(), _LEAST_SHARE)
-        self._cruise = shares * speed * float((self._limits / shares).min())
-        self._acceleration = shares * ACCELERATION
-
-    def follow(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> None:
-        """Pass through `positions` (m, n) rad at `times` (m,) s from now, straight in between; stay at the last."""
-        self._trajectory = np.array(times, dtype=float), np.array(positions, dtype=float)
-        self._elapsed = 0.0
-
-    def stop(self, positions: Sequence[float] | None = None) -> None:
-        """Stay where it is, or at `positions` (n,) rad."""
-        self._trajectory = None
-        if positions is not None:
-            self.positions = np.array(positions, dtype=float)
-        self._target = self.positions.copy()
-        self.velocities[:] = 0.0
-
-    @property
-    def is_resting(self) -> bool:
-        """Whether the ramp has arrived: another step would change nothing."""
-        return self._trajectory is None and not self.velocities.any() and bool((self.positions == self._target).all())
-
-    def step(self, duration: float) -> None:
-        """Advance by `duration` s."""
-        if self._trajectory is not None:
-            self._play(*self._trajectory, duration)
-            return
-        error = self._target - self.positions
-        distance = np.abs(error)
-        stopping = np.sqrt(2 * self._acceleration * distance)
-        wanted = np.sign(error) * np.minimum(np.minimum(self._cruise, stopping), distance / duration)
-        slows = (wanted * self.velocities < 0) | (np.abs(wanted) < np.abs(self.velocities))
-        change = np.where(slows, ACCELERATION, self._acceleration) * duration
-        self.velocities += np.clip(wanted - self.velocities, -change, change)
-        self.positions += self.velocities * duration
-
-    def _play(self, times: Array, positions: Array, duration: float) -> None:
-        self._elapsed += duration
-        after = int(np.searchsorted(times, self._elapsed))
-        if after == 0 or after == len(times):
-            wanted = positions[min(after, len(times) - 1)]
-        else:
-            share = (self._elapsed - times[after - 1]) / (times[after] - times[after - 1])
-            wanted = positions[after - 1] + share * (positions[after] - positions[after - 1])
-        most = CATCH_UP * self._limits * duration
-        step = np.clip(wanted - self.positions, -most, most)
-        self.positions += step
-        self.velocities = step / duration
-        if after == len(times) and not step.any():
-            self.stop()
-
 
 CAMERA_LINK = "camera_wrist_link"
 """Link of the URDF that is the optical frame of the wrist camera."""
@@ -166,7 +79,7 @@ class SimulatedArm:
         self._sides = [[self._links[link] for link in side] for side in sides]
         self._palm = self._links.get(self.model.palm, -1)
         start = self._within_limits(start)
-        self._ramp = Ramp(start, [_given(joint.velocity, _USUAL_SPEED) for joint in chain.joints])
+        self._ramp = Ramp(start, [_given(joint.velocity, _USUAL_SPEED) for joint in chain.joints], STEP)
         self.widest = gripper.widest
         """m, the largest opening"""
         self._target_opening = self.widest
@@ -201,6 +114,16 @@ class SimulatedArm:
         return all(map(self._touched, self._sides))
 
     @property
+    def is_driven(self) -> bool:
+        """Whether the joints are on their way: to a target, along a trajectory, or to a rest."""
+        return not self._ramp.is_resting
+
+    @property
+    def is_braking(self) -> bool:
+        """Whether the joints come to rest because the arm was stopped."""
+        return self._ramp.is_braking
+
+    @property
     def held(self) -> str | None:
         """Name of the object in the gripper."""
         return self._held
@@ -221,8 +144,8 @@ class SimulatedArm:
             self.let_go()
 
     def stop(self) -> None:
-        """Stay where it is; fingers that touch something go on pressing."""
-        self._ramp.stop(self.positions)
+        """Come to rest within the limits of the joints; fingers that touch something go on pressing."""
+        self._ramp.stop(self.positions, self.velocities)
         if self._held is None and not any(map(self._touched, self._sides)):
             self._target_opening = self.opening
 
@@ -238,7 +161,7 @@ class SimulatedArm:
         """Prepare the next step of physics."""
         resting = self._ramp.is_resting
         if not resting:
-            self._ramp.step(STEP)
+            self._ramp.step()
         if not (resting and self._rests):  # motors keep their targets
             self._drive_joints()
         self._rests = resting

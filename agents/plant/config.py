@@ -20,6 +20,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """Path of a scenario file, or the name of a built-in one."""
     robot: str = ""
     """Name of a robot in `etc/robots` or path of a URDF file, in place of the scenario's"""
+    untagged: bool = False
+    """Whether its boxes and cylinders have no tags."""
     sensor: SensorKind = "pixels"
     """`pixels`: rendered images. `poses`: true poses of what is recognised with measured noise, no images.
     `none`: cameras deliver nothing."""
@@ -34,6 +36,9 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """Of the lenses of all cameras; None: they are ideal."""
     overhead: tuple[float, float, float, float, float, float, float] = (*OVERHEAD.t, *OVERHEAD.q)
     """world_from_camera of the overhead camera (optical frame): m, then a quaternion (x, y, z, w)"""
+    deadman: float = 0.08
+    """s without a sign of life of the arm's controller after which a moving arm stops by itself: four ticks of the
+    controller, so that it stops within 0.1 s; 0.0 for never"""
     camera_hz: float = 10.0
     state_hz: float = 50.0
     truth_hz: float = 20.0

@@ -12,6 +12,7 @@ from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
 from agents.plant.messages import (
     Command,
     Follow,
+    KeepAlive,
     MoveGripper,
     MoveJoints,
     Stop,
@@ -96,8 +97,12 @@ class PlantArm:
         self._send(MoveGripper(opening))
 
     def stop(self) -> None:
-        """Hold the present position at once."""
+        """Come to rest at once, within the joints' limits."""
         self._send(Stop())
+
+    def keep_alive(self) -> None:
+        """Tell the plant that the controller lives; without that for a while, it stops the arm by itself."""
+        self._bus.publish(self._key, msgspec.msgpack.encode(KeepAlive()), Qos.STREAM)
 
     def close(self) -> None:
         """Stop listening."""

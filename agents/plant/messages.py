@@ -57,10 +57,14 @@ class MoveGripper(msgspec.Struct, frozen=True, tag="move_gripper"):
 
 
 class Stop(msgspec.Struct, frozen=True, tag="stop"):
-    """Hold the present position."""
+    """Come to rest, and stay."""
 
 
-Command = MoveJoints | Follow | MoveGripper | Stop
+class KeepAlive(msgspec.Struct, frozen=True, tag="keep_alive"):
+    """A sign of life of whoever commands the arm: the present motion shall go on."""
+
+
+Command = MoveJoints | Follow | MoveGripper | Stop | KeepAlive
 
 
 class Truth(msgspec.Struct, frozen=True):

@@ -24,6 +24,7 @@ from dsr.agent import Agent
 from dsr.errors import WireError
 from dsr.images.blobs import frame_chunks
 from dsr.network.transport import Qos, Subscription
+from dsr.vocabulary.halting import HaltLatch, HaltReport, halt_report_key
 from dsr.vocabulary.scenario_start import decode_start, start_key
 
 MOST_STEPS = RATE_HZ // 4
@@ -44,13 +45,13 @@ class Plant(Agent):
     name = "plant"
     rate_hz = 60.0
     uses_memory = False
-    publishes = ("device/arm/state", "device/camera/**", "device/persons", "truth")
+    publishes = ("device/arm/state", "device/camera/**", "device/persons", "device/halted/*", "truth")
     Config = PlantConfig
     config: PlantConfig
 
     def setup(self) -> None:
         """Build the world and let the objects settle. Raises `ConfigError`."""
-        scenario = load_scenario(self.config.scenario)
+        scenario = load_scenario(self.config.scenario, without_tags=self.config.untagged)
         self._reality = Reality(scenario, self.config, self.seed)
         self._duration = scenario.duration
         self._epoch: float | None = None
@@ -61,6 +62,8 @@ class Plant(Agent):
         self._waited = self._next_complaint = 0.0
         self.dropped = 0
         """Messages that could not be understood."""
+        self._halt = HaltLatch(self.bus, self.keys)
+        self._answered = 0
         self._state_due, self._truth_due, self._camera_due = (
             _Every(hz) for hz in (self.config.state_hz, self.config.truth_hz, self.config.camera_hz)
         )
@@ -76,6 +79,7 @@ class Plant(Agent):
             self._replay()
         self._take_start()
         self._take_commands()
+        self._obey_halt()
         self._advance(now)
         self._publish()
 
@@ -83,6 +87,8 @@ class Plant(Agent):
         """Free the world."""
         for subscription in getattr(self, "_subscriptions", ()):
             subscription.close()
+        if hasattr(self, "_halt"):
+            self._halt.close()
         if hasattr(self, "_reality"):
             self._reality.close()
 
@@ -135,6 +141,16 @@ class Plant(Agent):
                 self._reality.obey(decode_command(self._commands.popleft(), len(self._reality.arm.names)))
             except WireError as error:
                 self._drop(str(error))
+
+    def _obey_halt(self) -> None:
+        """Stop the arm by itself when an emergency stop is ordered, whatever became of its controller, and say so."""
+        self._reality.forbid(self._halt.reason)
+        order = self._halt.order
+        if order is None or self._answered == self._halt.heard:
+            return
+        self._answered = self._halt.heard
+        report = HaltReport(self.name, order.id, order.halted, self._reality.is_moving)
+        self.bus.publish(halt_report_key(self.keys, self.name), msgspec.msgpack.encode(report), Qos.STREAM)
 
     def _drop(self, reason: str) -> None:
         if self.dropped == 0:

@@ -16,16 +16,17 @@ from agents.plant.bullet import Bullet
 from agents.plant.camera import SimulatedCamera
 from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
+from agents.plant.guard import ArmGuard
 from agents.plant.hand_sensor import read_hands
 from agents.plant.hands import Hands
-from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Point, Truth, seven
+from agents.plant.messages import Command, Point, Truth, seven
 from agents.plant.no_arm import NoArm
 from agents.plant.noise import SensorModel
 from agents.plant.persons import Persons
 from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
-from agents.plant.world import World
+from agents.plant.world import STEP, World
 from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, start_poses
 from agents.urdf_files import find_robot
 from dsr.images.blobs import Frame
@@ -52,33 +53,37 @@ class Reality:
 
     def step(self, elapsed: float | None) -> None:
         """Advance physics by one step, `elapsed` s after the start of the scenario (None: before it)."""
+        if self._guard is not None:
+            self._guard.step()
         self.arm.step()
         if elapsed is not None:
             self.experimenter.step(elapsed)
         self.world.step()
 
     def obey(self, command: Command) -> None:
-        """Do what a driver asks of the arm."""
-        if isinstance(self.arm, NoArm):
-            return
-        if isinstance(command, MoveJoints):
-            self.arm.move_joints(command.positions, command.speed)
-        elif isinstance(command, Follow):
-            self.arm.follow(command.times, command.positions)
-        elif isinstance(command, MoveGripper):
-            self.arm.move_gripper(command.opening)
-        else:
-            self.arm.stop()
+        """Do what a driver asks of the arm, if the arm's own guard lets it."""
+        if self._guard is not None:
+            self._guard.obey(command)
+
+    def forbid(self, reason: str) -> None:
+        """Stop the arm and keep it from moving for this reason; with none, it may move again."""
+        if self._guard is not None:
+            self._guard.forbid(reason)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the arm is on its way."""
+        return isinstance(self.arm, SimulatedArm) and self.arm.is_driven
 
     def arm_state(self, stamp: float) -> ArmState | None:
         """Read the arm's sensors; None without an arm."""
         arm = self.arm
-        if isinstance(arm, NoArm):
+        if isinstance(arm, NoArm) or self._guard is None:
             return None
         positions = arm.positions
         if any(self._stage.arm_error):
             positions = displaced(arm, self._stage.arm_error)
-        return ArmState(stamp, arm.names, positions, arm.velocities, arm.opening, arm.contact)
+        return ArmState(stamp, arm.names, positions, arm.velocities, arm.opening, arm.contact, self._guard.fault)
 
     def truth(self, stamp: float) -> Truth:
         """The true state of the world: poses of all things, and the moves of the experimenter."""
@@ -135,6 +140,7 @@ class Reality:
         self.world = World(bullet, scenario.table, start_poses(scenario, layout))
         self.world.settle()
         self.arm = _make_arm(self.world, scenario.robot, config) if scenario.robot.exists else NoArm()
+        self._guard = ArmGuard(self.arm, config.deadman, STEP) if isinstance(self.arm, SimulatedArm) else None
         cameras = self._make_cameras(scenario, config, {"overhead": overhead, "wrist": wrist, "fixed": fixed})
         self.camera = cameras[scenario.camera_name]
         """The one that the scenario uses."""

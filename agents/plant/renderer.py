@@ -15,6 +15,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
+from agents.plant.zero_pages import zeros_given_back
 from dsr.math3d.transforms import Pose
 from dsr.runtime.native_output import silenced
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -147,7 +148,7 @@ class Renderer:
     def _load_egl(self) -> int:
         spec = importlib.util.find_spec("eglRenderer")
         assert spec is not None  # egl_works() said so
-        with silenced():
+        with silenced(), zeros_given_back():
             plugin: int = self._bullet.loadPlugin(spec.origin, "_eglRendererPlugin")
             for _ in range(2):  # it still prints while it warms up
                 self._bullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)

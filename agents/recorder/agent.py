@@ -9,21 +9,21 @@ from pathlib import Path
 from typing import ClassVar
 
 from agents.inbox import Inbox, Message
+from agents.recorder.blobs import BlobInbox
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.config import RecorderConfig
 from agents.recorder.files import FileLimits, RecordingFiles
 from agents.recorder.images import check_opencv
 from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.meshes import MeshRecorder
-from agents.recorder.selection import DATA, GRAPH, IMAGE, IMAGES, MESHES, RecordSelection
-from agents.recorder.thinning import ImageThinner
+from agents.recorder.selection import DATA, GRAPH, IMAGES, MESHES, RecordSelection
+from agents.recorder.thinning import Image, ImageThinner
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 
 ABOUT = "agents"
 """Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""
 _MOST_WAITING = 20_000
-_MOST_IMAGES_WAITING = 64
 RETRY = 5.0
 """s until a disk that refused is tried again: it may take a person some time to make room."""
 LAG = 1.0
@@ -43,7 +43,8 @@ class Recorder(Agent):
     config: RecorderConfig
     _writer: RecordingWriter | None = None
     _meshes: MeshRecorder | None = None
-    _inboxes: tuple[Inbox, ...] = ()
+    _inbox: Inbox | None = None
+    _blobs: BlobInbox | None = None
     _waits = ""
     """Why nothing is recorded, for people; empty while it is."""
 
@@ -67,9 +68,9 @@ class Recorder(Agent):
             except OSError as error:
                 if error.errno not in _NO_ROOM or not self._files.drop_oldest():
                     raise ConfigError(f"nothing can be recorded in {config.folder}: {error.strerror}") from error
-        blobs = [keys.blob("**")] if any(map(self._selection.may_include, (IMAGES, DATA))) else []
-        images = Inbox(self.bus, blobs, self.clock, _MOST_IMAGES_WAITING)
-        self._inboxes = (images, Inbox(self.bus, self._selection.keys(keys), self.clock, _MOST_WAITING))
+        if any(map(self._selection.may_include, (IMAGES, DATA))):
+            self._blobs = BlobInbox(self.bus, keys.blob("**"), self.clock, _MOST_WAITING)
+        self._inbox = Inbox(self.bus, self._selection.keys(keys), self.clock, _MOST_WAITING)
 
     @property
     def missing(self) -> int:
@@ -79,6 +80,10 @@ class Recorder(Agent):
     @property
     def _dropped(self) -> int:
         return sum(inbox.dropped for inbox in self._inboxes)
+
+    @property
+    def _inboxes(self) -> list[Inbox | BlobInbox]:
+        return [inbox for inbox in (self._blobs, self._inbox) if inbox is not None]
 
     def _begin_file(self, now: float) -> RecordingWriter:
         """Open the next file of this recording. Raises `OSError`."""
@@ -196,19 +201,14 @@ class Recorder(Agent):
 
     def _take(self, now: float) -> list[Message]:
         """What arrived and is to be recorded, oldest first."""
-        arrived = [message for inbox in self._inboxes for message in inbox.take() if self._is_wanted(message)]
-        small = [message for message in arrived if not self._set_aside(message)]
+        small = [message for inbox in self._inboxes for message in inbox.take() if self._is_wanted(message)]
+        for image in self._blobs.take_images() if self._blobs is not None else ():
+            if self._is_wanted(image):
+                self._images.put(image)
         return sorted([*small, *self._images.due(now)], key=lambda message: message.stamp)
 
-    def _is_wanted(self, message: Message) -> bool:
+    def _is_wanted(self, message: Message | Image) -> bool:
         return self._selection.includes(message.key.removeprefix(self.keys.root + "/"), len(message.payload))
-
-    def _set_aside(self, message: Message) -> bool:
-        """Keep the newest image of each stream until it is due; false for anything that is recorded at once."""
-        if len(message.payload) < IMAGE or not message.key.startswith(self.keys.blob("")):
-            return False
-        self._images.put(message)
-        return True
 
     def _tell_removed(self) -> None:
         if self._files.removed > self._told_removed:

@@ -23,6 +23,15 @@ _ROUNDING = 1e-6
 Means = NDArray[np.uint8]
 
 
+class Image(NamedTuple):
+    """A large message as it arrived; it may lie in memory that its writer shares."""
+
+    stamp: float
+    """Time (s) when it arrived"""
+    key: str
+    payload: bytes | memoryview
+
+
 class _Kept(NamedTuple):
     """The image of a stream that was kept last."""
 
@@ -47,13 +56,13 @@ class ImageThinner:
         self._period = _period(frames_hz)
         self._still_period = _period(min(frames_hz, still_hz))
         self._quality = quality
-        self._newest: dict[str, Message] = {}
+        self._newest: dict[str, Image] = {}
         self._kept: dict[str, _Kept] = {}
 
-    def put(self, message: Message) -> None:
+    def put(self, image: Image) -> None:
         """Take an image; the one before it in its stream is dropped unless it was due."""
         if math.isfinite(self._period):
-            self._newest[message.key] = message
+            self._newest[image.key] = image
 
     def begin_again(self) -> None:
         """Let the next image of each stream be due as soon as any: reading may begin here."""
@@ -62,12 +71,12 @@ class ImageThinner:
     def due(self, now: float) -> list[Message]:
         """The images that are due at `now` (s), compressed; one that is no frame stays as it is."""
         found = []
-        for key, message in list(self._newest.items()):
+        for key, image in list(self._newest.items()):
             kept = self._kept.get(key)
             if kept is not None and now - kept.at < self._period - _ROUNDING:
                 continue
             try:
-                frame = decode_frame(message.payload)
+                frame = decode_frame(image.payload)
             except WireError:
                 frame = None
             means = None if frame is None else _means(frame)
@@ -75,8 +84,8 @@ class ImageThinner:
                 continue
             del self._newest[key]
             self._kept[key] = _Kept(now, math.nan if frame is None else frame.stamp, means)
-            packed = None if frame is None else encode_frame(pack(frame, self._quality))
-            found.append(message if packed is None else message._replace(payload=packed))
+            packed = bytes(image.payload) if frame is None else encode_frame(pack(frame, self._quality))
+            found.append(Message(image.stamp, key, packed))
         return found
 
     def _is_news(self, kept: _Kept, stamp: float, means: Means | None, now: float) -> bool:

@@ -21,6 +21,7 @@ from agents.ros_bridge.bridge.out_status import ClockOut, DiagnosticsOut, Events
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
+from agents.ros_bridge.bridge.turns import Turns
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import LinkConfig, RosLink
 from agents.ros_bridge.link.opening import open_link
@@ -30,14 +31,12 @@ from agents.ros_bridge.messages.types import types_of
 from agents.ros_bridge.services.questions import Questions
 from dsr.agent import Access, Agent
 from dsr.connecting import identity_of
-from dsr.errors import WireError
+from dsr.errors import ConfigError, WireError
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.replayed import decode_replayed, replayed_key
 
 _JOINTS = ("joint_names", "joint_positions", "joint_velocities")
-_REST = 10
-"""Times as long as a tick took, until a message wakes the agent again: so that a flood takes a tenth of a core"""
 _LOOK = 1.0
 """s between two looks at what may be wrong with the connection"""
 _NUMBER = re.compile(r"[0-9]+")
@@ -94,13 +93,24 @@ class RosBridge(Agent):
         return type(cls.__name__, (cls,), told)
 
     def setup(self) -> None:
-        """Connect to ROS, and announce all that is bridged. Raises `RosError` for names or types that there are not."""
+        """Connect to ROS, and announce all that is bridged.
+
+        Raises:
+            ConfigError: for names, types or a release of ROS that there are not, or a connection that is not allowed.
+            RosLinkError: if ROS cannot be reached now.
+        """
+        try:
+            self._connect()
+        except RosMessageError as error:
+            raise ConfigError(str(error)) from error
+
+    def _connect(self) -> None:
         config = self.config
         self._closing = contextlib.ExitStack()
         self._tally = Tally(self.clock, self.log)
         self.counts = self._tally.counts
-        self._looked = self._rested = -math.inf
-        self._woken = False
+        self._looked = -math.inf
+        self._turns = Turns(self.clock, self.wake)
         self._problem = self._hint = ""
         self._lasting: set[str] = set()
         """Problems of the last look, without numbers; and of these, those that are logged"""
@@ -114,7 +124,7 @@ class RosBridge(Agent):
         names = FrameNames(config.world_frame)
         self._core = core = BridgeCore(
             self.memory, link, types_of(config.link.distro), names, self._times, self._tally, self.clock, self.name,
-            self._notify,
+            self._turns,
         )  # fmt: skip
         self._closing.callback(core.close)
         replay = self.bus.subscribe(replayed_key(self.keys), self._on_replay, newest=1)
@@ -127,14 +137,18 @@ class RosBridge(Agent):
         self._beliefs_out, self._images_out = BeliefsOut(core, config.send), ImagesOut(core, config.send)
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
-        self._clock_out = ClockOut(core)
-        self._questions = Questions(core, config.send.services, self.bus, self.keys) if config.serves else None
+        self._clock_out = ClockOut(core, config.send)
+        self._questions = Questions(core, config.send, self.bus, self.keys) if config.serves else None
         if self._questions is not None:
             core.on_close(self._questions.close)
 
     def tick(self, now: float) -> None:
         """Take what came from ROS, then send what is new in the memory."""
-        began, self._woken = self.clock.monotonic(), False
+        with self._turns.tick():
+            self._take_and_send(now)
+            self._tell_problems()
+
+    def _take_and_send(self, now: float) -> None:
         self._clock_out.update()
         self._hear_clock()
         if self._tf_in is not None:
@@ -146,14 +160,11 @@ class RosBridge(Agent):
         self._tf_out.update()
         self._joints_out.update()
         self._events_out.update()
-        self._beliefs_out.update(now)
+        self._beliefs_out.update()
         self._images_out.update(now)
-        self._diagnostics_out.update(now)
+        self._diagnostics_out.update()
         if self._questions is not None:
             self._questions.update()
-        self._tell_problems()
-        ended = self.clock.monotonic()
-        self._rested = ended + _REST * (ended - began)
 
     def teardown(self) -> None:
         """Leave ROS."""
@@ -164,12 +175,6 @@ class RosBridge(Agent):
     def told(self) -> list[str]:
         """Each kind of trouble that there was, once, in words."""
         return self._tally.told
-
-    def _notify(self) -> None:
-        """Something came or changed: tick at once, unless ticks take so long that it has to wait for the next one."""
-        if not self._woken and self.clock.monotonic() >= self._rested:
-            self._woken = True
-            self.wake()
 
     def _hear_clock(self) -> None:
         if self._clock_in is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsr.errors import DsrError
+from dsr.errors import ConfigError, DsrError
 
 
 class RosError(DsrError):
@@ -15,6 +15,10 @@ class RosMessageError(RosError):
 
 class RosLinkError(RosError):
     """The connection to ROS refuses what was asked, or nobody is there to do it."""
+
+
+class RosSettingError(RosLinkError, ConfigError):
+    """How ROS is to be reached makes no sense, or is not allowed: no further attempt would help."""
 
 
 class RosTimeoutError(RosLinkError):

@@ -22,7 +22,7 @@ from agents.scenario.check.file_check import Findings, look_through, show_all, s
 from agents.scenario.check.truth_report import truth
 from agents.scenario.format.scenario import load_scenario, scenario_files
 from agents.scenario.judge.result import write_result
-from agents.scenario.options import SensorChoice, complete_scenario
+from agents.scenario.options import Hands, SensorChoice, UntaggedOption, complete_scenario
 from agents.scenario.run.report import ProgressBar, show_result
 from agents.scenario.run.runner import run_live, run_lockstep
 from agents.scenario.run.staging import make_run, staged_system
@@ -169,6 +169,8 @@ def run(
     robot: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="An arm of `etc/robots`, or a URDF file, in place of its own.")
     ] = "",
+    hands: Hands = None,
+    untagged: UntaggedOption = False,
     view: View = None,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
@@ -184,7 +186,14 @@ def run(
     The run leaves a folder in runs/ with recording, logs and result.json.
     """
     show_all(scenario, for_people(as_json))
-    options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value, "robot": robot}
+    options = {
+        "seed": seed,
+        "sensor": sensor.value,
+        "robot": robot,
+        "policy": policy and policy.value,
+        "hands": hands and hands.value,
+        "untagged": untagged,
+    }
     _play(scenario, options, lockstep=lockstep, as_json=as_json, json_file=json_file, view=view)
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import enum
+from typing import Annotated
+
+import typer
 
 from agents.scenario.format.scenario import scenario_files
 
@@ -12,6 +15,23 @@ class SensorChoice(enum.StrEnum):
 
     PIXELS = "pixels"
     POSES = "poses"
+
+
+class HandFinderChoice(enum.StrEnum):
+    """Values of `--hands`."""
+
+    MODEL = "model"
+    COLOUR = "colour"
+
+
+Hands = Annotated[
+    HandFinderChoice | None,
+    typer.Option(help="Find hands in images by the real model or by colour; default: the system's way."),
+]
+UntaggedOption = Annotated[
+    bool,
+    typer.Option("--untagged", help="Without tags: boxes and cylinders are found by depth (needs `--sensor pixels`)."),
+]
 
 
 def complete_scenario(incomplete: str) -> list[str]:

@@ -15,8 +15,8 @@ import typer
 
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
-from agents.scenario.options import SensorChoice, complete_scenario
-from agents.scenario.run.staging import Policy, make_run, staged_system
+from agents.scenario.options import Hands, SensorChoice, UntaggedOption, complete_scenario
+from agents.scenario.run.staging import HandFinder, Policy, Sensor, make_run, staged_system
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
 from agents.scenario.run.sweep_report import SweepBar, show_sweep
@@ -60,6 +60,8 @@ def sweep(
         list[SweptPolicy] | None,
         typer.Option(help="Methods side by side; `both`: the two that explain. Default: the system's."),
     ] = None,
+    hands: Hands = None,
+    untagged: UntaggedOption = False,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
     limit: Annotated[float, typer.Option(min=1.0, help="s of real time that one run may take.")] = LIMIT,
     metrics: Annotated[bool, typer.Option("--metrics", help="Show every metric, also of several scenarios.")] = False,
@@ -75,12 +77,15 @@ def sweep(
 
     The exit code is 0 only if every run passed. Ctrl-C stops all and shows what was done, as JSON too.
     """
-    plan = make_jobs(scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []))
+    finder = hands and hands.value
+    plan = make_jobs(
+        scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []), hands=finder, untagged=untagged
+    )
     said = for_people(as_json)
     check_writable(json_file)
     check_writable(curves, "--curves")
     for scenario in dict.fromkeys(scenarios):
-        staged_system(make_run(scenario))
+        staged_system(make_run(scenario, sensor=sensor.value, hands=finder, untagged=untagged))
         show_all(scenario, said)
     outcomes: list[RunOutcome] = []
     try:
@@ -118,13 +123,29 @@ def parse_seeds(text: str) -> list[int]:
     return list(seeds)
 
 
-def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None]) -> list[SweepJob]:
+def make_jobs(
+    scenarios: list[str],
+    seeds: list[int],
+    sensor: str,
+    policies: list[Policy | None],
+    *,
+    hands: str | None = None,
+    untagged: bool = False,
+) -> list[SweepJob]:
     """Make the jobs of all runs, scenario by scenario. Raises `ConfigError` for a scenario that is wrong."""
-    files = {load_scenario(name).name: find_scenario(name).resolve() for name in scenarios}
+    files = {load_scenario(name, without_tags=untagged).name: find_scenario(name).resolve() for name in scenarios}
     if len(files) < len({find_scenario(name).resolve() for name in scenarios}):
         raise ConfigError("two of the scenarios have the same name; expected different ones")
     return [
-        msgspec.convert({"name": name, "file": str(file), "seed": seed, "sensor": sensor, "policy": policy}, SweepJob)
+        SweepJob(
+            name=name,
+            file=str(file),
+            seed=seed,
+            sensor=msgspec.convert(sensor, Sensor),
+            policy=policy,
+            hands=msgspec.convert(hands, HandFinder | None),
+            untagged=untagged,
+        )
         for name, file in files.items()
         for seed in seeds
         for policy in policies

@@ -38,8 +38,8 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     """Whether boxes and cylinders that nobody tagged are found by depth, on tables."""
     blocks_after: Annotated[int, msgspec.Meta(ge=0)] = 8
     """Frames in a row, after the first, in which one must be seen to become a node: more than an unknown tag needs."""
-    most_hidden: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.15
-    """Share of its edge in the image that something may hide meanwhile."""
+    blocks_sure: Positive = 0.005
+    """m, standard deviation up to which its extents must be known meanwhile: what is hidden of it is not."""
     max_age: Positive = 0.7
     """s after which an object that was not seen again is not `perceived` any more (Sallami et al., Sec. V)."""
     max_camera_speed: NotNegative = 0.02

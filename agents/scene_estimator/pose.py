@@ -39,6 +39,7 @@ _CERTAIN = 50.0  # log odds
 _STEPS = 20  # of Gauss-Newton; four or five do
 _SETTLED = 1e-2  # standard deviations of the result, of the last step
 _SAME = 0.1  # standard deviations, between starts that end at one pose
+_ABOUT_NORMAL = skew(np.array([0.0, 0.0, 1.0]))
 
 
 class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -154,7 +155,10 @@ class _TagProblem:
         self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float | None, plane: _Plane | None
     ) -> None:
         self._tag, self._intrinsics, self._plane = tag, intrinsics, plane
-        self._square, self._size_std = tag_corners(tag_size), size_std
+        self._square = square = tag_corners(tag_size)
+        self._size_std = size_std
+        self._by_twist = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), -skew(square), square[:, :, None]], axis=-1)
+        """(4, 3, 7) derivative of the corners in the tag's frame by a twist and the scale, at a scale of 1"""
 
     def solve(self, pose: Pose, scale: float) -> TagFit | None:
         """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
@@ -175,24 +179,25 @@ class _TagProblem:
 
     def _linear(self, pose: Pose, scale: float) -> tuple[Array, Array, float, float] | None:
         """Information (7, 7), gradient (7,), cost and what the corners miss, at a pose and a scale."""
-        square = math.exp(scale) * self._square
-        points = pose.apply(square)
+        size, rotation = math.exp(scale), pose.rotation_matrix
+        points = (size * self._square) @ rotation.T + pose.t
         if not (np.isfinite(points).all() and points[:, 2].min() > 0.0):
             return None
         pixels, by_point = self._intrinsics.project_with_derivative(points)
-        by_twist = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), -skew(square), square[:, :, None]], axis=-1)
-        jacobian = (by_point @ (pose.rotation_matrix @ by_twist)) / self._tag.corner_std
+        by_twist = self._by_twist.copy()
+        by_twist[:, :, 3:] *= size
+        jacobian = (by_point @ (rotation @ by_twist)) / self._tag.corner_std
         residual = (self._tag.corners - pixels) / self._tag.corner_std
         if not np.isfinite(residual).all():
             return None
-        off = np.linalg.norm(residual, axis=1)
+        off = np.sqrt((residual * residual).sum(axis=1))
         weights = np.minimum(1.0, _LONG_TAIL / np.maximum(off, 1e-12))
         information = np.einsum("n,nki,nkj->ij", weights, jacobian, jacobian)
         gradient = np.einsum("n,nki,nk->i", weights, jacobian, residual)
         cost = float(np.where(off < _LONG_TAIL, off**2, _LONG_TAIL * (2.0 * off - _LONG_TAIL)).sum())
         missed = cost * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
         if self._plane is not None:
-            p, by_pose = _plane_of(pose)
+            p, by_pose = _plane_of(rotation, pose.translation)
             apart = self._plane.p - p
             weighted = by_pose.T @ self._plane.information
             information[:6, :6] += weighted @ by_pose
@@ -208,12 +213,11 @@ class _TagProblem:
         return information, gradient, cost, missed
 
 
-def _plane_of(pose: Pose) -> tuple[Array, Array]:
-    """The p (3,) of the tag's plane p . X = 1, and its derivative (3, 6) by a right perturbation of the pose."""
-    rotation, centre = pose.rotation_matrix, pose.translation
+def _plane_of(rotation: Array, centre: Array) -> tuple[Array, Array]:
+    """The p (3,) of a tag's plane p . X = 1, and its derivative (3, 6) by a right perturbation of the tag's pose."""
     normal = rotation[:, 2]
     distance = float(normal @ centre)
-    turned = np.concatenate([np.zeros((3, 3)), -rotation @ skew(np.array([0.0, 0.0, 1.0]))], axis=1)
+    turned = np.concatenate([np.zeros((3, 3)), -rotation @ _ABOUT_NORMAL], axis=1)
     moved = np.concatenate([normal @ rotation, np.zeros(3)]) + centre @ turned
     return normal / distance, turned / distance - np.outer(normal, moved) / distance**2
 

@@ -18,6 +18,8 @@ class SceneSetupConfig(msgspec.Struct, frozen=True):
 
     scenario: str = ""
     """Name or file of the scenario that describes it; empty for a table of the usual size with nothing on it."""
+    untagged: bool = False
+    """Whether it is played without the tags of its boxes and cylinders, of which nothing is known then."""
 
 
 class SceneSetup(Agent):
@@ -41,7 +43,7 @@ class SceneSetup(Agent):
         """Write the scene. Raises `ConfigError` for a scenario that cannot be used."""
         table, objects = TableSpec(), list[ObjectSpec]()
         if self.config.scenario:
-            scenario = load_scenario(self.config.scenario)
+            scenario = load_scenario(self.config.scenario, without_tags=self.config.untagged)
             table, objects = scenario.table, scenario.objects
         with self.memory.batch():
             self._add("world", "world")

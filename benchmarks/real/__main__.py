@@ -1,6 +1,7 @@
 """How accurate is perception on recordings of others? Ours beside its peers, in the same run.
 
     python -m benchmarks.real tags --data DIR
+    python -m benchmarks.real tags --data DIR --pictures OUT
     python -m benchmarks.real block --data DIR --json block.json
     python -m benchmarks.real hands --data DIR --mediapipe PYTHON
 
@@ -15,12 +16,19 @@ import json
 import sys
 from pathlib import Path
 
+import cv2
 from rich.console import Console
 
-from benchmarks.real import block, gen3, hand_eye, hands, tags
+from benchmarks.real import block, boxes, gen3, hand_eye, hands, tags
 from benchmarks.real.recordings import DataError, RealBenchmark
 
-BENCHMARKS: tuple[RealBenchmark, ...] = (tags.BENCHMARK, block.BENCHMARK, hand_eye.BENCHMARK, gen3.BENCHMARK)
+BENCHMARKS: tuple[RealBenchmark, ...] = (
+    tags.BENCHMARK,
+    boxes.BENCHMARK,
+    block.BENCHMARK,
+    hand_eye.BENCHMARK,
+    gen3.BENCHMARK,
+)
 
 
 def main() -> int:
@@ -34,6 +42,8 @@ def main() -> int:
         print(f"{benchmark.name}: skipped, for --data is not given\n{benchmark.published}")
         return 0
     try:
+        if options.pictures:
+            return _draw(benchmark, options.data, options.pictures)
         outcome = benchmark.run(options.data)
     except (DataError, OSError) as error:
         print(f"{benchmark.name}: {error}\n{benchmark.published}")
@@ -45,6 +55,15 @@ def main() -> int:
     if options.json:
         options.json.write_text(json.dumps(outcome.figures, indent=1), encoding="utf-8")
     return 0
+
+
+def _draw(benchmark: RealBenchmark, data: Path, out: Path) -> int:
+    """Write what is found, drawn into the images, to a folder; 0 if there were any."""
+    assert benchmark.draw is not None
+    out.mkdir(parents=True, exist_ok=True)
+    written = [name for name, picture in benchmark.draw(data) if cv2.imwrite(str(out / name), picture)]
+    print(f"{benchmark.name}: {len(written)} pictures in {out}")
+    return 0 if written else 2
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -59,7 +78,9 @@ def _parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--data", type=Path, metavar="DIR", help="the folder with the recordings")
         command.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
-        command.set_defaults(benchmark=benchmark)
+        if benchmark.draw is not None:
+            command.add_argument("--pictures", type=Path, metavar="OUT", help="only draw what is found, to this folder")
+        command.set_defaults(benchmark=benchmark, pictures=None)
     return parser
 
 

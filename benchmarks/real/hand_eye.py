@@ -14,6 +14,7 @@ from pathlib import Path
 import cv2
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.calibrator.hand_eye.calibrate import Setting, observed, solve
 from agents.calibrator.hand_eye.observations import Observations
@@ -21,7 +22,8 @@ from agents.calibrator.hand_eye.reading import ToldHands, read_images
 from agents.calibrator.hand_eye.start import find_start, target_poses
 from agents.calibrator.hand_eye.targets import read_target
 from benchmarks.peers.opencv_hand_eye import OpenCv
-from benchmarks.real.held_out import Mount, errors, table_of
+from benchmarks.real.drawing import draw_points
+from benchmarks.real.held_out import Mount, errors, predicted, table_of
 from benchmarks.real.recordings import DataError, Outcome, RealBenchmark, needed
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.distortion import Distortion
@@ -57,6 +59,16 @@ def run(folder: Path) -> Outcome:
             remarks.append(f"{method} fails in {splits - len(parts)} of {splits} splits, which do not count.")
     table, figures = table_of(found)
     return Outcome(table, remarks, {"views": len(views), "images": images, "methods": figures})
+
+
+def draw(folder: Path) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Each image with the points that were found, and where our calibration of all views and the robot put them."""
+    views, _, _ = _read(folder)
+    mount = Mount.of(solve(views, None, Setting(lens="plumb_bob")).fitted.parameters)
+    for name, found, expected in zip(views.names, views.pixels, predicted(mount, views), strict=True):
+        picture = np.asarray(cv2.imread(str(folder / name)), np.uint8)
+        draw_points(picture, found, expected)
+        yield Path(name).name, picture
 
 
 def _mounts(train: Observations, given: Intrinsics, peer: OpenCv | None) -> Iterator[tuple[str, Mount]]:
@@ -151,4 +163,5 @@ The pixels of {_HELD} views at a time are predicted from the robot's poses, by a
     "Published under Apache-2.0: GitHub Jmeyer1292/robot_cal_tools (2089a06), example data.\n"
     "Needed: cal_data.yaml, target.yaml, camera_intr_calibrated.yaml, images and poses. OpenCV 4 is fetched, once.",
     run,
+    draw,
 )

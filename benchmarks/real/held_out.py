@@ -40,12 +40,29 @@ def errors(mount: Mount, views: Observations) -> Array:
     """
     found = []
     for row in range(len(views)):
-        slip = np.eye(4)
-        if mount.offsets is not None and views.joint_effects is not None:
-            slip = exp(views.joint_effects[row] @ mount.offsets).matrix
-        now = Parameters(mount.camera, mount.target, mount.scale, mount.intrinsics, slip[None], np.zeros(0))
-        found.append(min(_of_order(now, views.subset([row]), order) for order in range(len(views.symmetries))))
+        now, view = _at(mount, views, row)
+        found.append(min(_of_order(now, view, order) for order in range(len(views.symmetries))))
     return np.array(found)
+
+
+def predicted(mount: Mount, views: Observations) -> Array:
+    """(v, n, 2) px, where each view's points are predicted, in the order in which they fit best."""
+    found = []
+    for row in range(len(views)):
+        now, view = _at(mount, views, row)
+        errors_by_order = [_of_order(now, view, order) for order in range(len(views.symmetries))]
+        best = view.reordered([int(np.argmin([px for px, _ in errors_by_order]))])
+        found.append(mount.intrinsics.project(ViewModel(best).points(now)[0]))
+    return np.array(found)
+
+
+def _at(mount: Mount, views: Observations, row: int) -> tuple[Parameters, Observations]:
+    """One view, and what the mount says of it."""
+    slip = np.eye(4)
+    if mount.offsets is not None and views.joint_effects is not None:
+        slip = exp(views.joint_effects[row] @ mount.offsets).matrix
+    now = Parameters(mount.camera, mount.target, mount.scale, mount.intrinsics, slip[None], np.zeros(0))
+    return now, views.subset([row])
 
 
 def _of_order(now: Parameters, view: Observations, order: int) -> tuple[float, float]:

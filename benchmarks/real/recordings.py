@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from dsr.math3d.transforms import Array
@@ -37,6 +38,8 @@ class RealBenchmark(NamedTuple):
     """Where the recordings are published, and under which licence."""
     run: Callable[[Path], Outcome]
     """Measure, given the folder with the recordings. Raises `DataError` if something is missing."""
+    draw: Callable[[Path], Iterator[tuple[str, NDArray[np.uint8]]]] | None = None
+    """Draw what is found into the images: names of the pictures, and (h, w, 3), blue first; None without images."""
 
 
 def needed(folder: Path, *names: str) -> list[Path]:

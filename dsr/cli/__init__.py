@@ -6,8 +6,10 @@ from dsr.cli.interrupts import end_at_once
 def start() -> None:
     """Run the command line; if its own libraries are not installed, say how to install them."""
     end_at_once()
+    import os
     import sys
 
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small, and a process with threads cannot fork
     from dsr.config.extras import missing_extra
     from dsr.runtime.resources import exit_if_short
 

@@ -22,7 +22,7 @@ from dsr.errors import ConfigError
 GROUP = "dsr.commands"
 """Group of entry points: typer apps, each with the name of its command."""
 OWN = {
-    "new": "new", "run": "run", "stop": "background", "logs": "background",
+    "new": "new", "run": "run", "stop": "background", "logs": "background", "halt": "halt",
     "ls": "inspect", "show": "inspect", "tree": "inspect", "relations": "relations",
     "visibility": "visibility", "worlds": "worlds", "watch": "watch", "top": "top", "topology": "topology",
     "diff": "diff", "what-if": "what_if", "save": "persist", "convert": "persist", "load": "load", "hub": "hub",

@@ -83,8 +83,9 @@ def run(
         warn(content)
     level = log_level.value
     with run_folder(folder, find_system(system).stem) as place, Launcher(
-        chosen, place, seed=seed, router=router, log_level=level, security=security, content=content, state=state
-    ) as launcher:
+        chosen, place, seed=seed, router=router, log_level=level, security=security, content=content, state=state,
+        fork=True,
+    ) as launcher:  # fmt: skip
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
         console.print(message, soft_wrap=True)
         if launcher.restored:

@@ -316,6 +316,8 @@ _NODE_TYPES = {
     "situation": "something that holds, or held, for a time",
     "query": "a request for edges of spatial relations, see dsr.spatial",
     "calibration": "a request to calibrate a camera, see dsr.vocabulary.calibration",
+    "zone": "a box that no arm may enter; its frame is at the centre",
+    "halt": "the newest order of an emergency stop, see dsr.vocabulary.halting",
 }
 
 _EDGE_TYPES = {
@@ -389,6 +391,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                               "hopeless": "the action will fail again while what is believed stays as it is",
                               "forced": "it shall be done whatever speaks against it",
                               "moves_arm": "an arm shall be moved for it",
+                              "halted": "motion is forbidden until somebody releases it",
                               "undo": "the pose from before the last calibration shall be taken back"}),
     *_attributes("str", "", {"status": "what it is doing", "explanation": "why", "stream": "name of a blob stream",
                              "source": "what says so", "model": "which product", "joint_names": "comma-separated",
@@ -414,5 +417,6 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
                              "via": "worlds through which it came, comma-separated, see dsr.worlds",
                              "record": "what is known of a world or a name, JSON, see dsr.worlds",
+                             "halt_id": "tells an order of an emergency stop from all others",
                              "note": "free text"}),
 ])  # fmt: skip

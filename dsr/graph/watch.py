@@ -82,11 +82,21 @@ class _Pending:
 
 
 class Watch:
-    """Changes that match a filter. Iterate to wait for them, or `poll` to take the present ones."""
+    """Changes that match a filter. Iterate to wait for them, or `poll` to take the present ones.
 
-    def __init__(self, wanted: ChangeFilter, notify: Callable[[], None] | None = None) -> None:
+    Args:
+        wanted: types and attributes.
+        notify: see `Memory.watch`.
+        where: likewise.
+    """
+
+    def __init__(
+        self, wanted: ChangeFilter, notify: Callable[[], None] | None = None,
+        where: Callable[[Node | Edge], bool] | None = None,
+    ) -> None:  # fmt: skip
         self._filter = wanted
         self._notify = notify
+        self._where = where
         self._pending: dict[Key, _Pending] = {}
         self._lock = threading.RLock()
         self._condition = threading.Condition(self._lock)
@@ -147,7 +157,7 @@ class Watch:
 
     def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
         """Called by the memory for every change that the watch wants."""
-        if self._closed:
+        if self._closed or (self._where is not None and kind != "removed" and not self._where(element)):
             return
         key = key_of(element)
         with self._lock:

@@ -15,9 +15,11 @@ from weakref import WeakValueDictionary
 
 import msgspec
 
+from dsr.errors import WireError
 from dsr.network.decoding import decoded
+from dsr.network.keys import descriptor_key
 from dsr.network.shared_ring import SLOTS, Ring, RingReader, SlotDescriptor
-from dsr.network.transport import Chunks, Subscription
+from dsr.network.transport import BulkHandler, Chunks, MessageHandler, Subscription
 
 _log = logging.getLogger("dsr.network.bulk")
 _encoder = msgspec.msgpack.Encoder()
@@ -156,6 +158,90 @@ class BulkReader:
             self._notify()
 
         return keep
+
+
+class BulkSubscription:
+    """Hands over each large message of many keys, in place where its writer shares memory with this process.
+
+    Bytes are asked for until a descriptor can be used, and again when one cannot. A stream from elsewhere that begins
+    in between therefore lacks its first message.
+
+    Args:
+        subscribe: subscribes to small messages.
+        key: of the messages, with wildcards.
+        handler: gets their keys and contents, in threads of the network. What it keeps of a message in shared memory
+            stays there: see `FrameReader`.
+    """
+
+    def __init__(
+        self, subscribe: Callable[[str, MessageHandler], Subscription], key: str, handler: BulkHandler
+    ) -> None:
+        self._subscribe = subscribe
+        self._key = key
+        self._handler = handler
+        self._rings: dict[str, RingReader | None] = {}
+        """Of each stream that has sent a descriptor: the ring; None of one whose messages come as bytes."""
+        self._early: dict[str, bytes] = {}
+        """The newest message of each stream that came as bytes before the first descriptor was here."""
+        self._changing = threading.Lock()
+        self._wanting = threading.Lock()
+        self._closed = False
+        self._plain: Subscription | None = None
+        self.malformed = 0
+        """Descriptors that were none."""
+        self._descriptors = subscribe(descriptor_key(key), self._take_descriptor)
+        self._want_bytes(True)
+
+    def close(self) -> None:
+        """Stop receiving; harmless when repeated."""
+        self._descriptors.close()
+        self._closed = True
+        self._want_bytes(False)
+
+    def _take_descriptor(self, key: str, payload: bytes) -> None:
+        stream = key.removesuffix(descriptor_key(""))
+        try:
+            descriptor = decode_descriptor(payload)
+            with self._changing:
+                ring = self._rings[stream] = self._ring_of(stream, descriptor)
+                early = self._early.pop(stream, None)
+            message = early if ring is None or descriptor is None else ring.view(descriptor)
+        except WireError as error:
+            self.malformed += 1
+            if self.malformed == 1:
+                _log.warning("%s: %s (further ones are only counted)", key, error)
+            return
+        if message is not None:
+            self._handler(stream, message)
+        self._want_bytes(None in self._rings.values())
+
+    def _take_bytes(self, stream: str, payload: bytes) -> None:
+        with self._changing:
+            if stream not in self._rings:
+                self._early[stream] = payload
+                return
+            comes_as_bytes = self._rings[stream] is None
+        if comes_as_bytes:
+            self._handler(stream, payload)
+
+    def _ring_of(self, stream: str, descriptor: SlotDescriptor | None) -> RingReader | None:
+        """The ring that a descriptor names, if it can be read here."""
+        ring = self._rings.get(stream)
+        if descriptor is None or (ring is not None and ring.ring == descriptor.ring):
+            return None if descriptor is None else ring
+        try:
+            return RingReader(descriptor)
+        except OSError as error:
+            _log.info("large messages come by copies: %s", error)
+            return None
+
+    def _want_bytes(self, wanted: bool) -> None:
+        with self._wanting:
+            if wanted and self._plain is None and not self._closed:
+                self._plain = self._subscribe(self._key, self._take_bytes)
+            elif not wanted and self._plain is not None:
+                plain, self._plain = self._plain, None
+                plain.close()
 
 
 def decode_descriptor(payload: bytes) -> SlotDescriptor | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dsr.clock import Clock, ManualClock
 from dsr.errors import TransportError
-from dsr.network.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, key_matches
+from dsr.network.transport import BulkHandler, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, key_matches
 
 T = TypeVar("T")
 A = TypeVar("A")
@@ -179,6 +179,10 @@ class LocalTransport:
     def newest(self, key: str, notify: Callable[[], None]) -> _Mailbox:
         """Receive the newest message of `key`."""
         return _Mailbox(self, key, notify)
+
+    def subscribe_bulk(self, key: str, handler: BulkHandler) -> _Declaration:
+        """Call `handler` in `deliver`."""
+        return self.subscribe(key, handler)
 
     def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
         """Whether anybody elsewhere subscribes to `key` now."""

@@ -18,6 +18,8 @@ Chunks = Sequence[bytes | memoryview]
 
 MessageHandler = Callable[[str, bytes], None]
 """Called with (key, payload) of a message."""
+BulkHandler = Callable[[str, bytes | memoryview], None]
+"""Called with (key, payload) of a large message, which may lie in memory that its writer shares."""
 RequestHandler = Callable[[str, bytes], bytes | None]
 """Called with (key, payload) of a request; returns the reply, or None to stay silent."""
 PresenceHandler = Callable[[str, bool], None]
@@ -83,6 +85,12 @@ class Transport(Protocol):
         """Receive the newest large message of `key`, without a copy where its writer is on this machine.
 
         `notify` is called from the network's thread whenever one has come.
+        """
+
+    def subscribe_bulk(self, key: str, handler: BulkHandler) -> Subscription:
+        """Call `handler` with each large message on `key`, without a copy where its writer is on this machine.
+
+        The handler is called from a thread of the subscription. A payload stays while it is referred to.
         """
 
     def serve(

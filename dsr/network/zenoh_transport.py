@@ -15,9 +15,18 @@ import zenoh
 
 from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.network.askers import newest_of_each
-from dsr.network.bulk import BulkReader, BulkWriter, Handler
+from dsr.network.bulk import BulkReader, BulkSubscription, BulkWriter, Handler
 from dsr.network.keys import descriptor_key
-from dsr.network.transport import MAX_ASKERS, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+from dsr.network.transport import (
+    MAX_ASKERS,
+    BulkHandler,
+    Chunks,
+    MessageHandler,
+    PresenceHandler,
+    Qos,
+    RequestHandler,
+    Subscription,
+)
 from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.zenoh")
@@ -183,6 +192,10 @@ class ZenohTransport:
             return declare
 
         return BulkReader(listen(descriptor_key(key)), listen(key), notify)
+
+    def subscribe_bulk(self, key: str, handler: BulkHandler) -> BulkSubscription:
+        """Call `handler` with each large message on `key`, from a thread of the subscription."""
+        return BulkSubscription(self.subscribe, key, handler)
 
     def _publisher(self, key: str, qos: Qos) -> Any:  # the stubs say that `matching_status` is a bool
         return self._publishers.get((key, qos)) or self._declare_publisher(key, qos)

@@ -23,8 +23,18 @@ def time_waited() -> float:
 
     It is nan where the kernel does not count that: on systems other than Linux.
     """
+    return _waited(_SCHEDSTAT)
+
+
+def longest_waited(pid: int) -> float:
+    """The same time (s) of the thread of a process that has stood ready longest; 0 where the kernel does not count."""
+    waited = map(_waited, Path(f"/proc/{pid}/task").glob("*/schedstat"))
+    return max((time for time in waited if math.isfinite(time)), default=0.0)
+
+
+def _waited(schedstat: Path) -> float:
     try:
-        return int(_SCHEDSTAT.read_text(encoding="ascii").split()[1]) * _NANOSECOND
+        return int(schedstat.read_text(encoding="ascii").split()[1]) * _NANOSECOND
     except (OSError, ValueError, IndexError):
         return math.nan
 

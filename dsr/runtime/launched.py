@@ -17,6 +17,7 @@ from typing import Protocol
 
 import msgspec
 
+from dsr.runtime.forked import Process
 from dsr.runtime.lifeline import LAUNCHED
 from dsr.runtime.orders import EXIT_FAILED, EXIT_USAGE, Lines, StartAgent, decode_report, encode_line
 
@@ -63,13 +64,18 @@ class Program:
         command: the program and its arguments.
         log_file: gets its output; appended to at each start.
         environment: of the process.
+        ahead: processes that were forked ahead. The next one that is left gets the command, which begins with `PYTHON`;
+            without any, a process is started anew.
     """
 
-    def __init__(self, command: Sequence[str], log_file: Path, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, command: Sequence[str], log_file: Path, environment: Mapping[str, str], ahead: list[Process] | None = None
+    ) -> None:
         self.log_file = log_file
         self._command = list(command)
         self._environment = {**environment, "PYTHONUNBUFFERED": "1"}
-        self._process: subprocess.Popen[bytes] | None = None
+        self._ahead = [] if ahead is None else ahead
+        self._process: subprocess.Popen[bytes] | Process | None = None
 
     @property
     def logs(self) -> Sequence[Path]:
@@ -83,13 +89,18 @@ class Program:
 
     def start(self, restarts: int, more: Sequence[str] = (), descriptors: Collection[int] = ()) -> None:
         """Start the process, with `more` arguments, and with open descriptors."""
+        command, environment = [*self._command, *more], {**self._environment, LAUNCHED: str(restarts)}
         with self.log_file.open("ab") as log:
+            if self._ahead:
+                self._process = self._ahead.pop()
+                self._process.begin(command, self.log_file.stem, log.fileno(), environment, descriptors)
+                return
             self._process = subprocess.Popen(
-                [*self._command, *more],
+                command,
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**self._environment, LAUNCHED: str(restarts)},
+                env=environment,
                 pass_fds=descriptors,
                 start_new_session=True,
             )
@@ -123,7 +134,7 @@ class Program:
         if self._process is not None:
             self._reap(self._process)
 
-    def _reap(self, process: subprocess.Popen[bytes]) -> int:
+    def _reap(self, process: subprocess.Popen[bytes] | Process) -> int:
         """Kill what is left of the process group and collect the exit code."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -135,7 +146,7 @@ class Program:
         return code
 
 
-def _has_exited(process: subprocess.Popen[bytes]) -> bool:
+def _has_exited(process: subprocess.Popen[bytes] | Process) -> bool:
     """Whether it has, without reaping it: until then nobody else can get its process group's number."""
     return os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 

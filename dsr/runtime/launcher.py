@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -27,6 +26,8 @@ from dsr.files.private_files import FOLDER_MODE
 from dsr.network.rendezvous import lock_claim
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
+from dsr.runtime.contention import longest_waited
+from dsr.runtime.forked import PYTHON, Process, fork_ahead
 from dsr.runtime.launched import Launched, Program, Seat, SharedProgram, exit_text
 from dsr.runtime.orders import StartAgent
 from dsr.runtime.status import Heard, State, StatusBoard
@@ -39,7 +40,6 @@ POLL_PERIOD = 0.05
 """s between two looks at the processes."""
 STOP_PATIENCE = 5.0
 """s that agents get to tear down until they are killed."""
-_PYTHON = (sys.executable, "-P", "-m")  # -P: a folder called dsr where we are is not this one
 _MOST_NAMES = 100
 
 _log = logging.getLogger("dsr.runtime.launcher")
@@ -77,6 +77,8 @@ class Launcher:
             names, see `dsr.connect`.
         content: what the graph holds before the agents start, if no state is restored.
         state: folder in which the graph survives: restored from it before the agents start, and kept there.
+        fork: start the processes for the first time by forks of this one, if it has no threads: they share the
+            libraries that it has loaded.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class Launcher:
         security: Path | None = None,
         content: GraphContent | None = None,
         state: Path | None = None,
+        fork: bool = False,
     ) -> None:
         self.folder = folder
         self.clock = WALL_CLOCK
@@ -101,6 +104,8 @@ class Launcher:
         self._security = security
         self._content = content
         self._state = state
+        self._fork = fork
+        self._ahead: list[Process] = []
         self.restored = False
         """Whether the graph was restored."""
         self._resources = contextlib.ExitStack()
@@ -126,6 +131,8 @@ class Launcher:
 
     def start(self) -> None:
         """Claim the graph's name, join its network and start all agents."""
+        if self._fork:  # first of all: what is opened later is not theirs
+            self._ahead = fork_ahead(len(self._requested.processes()))
         name = self._resources.enter_context(_claimed_name(self._requested.graph, self.folder))
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
@@ -150,6 +157,7 @@ class Launcher:
             self._processes[spec.name] = Supervised(launched[spec.name], clock=self.clock, restart=spec.restart)
         for supervised in self._processes.values():
             supervised.start()
+        self._dismiss()
 
     def _launched(
         self, process: str, specs: Sequence[AgentSpec], environment: Mapping[str, str]
@@ -157,17 +165,17 @@ class Launcher:
         """The agents of one process, yet to be started."""
         if len(specs) == 1:
             spec = specs[0]
-            return {spec.name: Program(self._command(spec), self._log_file(spec.name), environment)}
-        program = Program(self._shared_command(process), self._log_file(process), environment)
+            return {spec.name: Program(self._command(spec), self._log_file(spec.name), environment, self._ahead)}
+        program = Program(self._shared_command(process), self._log_file(process), environment, self._ahead)
         shared = SharedProgram(process, program)
         return {spec.name: Seat(shared, self._order(spec)) for spec in specs}
 
     def _command(self, spec: AgentSpec) -> list[str]:
-        command = [*_PYTHON, "dsr.runtime", *self._beside(), spec.program, "--name", spec.name]
+        command = [*PYTHON, "dsr.runtime", *self._beside(), spec.program, "--name", spec.name]
         return [*command, "--config", msgspec.json.encode(spec.config).decode(), *self._common_options()]
 
     def _shared_command(self, process: str) -> list[str]:
-        return [*_PYTHON, "dsr.runtime.shared_process", process, *self._beside(), *self._common_options()]
+        return [*PYTHON, "dsr.runtime.shared_process", process, *self._beside(), *self._common_options()]
 
     def _order(self, spec: AgentSpec) -> StartAgent:
         return StartAgent(spec.name, spec.program, spec.config, str(self._log_file(spec.name)), 0)
@@ -219,7 +227,8 @@ class Launcher:
         """Wait until every agent had a good tick; `progress` sees the rows about 20 times a second.
 
         Raises:
-            AgentError: if one ended for good or took longer than its time limit, with the end of its log.
+            AgentError: if one ended for good or took longer than its time limit, with the end of its log. Time in which
+                its process waited for a processor of an overloaded machine does not count.
         """
         started = self.clock.monotonic()
         while True:
@@ -238,8 +247,9 @@ class Launcher:
         process = self._processes[row.agent]
         if process.ended:
             why = f"ended with {exit_text(process.exit_code)}"
-        elif waited > limit:
-            why = f"was not ready within {limit:g} s (state: {row.state}, {row.restarts} restarts)"
+        elif waited > limit + (queued := longest_waited(row.pid) if row.pid else 0.0):
+            late = f" and {queued:.0f} s more, in which it waited for a processor" if queued >= 1.0 else ""
+            why = f"was not ready within {limit:g} s{late} (state: {row.state}, {row.restarts} restarts)"
         else:
             return
         raise AgentError(f"agent {row.agent!r} {why}; the end of {process.log_file}:\n{process.last_lines()}")
@@ -255,9 +265,15 @@ class Launcher:
     def stop(self) -> None:
         """Stop all agents, killing those that do not end in `STOP_PATIENCE`; harmless when repeated."""
         try:
+            self._dismiss()
             self._end_processes()
         finally:
             self._resources.close()
+
+    def _dismiss(self) -> None:
+        """End the processes that were forked and got nothing to do."""
+        while self._ahead:
+            self._ahead.pop().dismiss()
 
     def _end_processes(self) -> None:
         for process in self._processes.values():

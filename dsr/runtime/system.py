@@ -50,7 +50,7 @@ class AgentSpec:
     restart: bool = True
     """Start it again when it crashed."""
     ready_timeout: float = 30.0
-    """s it may take until its first good tick."""
+    """s it may take until its first good tick, beside the time in which it waits for a processor."""
     process: str = ""
     """Name of the process in which it runs, together with all others of that process; empty for the default."""
 

@@ -15,6 +15,7 @@ from dsr.files.data_files import read_text
 from dsr.graph.access import Access, WriteGuard
 from dsr.network.keys import check_name
 from dsr.runtime.system import System
+from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE, HALTER
 
 LAUNCHER = "launcher"
 READER = "dsr"
@@ -80,8 +81,12 @@ def system_grants(system: System) -> dict[str, Grant]:
 
 
 def standard_grants() -> dict[str, Grant]:
-    """Grants for those that every system has: its launcher and the command line tools."""
-    return {LAUNCHER: Grant(publishes=("device/**",), trusted=True), READER: Grant(read_only=True)}
+    """Grants for those that every system has: its launcher, the command line tools, and the emergency stop."""
+    return {
+        LAUNCHER: Grant(publishes=("device/**",), trusted=True),
+        READER: Grant(read_only=True),
+        HALTER: Grant((HALT_NODE,), (), HALT_ATTRIBUTES, ("device/halt",)),
+    }
 
 
 def read_policy(file: Path) -> AccessPolicy:

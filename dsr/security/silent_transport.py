@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dsr.errors import TransportError
 from dsr.network.keys import Keys
 from dsr.network.transport import (
+    BulkHandler,
     Chunks,
     Mailbox,
     MessageHandler,
@@ -59,6 +60,10 @@ class SilentTransport:
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
         """See `Transport.subscribe`."""
         return self._transport.subscribe(key, handler, newest=newest)
+
+    def subscribe_bulk(self, key: str, handler: BulkHandler) -> Subscription:
+        """See `Transport.subscribe_bulk`."""
+        return self._transport.subscribe_bulk(key, handler)
 
     def serve(
         self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None

@@ -13,7 +13,7 @@ from dsr.timeline.allen import ALLEN, INVERSE, AllenRelation, Interval, holds, r
 from dsr.timeline.changes import EVENT_KINDS, Timeline
 from dsr.timeline.chronicle import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, is_keyed, kept_by
 from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, TIMELINE, Entry, explanations, read_entry
-from dsr.timeline.kinds import ACTION, AGENT, DERIVED, INTENTION, OBJECTS, PRESENT, RELATIONS, SURPRISING
+from dsr.timeline.kinds import ACTION, AGENT, DERIVED, FORBIDDEN, INTENTION, OBJECTS, PRESENT, RELATIONS, SURPRISING
 from dsr.timeline.queries import query
 from dsr.timeline.retention import Retention
 from dsr.timeline.telling import Event, tell
@@ -26,6 +26,7 @@ __all__ = [
     "EVENT",
     "EVENT_KINDS",
     "EXPLAINED",
+    "FORBIDDEN",
     "INTENTION",
     "INVERSE",
     "OBJECTS",

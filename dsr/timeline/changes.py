@@ -17,10 +17,14 @@ from dsr.runtime.status import SILENT_AFTER, State, Status
 from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, kind_of, read_entry
 from dsr.timeline.kinds import DERIVED, OBJECTS, RELATIONS
 from dsr.timeline.telling import Event, tell
+from dsr.vocabulary.halting import HALT_NODE, order_of
 from dsr.vocabulary.relations import is_present
 from dsr.vocabulary.sentences import explained_sentence
 
-EVENT_KINDS = ("explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent")
+EVENT_KINDS = (
+    *("explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent"),
+    *("halted", "released"),
+)
 """Kinds of the events that are read off changes; agents add their own, such as `Pick`, on the timeline in the graph."""
 _ENDED = (State.STOPPED, State.FAILED)
 
@@ -33,6 +37,7 @@ class Timeline:
         self._relations: dict[tuple[str, str, str], str] = {}
         self._present: dict[str, bool] = {}
         self._statuses: dict[str, str] = {}
+        self._order = ""
         self._explained: dict[str, tuple[Any, Any]] = {}
         self._told: dict[str, set[str]] = {}
         self._agents: dict[str, Status] = {}
@@ -81,6 +86,8 @@ class Timeline:
                 yield from self._presence(change, node, now)
             elif change.type in ("intention", "action"):
                 yield from self._status(change, node, now)
+            elif change.type == HALT_NODE:
+                yield from self._halt(node, now)
             elif change.type in (EVENT, SITUATION):
                 yield from self._entry(change.name, node, now)
 
@@ -135,6 +142,18 @@ class Timeline:
             why = str(node.get("explanation", ""))
             text = f"{name} ({what}) {status or 'new'}{f': {why}' if why else ''}"
             yield Event(now, kind, name, text, {**details, "status": status, "explanation": why})
+
+    def _halt(self, node: Node | None, now: float) -> Iterator[Event]:
+        """Of an emergency stop: it was ordered, it was released."""
+        order = order_of(node)
+        if order is None or order.id == self._order:
+            return
+        begins, self._order = self._order == "", order.id
+        if order.halted:
+            yield Event(min(order.stamp or now, now), "halted", HALT_NODE, order.reason, {"source": order.by})
+        elif not begins:
+            text = f"released by {order.by}"
+            yield Event(min(order.stamp or now, now), "released", HALT_NODE, text, {"source": order.by})
 
     def _entry(self, name: str, node: Node | None, now: float) -> Iterator[Event]:
         """Of the timeline in the graph."""

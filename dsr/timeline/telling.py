@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from dsr.timeline.entries import EVENT, EXPLAINED, Entry
-from dsr.timeline.kinds import ACTION, AGENT, INTENTION, PRESENT, RELATIONS, SURPRISING
+from dsr.timeline.kinds import ACTION, AGENT, FORBIDDEN, INTENTION, PRESENT, RELATIONS, SURPRISING
 from dsr.vocabulary.explained import changes_of
 from dsr.vocabulary.sentences import sentence_of
 
@@ -27,7 +27,12 @@ class Event(msgspec.Struct, frozen=True):
     """The same for programs, by attribute."""
 
 
-_WORDS = {SURPRISING: ("surprised", "calmed"), PRESENT: ("appeared", "gone"), AGENT: ("agent", "agent")}
+_WORDS = {
+    SURPRISING: ("surprised", "calmed"),
+    PRESENT: ("appeared", "gone"),
+    AGENT: ("agent", "agent"),
+    FORBIDDEN: ("halted", "released"),
+}
 """Kinds of the events at the begin and the end of a situation; of all others, `began` and `ended`."""
 _TOLD_BY_EVENTS = (ACTION, INTENTION)
 """Kinds whose situations show as the events of their status only, unless they are told fully."""

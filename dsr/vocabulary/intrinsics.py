@@ -18,7 +18,7 @@ INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height", "distortion_model", "di
 """Attributes of a camera's node that tell them."""
 _PINHOLE, _LENS = INTRINSICS[:6], INTRINSICS[6:]
 _MOST_PIXELS = 1e5
-"""px, no focal length or principal point is beyond."""
+"""px, no focal length, principal point or edge of an image is beyond."""
 _LARGER = 3.0
 """Times that the picture of an ideal camera may be wider or higher: none can hold all that a fisheye lens sees."""
 _BORDER = 65
@@ -53,15 +53,18 @@ class Intrinsics(msgspec.Struct, frozen=True):
         Raises:
             ValueError: if one is missing, or no camera has such ones.
         """
-        missing = [name for name in INTRINSICS[:4] if not isinstance(meta.get(name), (int, float))]
+        missing = [name for name in INTRINSICS[:4] if not _is_number(meta.get(name))]
         if missing:
             raise ValueError(f"intrinsics {', '.join(missing)} missing; expected numbers fx, fy, cx, cy in px")
         fx, fy, cx, cy = values = tuple(float(meta[name]) for name in INTRINSICS[:4])
         if not (min(fx, fy) >= 1.0 and all(abs(value) <= _MOST_PIXELS for value in values)):
             raise ValueError(f"intrinsics {values}: expected fx, fy >= 1 px and none beyond {_MOST_PIXELS} px")
+        if max(shape[:2]) > _MOST_PIXELS:
+            raise ValueError(f"images of {shape[1]} x {shape[0]} px: none is larger than {_MOST_PIXELS} px")
         model = meta.get("distortion_model")
-        told = [meta[name] for name in map("d{}".format, range(1, MOST_COEFFICIENTS + 1)) if name in meta]
-        return Intrinsics(fx, fy, cx, cy, shape[1], shape[0], Distortion.of(model, told) if model else None)
+        coefficients = [meta[name] for name in map("d{}".format, range(1, MOST_COEFFICIENTS + 1)) if name in meta]
+        lens = Distortion.of(model, coefficients) if model else None
+        return Intrinsics(fx, fy, cx, cy, shape[1], shape[0], lens)
 
     def meta(self) -> dict[str, float | int | str]:
         """What a frame tells beside its images: fx, fy, cx, cy in px; of a lens distortion_model and d1, d2, ..."""
@@ -123,6 +126,10 @@ class Intrinsics(msgspec.Struct, frozen=True):
         return pixels
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 @lru_cache(maxsize=16)
 def _slopes(intrinsics: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     columns, rows = np.arange(intrinsics.width, dtype=np.float64), np.arange(intrinsics.height, dtype=np.float64)
@@ -162,4 +169,5 @@ def read_intrinsics(camera: Node) -> Intrinsics | None:
         found = Intrinsics(**values, distortion=Distortion.of(model, coefficients or ()) if model else None)
     except ValueError:
         return None
-    return found if min(found.fx, found.fy, found.width, found.height) > 0 else None
+    is_possible = min(found.fx, found.fy, found.width, found.height) > 0
+    return found if is_possible and max(found.width, found.height) <= _MOST_PIXELS else None

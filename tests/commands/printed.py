@@ -287,7 +287,7 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
 """Commands by what one types after `dsr`, with how to have them print."""
 
 SENTENCES = {
-    "new", "run", "stop", "logs", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
+    "new", "run", "stop", "logs", "halt", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
     "record export", "security init", "security add", "ros run", "ros check", "drivers try", "hands fetch",
     "hands status",
 }  # fmt: skip

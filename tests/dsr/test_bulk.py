@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import tracemalloc
 from collections.abc import Iterator
 from contextlib import closing
@@ -23,11 +24,11 @@ from dsr.clock import WALL_CLOCK
 from dsr.errors import WireError
 from dsr.images.blobs import frame_chunks
 from dsr.images.frame_reader import FrameReader
-from dsr.network.bulk import BulkReader, BulkWriter, Handler
-from dsr.network.keys import Keys
+from dsr.network.bulk import BulkReader, BulkSubscription, BulkWriter, Handler
+from dsr.network.keys import Keys, descriptor_key
 from dsr.network.rendezvous import free_port
 from dsr.network.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, SlotDescriptor
-from dsr.network.transport import Subscription
+from dsr.network.transport import MessageHandler, Qos, Subscription
 from dsr.network.zenoh_transport import ZenohTransport
 
 PATIENCE = 20.0  # s
@@ -333,6 +334,109 @@ class TestBulk:
         assert not pair.descriptors.wanted and not pair.plain.wanted
 
 
+class Streams:
+    """Writers of several streams, and who subscribes to all of them."""
+
+    def __init__(self) -> None:
+        self.lines: dict[str, list[MessageHandler]] = {}
+        self.writers: dict[str, BulkWriter] = {}
+        self.got: list[tuple[str, bytes | memoryview]] = []
+        self.bytes_sent = 0
+
+    def subscribe(self, key: str, handler: MessageHandler) -> Subscription:
+        handlers = self.lines.setdefault(key, [])
+        handlers.append(handler)
+
+        class Listening:
+            def close(self) -> None:
+                if handler in handlers:
+                    handlers.remove(handler)
+
+        return Listening()
+
+    def listen(self) -> BulkSubscription:
+        return BulkSubscription(self.subscribe, "**", lambda key, payload: self.got.append((key, payload)))
+
+    def put(self, stream: str, message: bytes) -> None:
+        streams = self
+
+        class Way:
+            def __init__(self, pattern: str, key: str) -> None:
+                self.pattern, self.key = pattern, key
+
+            @property
+            def wanted(self) -> bool:
+                return bool(streams.lines.get(self.pattern))
+
+            def put(self, payload: bytes) -> None:
+                streams.bytes_sent += len(payload) * (self.pattern == "**")
+                for handler in list(streams.lines[self.pattern]):
+                    handler(self.key, payload)
+
+        if stream not in self.writers:
+            self.writers[stream] = BulkWriter(Way(descriptor_key("**"), descriptor_key(stream)), Way("**", stream))
+        self.writers[stream].put([message])
+
+
+class TestBulkSubscription:
+    def test_every_message_of_every_stream_comes_once_and_in_place(self) -> None:
+        streams = Streams()
+        streams.listen()
+        sent = [(f"camera_{i % 3}", b"%d" % i) for i in range(12)]
+        for stream, message in sent:
+            streams.put(stream, message)
+        assert streams.got == sent
+        assert all(isinstance(payload, memoryview) and payload.readonly for _, payload in streams.got)
+        assert streams.bytes_sent == 0
+
+    def test_streams_from_elsewhere_come_as_bytes_beside_those_in_place(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        streams = Streams()
+        streams.put("elsewhere", b"nobody hears it")
+        subscription = streams.listen()
+        with monkeypatch.context() as patch:
+            patch.delattr(os, "memfd_create")
+            for i in range(3):
+                streams.put("elsewhere", b"%d" % i)
+        for i in range(3):
+            streams.put("here", b"%d" % i)
+            streams.put("elsewhere", b"again %d" % i)  # its writer can share by now
+        assert streams.got[:3] == [("elsewhere", b"%d" % i) for i in range(3)]
+        assert [message for stream, message in streams.got if stream == "here"] == [b"0", b"1", b"2"]
+        assert [message for stream, message in streams.got[3:] if stream == "elsewhere"] == [
+            b"again %d" % i for i in range(3)
+        ]
+        subscription.close()
+        streams.put("here", b"too late")
+        assert len(streams.got) == 9
+
+    def test_bytes_that_overtake_their_descriptor_are_not_lost_and_not_doubled(self) -> None:
+        streams = Streams()
+        streams.listen()
+        (plain,), (descriptors,) = streams.lines["**"], streams.lines[descriptor_key("**")]
+        shared = msgspec.msgpack.encode(descriptor_of(ring := Ring(10), b"shared"))
+        plain("here", b"shared")
+        descriptors("here/@shm", shared)
+        plain("there", b"copied")
+        descriptors("there/@shm", msgspec.msgpack.encode(None))
+        assert streams.got == [("here", b"shared"), ("there", b"copied")]
+        assert ring.slot_size
+
+    def test_malformed_descriptors_are_counted_and_do_no_harm(self) -> None:
+        streams = Streams()
+        subscription = streams.listen()
+        for handler in streams.lines[descriptor_key("**")]:
+            handler("here/@shm", b"nonsense")
+        streams.put("here", b"good")
+        assert streams.got == [("here", b"good")] and subscription.malformed == 1
+
+    def test_what_is_kept_stays_and_holds_up_nobody(self) -> None:
+        streams = Streams()
+        streams.listen()
+        for i in range(SLOTS):
+            streams.put("here", b"%d" % i)
+        assert [payload for _, payload in streams.got] == [b"%d" % i for i in range(SLOTS)]
+
+
 def picture(stamp: float) -> dsr.Frame:
     color = np.full((480, 640, 3), int(stamp) % 251, np.uint8)
     return dsr.Frame(stamp, {"color": color, "depth": np.full((480, 640), stamp, np.float32)}, {})
@@ -405,3 +509,24 @@ def test_rings_of_impossible_sizes_are_not_opened(slot_size: int) -> None:
 def test_a_message_too_large_to_share_goes_by_copies() -> None:
     with pytest.raises(OSError, match="at most"):
         Ring(MOST_BYTES + 1)
+
+
+def test_a_subscription_to_all_frames_shares_memory_with_another_session(
+    link: tuple[ZenohTransport, ZenohTransport],
+) -> None:
+    """After the first frames none is sent as bytes, whatever its stream is."""
+    keys, got = Keys("g"), list[tuple[str, int]]()
+    subscription = link[1].subscribe_bulk(keys.blob("**"), lambda key, payload: got.append((key, len(payload))))
+    cameras = [keys.blob("camera"), keys.blob("wrist/detections")]
+    deadline, number = WALL_CLOCK.monotonic() + PATIENCE, 0
+    while subscription._plain is not None or {key for key, _ in got} != set(cameras):
+        assert WALL_CLOCK.monotonic() < deadline
+        for key in cameras:
+            link[0].publish_bulk(key, frame_chunks(picture(float(number))))
+        number += 1
+        WALL_CLOCK.wait(threading.Event(), 0.05)
+    assert {length for _, length in got} == {sum(map(len, frame_chunks(picture(0.0))))}
+    while any(link[0].is_heard(key, Qos.BULK) for key in cameras):
+        assert WALL_CLOCK.monotonic() < deadline
+        WALL_CLOCK.wait(threading.Event(), 0.05)
+    subscription.close()

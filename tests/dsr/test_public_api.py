@@ -43,7 +43,7 @@ MODULES = {
     },
     "dsr.timeline": {
         "ALLEN", "AllenRelation", "Chronicle", "DERIVED", "EVENT", "EVENT_KINDS", "EXPLAINED", "Entry", "Event",
-        "INVERSE", "Interval", "OBJECTS", "RELATIONS", "Retention", "SITUATION", "TIMELINE", "Timeline",
+        "FORBIDDEN", "INVERSE", "Interval", "OBJECTS", "RELATIONS", "Retention", "SITUATION", "TIMELINE", "Timeline",
         "WRITTEN_ATTRIBUTES", "WRITTEN_EDGES", "WRITTEN_NODES", "explanations", "holds", "is_keyed", "kept_by",
         "query", "read_entry", "relation", "relations", "tell", "ACTION", "AGENT", "INTENTION", "PRESENT", "SURPRISING",
     },

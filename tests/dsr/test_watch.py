@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from dsr import Change, Pose
+from dsr import Change, Node, Pose
 from tests.dsr.conftest import Net
 
 
@@ -67,6 +67,22 @@ def test_filters_by_type_and_attribute(net: Net) -> None:
     assert mass.poll() == [] and len(both.poll()) == 2
     memory.update_node("c", mass=1.0, seen=2)
     assert summary(mass.poll()) == [("updated", "c", ("mass",))]
+
+
+def test_what_is_not_wanted_wakes_nobody_and_its_removal_is_told(net: Net) -> None:
+    memory = net.join("a")
+    woken: list[int] = []
+    watch = memory.watch(
+        node_type="cube", notify=lambda: woken.append(1),
+        where=lambda node: isinstance(node, Node) and node.name != "cube_3",
+    )  # fmt: skip
+    memory.add_node("cube_3", "cube", mass=1.0)
+    memory.update_node("cube_3", mass=2.0)
+    assert not woken and watch.poll() == []
+    memory.add_node("cube_4", "cube")
+    assert woken and summary(watch.poll()) == [("added", "cube_4", ())]
+    memory.remove_node("cube_3")
+    assert summary(watch.poll()) == [("removed", "cube_3", ())]
 
 
 def test_an_edge_goes_with_its_node(net: Net) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from dsr.vocabulary.halting import HaltOrder, write_order
 from tests.planner.table import PLACES, TOWERS, Run, add_cube, move, supports
 
 BUILT = {"cube_3": "cube_4", "cube_6": "cube_5", "cube_4": "table", "cube_5": "table"}
@@ -418,3 +419,23 @@ def test_two_runs_are_equal() -> None:
             return lines
 
     assert play() == play()
+
+
+def test_an_emergency_stop_ends_what_is_pursued_and_nothing_begins_by_its_release() -> None:
+    order = HaltOrder("1", True, "anna", "a hand is in the way", 1.0)
+    with Run() as run:
+        run.want()
+        run.until("executing")
+        write_order(run.memory, order)
+        run.arm.failing = ["pick", "place"] * 20
+        run.until("failed")
+        assert run.explanation == "halted by anna: a hand is in the way"
+        write_order(run.memory, HaltOrder("2", False, "anna"))
+        begun = len(run.arm.done)
+        run.go(5.0)
+        assert len(run.arm.done) == begun
+    with Run() as run:
+        write_order(run.memory, order)
+        run.want()
+        run.until("failed")
+        assert run.arm.done == [] and run.explanation == "halted by anna: a hand is in the way"

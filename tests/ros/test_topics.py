@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import threading
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -146,6 +147,45 @@ def test_images_at_30_hz_go_out_whole(real_node: Start, link: DdsLink) -> None:
         eventually(lambda number=number: len(node.received(topic="/image")) >= number, 5.0)
     found = [(one["sha256"], content(bytes.fromhex(one["cdr"]))[1]) for one in node.received(topic="/image")]
     assert found == [content(cdr) for cdr in sent]
+
+
+def test_a_subscriber_that_stands_still_holds_up_nobody(real_node: Start, link: DdsLink) -> None:
+    slow, well = real_node("slow"), real_node("well")
+    for node in (slow, well):
+        node.subscribe(topic="/image", type=IMAGE, depth=FRAMES)
+    publisher = link.publisher(Topic("/image", IMAGE, Qos(depth=5)))
+    eventually(lambda: publisher.subscribers() == 2)
+    publisher.send(TYPES.encode(IMAGE, image(0)))
+    eventually(lambda: len(slow.received(topic="/image")) == 1 and len(well.received(topic="/image")) == 1)
+    slow.stand_still()
+    try:
+        for number in range(1, FRAMES // 2):  # six times as many as are kept: whoever waited for it would raise
+            publisher.send(TYPES.encode(IMAGE, image(number)))
+            eventually(lambda number=number: len(well.received(topic="/image")) > number, 5.0)
+    finally:
+        slow.go_on()
+
+
+def test_of_a_flood_what_is_not_taken_is_counted(real_node: Start, link: DdsLink) -> None:
+    node, got, all_of_them, awake = real_node("arm"), [], [], threading.Event()
+
+    def receive(message: Received) -> None:
+        got.append(message)
+        awake.wait(20.0)
+
+    slow = link.subscribe(Topic("/joint_states", JOINTS, Qos(depth=5)), receive)
+    well = link.subscribe(Topic("/joint_states", JOINTS, Qos(depth=2 * FRAMES)), all_of_them.append)
+    node.advertise(topic="/joint_states", type=JOINTS, depth=FRAMES)
+    eventually(lambda: node.matched(topic="/joint_states")[0] == 2 and slow.publishers() and well.publishers())
+    sent = [TYPES.encode(JOINTS, joints(k / 3, -k)) for k in range(FRAMES)]
+    node.publish(topic="/joint_states", cdr=[sent[0].hex()])
+    eventually(lambda: got)
+    node.publish(topic="/joint_states", cdr=[cdr.hex() for cdr in sent], count=FRAMES)
+    eventually(lambda: len(all_of_them) == FRAMES + 1)
+    awake.set()
+    eventually(lambda: len(got) == 6)
+    eventually(lambda: link.lost() == {"/joint_states": FRAMES - 5})
+    assert [bytes(message.cdr) for message in got[1:]] == sent[-5:]
 
 
 def test_each_sees_the_other_with_names_types_and_hashes(real_node: Start, link: DdsLink) -> None:

@@ -48,6 +48,7 @@ class RunningActions:
         """Name of the action under way."""
         self.step = ""
         """Name of its present step."""
+        self._waits_for = ""
         for node in memory.nodes("action"):
             if node.get("status") == RUNNING:
                 self._arm.hold_still()
@@ -60,11 +61,11 @@ class RunningActions:
         if self._steps is not None:
             self._advance(self._steps)
 
-    def refuse(self, reason: str) -> None:
-        """Fail what is under way and what is requested, because the arm cannot be moved."""
+    def refuse(self, reason: str, status: str = FAILED) -> None:
+        """End what is under way and what is requested with this status, because the arm cannot or must not move."""
         if self.running:
-            self._end(FAILED, reason)
-        self._take_requests(None, reason)
+            self._end(status, reason)
+        self._take_requests(None, reason, status)
 
     def close(self) -> None:
         """Hold still if an action is under way, and take no more requests."""
@@ -72,7 +73,7 @@ class RunningActions:
         if self.running:
             self._arm.hold_still()
 
-    def _take_requests(self, joints: Joints | None, refused: str = "") -> None:
+    def _take_requests(self, joints: Joints | None, refused: str = "", status: str = FAILED) -> None:
         for change in self._watch.poll():
             node = self._memory.get_node(change.name)
             if node is None or node.type != "action":
@@ -81,20 +82,21 @@ class RunningActions:
             elif node.get("request") == HALT and node.name == self.running:
                 self._end(HALTED, "")
             elif node.get("request") == RUN and node.get("status") not in (*ENDED, RUNNING):
-                self._begin(node, joints, refused)
+                self._begin(node, joints, refused, status)
 
-    def _begin(self, node: Node, joints: Joints | None, refused: str) -> None:
+    def _begin(self, node: Node, joints: Joints | None, refused: str, status: str) -> None:
         skill = node.get("skill", "")
         if skill == "stop" and self.running:
             self._end(HALTED, f"{node.name} asked to stop")
         problem = refused or self._problem(skill)
         if problem or joints is None:
-            self._say(node.name, FAILED, problem)
+            self._say(node.name, status if refused else FAILED, problem)
             return
         self.running, self.step = node.name, ""
         try:
             self._arm.begin(joints, self._speed())
-            self._steps = _SKILLS[skill](self._arm, node)
+            steps = _SKILLS[skill](self._arm, node)
+            self._steps = steps if skill == "stop" else _from_rest(self._arm, steps)
         except DsrError as error:
             self._end(FAILED, str(error), moving=False)
         else:
@@ -116,6 +118,7 @@ class RunningActions:
     def _advance(self, steps: Steps[None]) -> None:
         try:
             self.step = next(steps)
+            self._tell_waiting()
         except StopIteration:
             self._end(DONE, "", moving=False)
         except DsrError as error:
@@ -123,6 +126,14 @@ class RunningActions:
         except Exception as error:
             self._end(FAILED, f"unexpected {type(error).__name__}: {error}")
             raise
+
+    def _tell_waiting(self) -> None:
+        """Say in the action's node for whom the arm stands still."""
+        whom = self._arm.waits_for
+        if whom != self._waits_for:
+            self._waits_for = whom
+            told = f"stands still: {whom} is near" if whom else ""
+            self._memory.update_node(self.running, explanation=told)
 
     def _end(self, status: str, explanation: str, *, moving: bool = True, hopeless: bool = False) -> None:
         name, steps = self.running, self._steps
@@ -142,6 +153,12 @@ class RunningActions:
         self._log.log(level, "%s %s (%s)%s", name, status, about, f": {explanation}" if explanation else "")
         told = {"hopeless": hopeless} if hopeless or node.get("hopeless") else {}
         self._memory.update_node(name, status=status, explanation=explanation, **told)
+
+
+def _from_rest(arm: Manipulator, steps: Steps[None]) -> Steps[None]:
+    """A skill that begins when the arm has come to rest: ways are planned from where it stands."""
+    yield from arm.settle()
+    yield from steps
 
 
 def _needed(node: Node, attribute: str) -> str:

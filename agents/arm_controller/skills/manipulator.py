@@ -13,12 +13,15 @@ from agents.arm_controller.figure import Figure
 from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain, UnreachableError
-from agents.arm_controller.obstacles import Load, Obstacles
+from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.room import Room
 from agents.arm_controller.routes import BlockedError, JointGoal, Router
+from agents.arm_controller.safety.following import Following
+from agents.arm_controller.safety.separation import PeopleNearby
+from agents.arm_controller.safety.zones import Zones
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.trajectory import PERIOD, MotionLimits, Trajectory, resampled
 from agents.drivers import ArmDriver
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
@@ -32,10 +35,16 @@ CLEARANCE = 0.06
 """m between a carried object on its way and everything below"""
 PATIENCE = 0.5
 """s that a motion may take longer than planned"""
+BRAKING = 2.0
+"""s in which an arm comes to rest: arms brake within one from their greatest speed"""
 GRIP_PATIENCE = 2.0
 """s that the fingers may take"""
 STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
+SOON = 0.2
+"""s ahead within which the speed of the tool point counts: the reaction time, and a tick"""
+MEANT = 0.98
+"""Share of the allowed speed that a trajectory is made for: a trajectory at its limit is not stopped by rounding"""
 FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
 _OPENED = 0.003  # m short of an opening that will do
@@ -87,16 +96,22 @@ class Manipulator:
         self.speed = config.default_speed
         """0 to 1 of the joints' limits"""
         self._chain = chain
+        self._zones = Zones(config.workspace, config.forbidden, scene)
+        self._people = PeopleNearby(scene.memory, figure, config.arm)
+        self.waits_for = ""
+        """The human part that the arm stands still for; empty for none."""
+        self._trajectory: Trajectory
         self._driver = driver
         self._follow = follow
         self._rng = rng
         self._router: Router
         self._end = 0.0
         self._goal: Array
+        self._following: Following
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill. Raises `TransformError` if it is unknown where the arm stands."""
-        self.joints, self.speed = joints, speed
+        self.joints, self.speed, self.waits_for = joints, speed, ""
         self._router = Router(self._chain, self.scene.world_from(self.config.arm))
 
     # ---- belief
@@ -168,9 +183,21 @@ class Manipulator:
         things = self._things()
         lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)
         below = max([self.figure.reach, *lowest])
-        travel = max((thing.top for thing in things), default=0.0) + below + CLEARANCE
+        zones = {zone.name for zone in self._zones.forbidden()}  # they may be high, and are passed beside
+        travel = max((thing.top for thing in things if thing.name not in zones), default=0.0) + below + CLEARANCE
         load = Load(opening, held)
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
+
+    def forbids(self, joints: Joints, goal: Sequence[float]) -> str:
+        """What keeps a straight way in joint space from its end, of zones and workspace; empty if nothing does.
+
+        Raises `TransformError` if it is unknown where the arm stands.
+        """
+        rows = resampled(np.array([joints.positions, goal]))
+        arm_from_world = self.scene.world_from(self.config.arm).inverse()
+        zones = Obstacles(self.figure, self._zones.forbidden(), arm_from_world, "", self._zones.workspace)
+        by = zones.blocking(rows, Load(joints.opening), len(rows))
+        return "" if by in (None, ITSELF) else f"{by} is in the way"
 
     def room(self, target: str) -> Room:
         """The free space around an object, for the gripper."""
@@ -184,16 +211,38 @@ class Manipulator:
         yield from self.go(trajectory, "rise", held)
 
     def start(self, trajectory: Trajectory) -> None:
-        """Begin to follow a trajectory."""
+        """Begin to follow a trajectory: more slowly near people, and not yet if they are too near."""
+        allowed = self._allowed_speed()
         self._goal = trajectory.positions[-1]
+        self._trajectory = trajectory
+        if allowed == 0.0:
+            self._end = math.inf
+            return
+        fastest = self._router.fastest(trajectory.positions)
+        if fastest > allowed:
+            limits = self._limits._replace(speed=self._limits.speed * MEANT * allowed / fastest)
+            self._trajectory = trajectory = self._router.retimed(trajectory.positions, limits)
         self._end = self.joints.stamp + trajectory.duration
+        begin = self.joints.stamp
+        self._following = Following(trajectory.positions, self._chain.names, begin, self.config.stale)
         self._follow(trajectory)
 
     def has_arrived(self) -> bool:
-        """Whether the way is done. Raises `StuckError` if the arm stands still before its end."""
-        if self.joints.stamp < self._end:
+        """Whether the way is done.
+
+        Raises:
+            StuckError: if the arm stands still before its end.
+            SkillError: if the arm is off its way.
+        """
+        if self._keeps_distance():
             return False
-        away = float(np.abs(self._here - self._goal).max())
+        if off := self._following.off_way(self.joints):
+            raise SkillError(off)
+        if self.joints.stamp < self._end:
+            if self._following.stands_still(self.joints):
+                raise StuckError(f"the arm stands still {self._short():.3f} rad short of its goal")
+            return False
+        away = self._short()
         if away <= self.config.joint_tolerance:
             return True
         if max(map(abs, self.joints.velocities)) > self.config.still_speed:
@@ -201,6 +250,40 @@ class Manipulator:
         elif self.joints.stamp > self._end + PATIENCE:
             raise StuckError(f"the arm stands still {away:.3f} rad short of its goal")
         return False
+
+    def _allowed_speed(self) -> float:
+        """The greatest speed of the tool point by the people nearby, m/s; notes whom the arm must stand still for."""
+        separation = self.config.separation
+        if not separation.monitored:
+            return math.inf
+        distance, whom = self._people.nearest(self._here, self.joints.opening)
+        allowed = separation.allowed(distance)
+        self.waits_for = whom if allowed == 0.0 else ""
+        return allowed
+
+    def _keeps_distance(self) -> bool:
+        """Stop if people are too near for the present speed; go on, as fast as may be, when they are not any more."""
+        waited = self._end == math.inf
+        allowed = self._allowed_speed()
+        if not waited:
+            ahead = self._ahead(SOON)
+            if len(ahead) < 2 or self._router.fastest(ahead) <= allowed:
+                return False
+            self.hold_still()
+            self._end = math.inf
+        elif allowed > 0.0 and max(map(abs, self.joints.velocities)) <= self.config.still_speed:
+            self.start(self._router.retimed(np.vstack([self._here, self._ahead(math.inf)]), self._limits))
+        return True
+
+    def _ahead(self, seconds: float) -> Array:
+        """(m, n) rad, what lies before the arm on its way, for so long."""
+        rows = self._trajectory.positions
+        nearest = int(np.abs(rows - self._here).max(axis=1).argmin())
+        return rows[nearest:] if math.isinf(seconds) else rows[nearest : nearest + math.ceil(seconds / PERIOD) + 1]
+
+    def _short(self) -> float:
+        """How far the joints are from the end of the way, rad."""
+        return float(np.abs(self._here - self._goal).max())
 
     def away(self) -> float:
         """Distance of the tool point from its commanded place, m."""
@@ -214,8 +297,16 @@ class Manipulator:
             self.check_held(held)
 
     def hold_still(self) -> None:
-        """Stop at once; the grip stays."""
+        """Stop at once; the grip stays. The arm takes a moment to brake."""
         self._driver.stop()
+
+    def settle(self) -> Steps[None]:
+        """Wait until the arm stands still. Raises `StuckError` if it does not."""
+        until = self.joints.stamp + BRAKING
+        while max(map(abs, self.joints.velocities)) > self.config.still_speed:
+            if self.joints.stamp > until:
+                raise StuckError(f"the arm does not come to rest within {BRAKING:g} s")
+            yield "settle"
 
     # ---- gripper
 
@@ -250,16 +341,17 @@ class Manipulator:
         return np.array(wanted) if wanted else self._here
 
     @property
-    def _limits(self) -> tuple[float, float]:
-        return self.speed, self.config.acceleration
+    def _limits(self) -> MotionLimits:
+        return MotionLimits(self.speed, self.config.acceleration, self.config.jerk)
 
     def _things(self) -> list[Obstacle]:
         objects = [thing for thing in self.scene.objects() if thing.name != self.holding.held]
         base = self.scene.world_from(self.config.arm).t
-        return [*objects, *self.scene.tables(), *self.scene.models(base)]
+        return [*objects, *self.scene.tables(), *self.scene.models(base), *self._zones.forbidden()]
 
     def _obstacles(self, things: Sequence[Obstacle], target: str) -> Obstacles:
-        return Obstacles(self.figure, things, self.scene.world_from(self.config.arm).inverse(), target)
+        arm_from_world = self.scene.world_from(self.config.arm).inverse()
+        return Obstacles(self.figure, things, arm_from_world, target, self._zones.workspace)
 
     def _searched(self, arm_from_tool: Pose) -> Array:
         try:

@@ -64,6 +64,7 @@ def _approach(arm: Manipulator, target: Obstacle, trajectory: Trajectory) -> Ste
         if not SAME_PLACE.covers(arm.believed(target.name).pose, target.pose):
             arm.hold_still()
             yield "aim"
+            yield from arm.settle()
             return False
     return True
 

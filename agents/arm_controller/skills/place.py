@@ -67,6 +67,7 @@ def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: O
             if destination is not None and _has_moved(arm, destination):
                 arm.hold_still()
                 yield "aim"
+                yield from arm.settle()
                 return False
     except StuckError:
         if arm.away() > EARLY:

@@ -136,7 +136,7 @@ def find_start(observations: Observations, intrinsics: Intrinsics, seed: int) ->
         raise ConfigError(
             f"no mount of the camera explains the images: at best {int(best.agreeing.sum())} of {len(observations)} "
             "views agree; check that each pose belongs to its image, that it is the pose of the hand in the base "
-            "(not its inverse), the order x y z w of quaternions, and --eye-to-hand"
+            "(not its inverse), the order x y z w of quaternions, that joints are in rad, and --eye-to-hand"
         )
     return StartGuess(best.mount, best.target, best.orders, best.scale, best.agreeing)
 

@@ -15,7 +15,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from agents.hand_tracker.model.files import DETECTOR, LANDMARKER, UNREADABLE, VERSION, check_contents
+from agents.hand_tracker.model.files import DETECTOR, LANDMARKER, MOST_BYTES, UNREADABLE, VERSION, check_contents
 from dsr.errors import ConfigError
 
 WHEEL = "05dc4a9e593655a79558d05d6227d31018c2537a4bd3362b51e230cf22aecfe3"
@@ -71,15 +71,17 @@ def from_wheel(wheel: Path) -> Mapping[str, bytes]:
     """The two networks in a wheel of mediapipe. Raises `ConfigError` if it has none, or others."""
     name = str(wheel)
     try:
+        if not wheel.is_file():  # a device may never end
+            raise ConfigError(f"no wheel {name!r}. {OFFLINE}")
         with zipfile.ZipFile(wheel) as archive:
-            missing = [entry for entry in _ENTRIES.values() if entry not in archive.namelist()]
+            sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
+            missing = [entry for entry in _ENTRIES.values() if not 0 < sizes.get(entry, 0) <= MOST_BYTES]
             contents = {} if missing else {ours: archive.read(theirs) for ours, theirs in _ENTRIES.items()}
-    except FileNotFoundError as error:
-        raise ConfigError(f"no wheel {name!r}. {OFFLINE}") from error
     except UNREADABLE as error:
         raise ConfigError(f"{name!r} cannot be read as a wheel ({error}). {OFFLINE}") from error
     if missing:
-        raise ConfigError(f"{name!r} lacks {', '.join(missing)}: expected a wheel of mediapipe {VERSION}")
+        lacking = f"lacks {', '.join(missing)}, of at most {MOST_BYTES} bytes"
+        raise ConfigError(f"{name!r} {lacking}: expected a wheel of mediapipe {VERSION}")
     check_contents(contents, name)
     return contents
 

@@ -27,8 +27,9 @@ SHA256 = {
 HOW_TO_GET = "`dsr hands fetch` gets it (docs/how-to/hands.md)"
 UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, *FAILURES)
 """Exceptions of an archive that is none, or is damaged."""
+MOST_BYTES = 64 << 20
+"""Of a network: that of the model has 5 MB"""
 _NAME = "hand_landmarker.task"
-_MOST_BYTES = 64 << 20  # of a network: that of the model is 5 MB
 
 
 class ModelFiles(NamedTuple):
@@ -61,7 +62,7 @@ def read_model(file: Path) -> ModelFiles:
         with zipfile.ZipFile(file) as archive:
             entries = {entry.filename: entry.file_size for entry in archive.infolist()}
             missing = [entry for entry in SHA256 if entry not in entries]
-            large = [entry for entry in SHA256 if entries.get(entry, 0) > _MOST_BYTES]
+            large = [entry for entry in SHA256 if entries.get(entry, 0) > MOST_BYTES]
             contents = {} if missing or large else {entry: archive.read(entry) for entry in SHA256}
     except UNREADABLE as error:
         raise ConfigError(f"model file {name!r} is corrupt ({error}); {HOW_TO_GET}") from error

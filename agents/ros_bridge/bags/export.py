@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Collection, Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -23,6 +24,7 @@ from agents.ros_bridge.bridge.out_status import DiagnosticsOut
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
+from agents.ros_bridge.bridge.turns import Turns
 from agents.ros_bridge.mapping.names import FrameNames
 from agents.ros_bridge.messages.types import types_of
 from dsr.clock import ManualClock
@@ -34,8 +36,8 @@ from dsr.network.local_transport import LocalNetwork
 DISTRO = "jazzy"
 """Release whose messages are written; the definitions are in the bag"""
 _STATUS = "status/"
-_SEND = Send()
-_PERIOD = 1.0 / _SEND.beliefs_hz
+_SEND = Send(tf_hz=math.inf, joints_hz=math.inf, beliefs_hz=math.inf)
+_PERIOD = 1.0 / Send().beliefs_hz
 _log = logging.getLogger("dsr.ros.export")
 _log.addHandler(logging.NullHandler())  # what is told is returned
 
@@ -149,7 +151,7 @@ class _Export:
         self._keys = Keys(source.memory.graph_name)
         self._core = core = _RecordedCore(
             source.memory, self._bag, types_of(DISTRO), FrameNames(), TimeSource(clock, "wall", tally), tally, clock,
-            "", _nothing, self._wanted.fits,
+            "", Turns(clock, _nothing), self._wanted.fits,
         )  # fmt: skip
         self._tf, self._joints, self._beliefs = TfOut(core, _SEND), JointsOut(core, _SEND), BeliefsOut(core, _SEND)
         self._events, self._frames = RecordedEventsOut(core, _SEND), FramesOut(core, raw=self._raw)
@@ -176,7 +178,7 @@ class _Export:
             self._tell_graph(now)
             self._has_news = True
         if self._diagnostics is not None:
-            self._diagnostics.update(now)
+            self._diagnostics.update()
 
     def _tell_graph(self, now: float) -> None:
         self._tf.update()
@@ -187,7 +189,7 @@ class _Export:
         """Send what is believed, if that is due until now (s) and there is any news."""
         if self._has_news and self._due <= now:
             self._clock.advance_to(max(self._clock.now(), self._due))
-            self._beliefs.update(self._clock.now())
+            self._beliefs.update()
             self._has_news, self._due = False, self._clock.now() + _PERIOD
 
 

@@ -106,22 +106,38 @@ class Send(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Edges RT that did not come from ROS, on `/tf` and `/tf_static`"""
     belief: bool = True
     """Edges Virtual_RT, on `/tf`, as frames `belief/NAME`"""
+    tf_hz: Positive = 50.0
+    """Messages a second on `/tf` and on `/tf_static`; the newest transform of each frame goes out. This and the other
+    rates are the largest ones, each enough for people and for most controllers; infinite (`inf`) for all that there
+    is"""
     markers: str = "/dsr/markers"
     """Topic of the believed objects as `visualization_msgs/MarkerArray`"""
     beliefs: str = "/dsr/beliefs"
     """Topic of the believed objects as `vision_msgs/Detection3DArray`"""
     beliefs_hz: Positive = 10.0
-    """Messages a second on these two topics"""
+    """Messages a second on these two topics; and how often `/dsr/objects` looks, however often it is asked"""
     joints: str = "/dsr/joint_states"
     """Topic of joints that did not come from ROS, as `sensor_msgs/JointState`"""
+    joints_hz: Positive = 50.0
+    """Messages a second on this topic, of each arm; the newest joints go out"""
     images: bool = True
     """Frames of cameras that did not come from ROS, below `/dsr/CAMERA`, for those that somebody subscribes to"""
+    images_hz: Positive = 30.0
+    """Frames a second of each camera; the newest one goes out"""
     diagnostics: str = "/diagnostics"
     """Topic of the statuses of agents"""
+    diagnostics_hz: Positive = 1.0
+    """Messages a second on this topic; once a second is the custom in ROS"""
     events: str = "/dsr/events"
     """Topic of events and situations, as JSON"""
+    events_hz: Positive = 50.0
+    """Messages a second on this topic; further events wait, and go out as they are by then"""
+    clock_hz: Positive = 50.0
+    """Messages a second on `/clock`, while the bridge publishes that"""
     services: str = "/dsr"
     """Namespace of the services that answer questions; there are none over DDS"""
+    keep_missions: Annotated[float, msgspec.Meta(ge=0)] = 600.0
+    """s after which a mission that came through the service is removed once it has ended, as calibrators do"""
 
 
 class RosBridgeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

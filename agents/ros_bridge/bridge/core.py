@@ -11,6 +11,7 @@ from agents.ros_bridge.bridge.frame_nodes import FrameNodes
 from agents.ros_bridge.bridge.inbox import RosInbox
 from agents.ros_bridge.bridge.tally import Tally
 from agents.ros_bridge.bridge.times import TimeSource
+from agents.ros_bridge.bridge.turns import Turns
 from agents.ros_bridge.errors import RosError, RosLinkError
 from agents.ros_bridge.link.link import Publisher, Qos, RosLink, Topic
 from agents.ros_bridge.mapping.names import FrameNames
@@ -32,14 +33,14 @@ class BridgeCore:
 
     def __init__(
         self, memory: Memory, link: RosLink, types: RosTypes, names: FrameNames, times: TimeSource, tally: Tally,
-        clock: Clock, agent: str, notify: Callable[[], None],
+        clock: Clock, agent: str, turns: Turns,
         wants: Callable[[Iterable[str]], bool] = lambda names: True,
     ) -> None:  # fmt: skip
         self.memory, self.link, self.types, self.names = memory, link, types, names
         self.times, self.tally, self.clock = times, tally, clock
         self.frames = FrameNodes(memory)
-        self.notify = notify
-        """Asks for a tick soon; may be called in any thread."""
+        self.turns = turns
+        """Asks for a tick soon, or lets a thread of the connection work between two."""
         self.wants = wants
         """Whether what is about nodes of these names is sent"""
         self.own: set[bytes] = set()
@@ -47,10 +48,17 @@ class BridgeCore:
         self._agent = agent
         self._closers: list[Callable[[], None]] = []
 
-    def inbox(self, name: str, type: str, most: int, qos: Qos = SENSOR) -> RosInbox:
-        """Listen to a topic. Raises `RosMessageError` for a name or type that there is not."""
+    def inbox(
+        self, name: str, type: str, most: int, qos: Qos = SENSOR, take: Callable[[], None] | None = None
+    ) -> RosInbox:
+        """Listen to a topic. Raises `RosMessageError` for a name or type that there is not.
+
+        What comes waits for a tick, or for `take`, which is called between two ticks if there is time.
+        """
         qos = msgspec.structs.replace(qos, depth=max(qos.depth, most))  # what may wait for a tick may wait before, too
-        inbox = RosInbox(self.link, Topic(name, type, qos), most, self.clock, self.tally, self.own, self.notify)
+        turns = self.turns
+        notify = turns.notify if take is None else lambda: turns.do_now(take)
+        inbox = RosInbox(self.link, Topic(name, type, qos), most, self.clock, self.tally, self.own, notify)
         self._closers.append(inbox.close)
         return inbox
 

@@ -9,7 +9,7 @@ import msgspec
 from agents.ros_bridge.bridge.config import RosBridgeConfig
 from agents.ros_bridge.bridge.core import BridgeCore
 from agents.ros_bridge.bridge.frame_nodes import MOST_FRAMES
-from agents.ros_bridge.bridge.inbox import Arrived
+from agents.ros_bridge.bridge.inbox import Arrived, RosInbox
 from agents.ros_bridge.bridge.out_tf import TfOut
 from agents.ros_bridge.bridge.stamping import usable_stamp
 from agents.ros_bridge.errors import RosMessageError
@@ -72,8 +72,6 @@ class TfIn:
         self._out = out
         self._period = 1.0 / config.most_hz
         self._decoder = TfDecoder()
-        self._static = core.inbox(TF_STATIC, TF_MESSAGE, _MOST_WAITING, _STATIC_QOS)
-        self._inbox = core.inbox(TF, TF_MESSAGE, _MOST_WAITING, Qos(depth=100))
         self._frames: dict[str, _Frame] = {}
         self._known: dict[str, _Frame] = {}
         """The same by their names in messages, as far as nobody else writes them"""
@@ -82,10 +80,18 @@ class TfIn:
         self._looked = -math.inf
         self.unattached = ""
         """The frame from which others hang, and which hangs from nothing; empty if there is none"""
+        self._inboxes: list[tuple[bool, RosInbox]] = []
+        """Whether it is of static frames, and the inbox"""
+        for static, name, qos in ((True, TF_STATIC, _STATIC_QOS), (False, TF, Qos(depth=100))):
+            self._inboxes.append((static, core.inbox(name, TF_MESSAGE, _MOST_WAITING, qos, self._update_now)))
+
+    def _update_now(self) -> None:
+        with self._core.memory.batch():
+            self.update(self._core.clock.now())
 
     def update(self, now: float) -> None:
         """Take what came, and write what is due at time `now` (s)."""
-        for static, inbox in ((True, self._static), (False, self._inbox)):
+        for static, inbox in self._inboxes:
             for message in inbox.take():
                 self._read(message, static)
         monotonic = self._core.clock.monotonic()
@@ -249,6 +255,7 @@ class TfIn:
                     return
                 for name in (frame.parent, child):
                     self._ensure(name)
+                self._out.received.add(child)
             memory.add_edge(frame.parent, child, "RT", pose=pose)
         except CycleError as error:
             self._core.tally.tell("loops", child, f"tf has a loop, and an edge was not written: {error}")
@@ -258,11 +265,12 @@ class TfIn:
             self._put_off(frame, pose, monotonic)
         else:
             frame.shown, frame.written = pose, now
-            self._out.received.add(child)
             self._core.tally.count("edges written")
 
     def _put_off(self, frame: _Frame, pose: Pose, monotonic: float) -> None:
         """Try this pose again later, or a newer one if that comes: of a static transform there may be no other."""
+        if frame.shown is None:
+            self._out.received.discard(frame.child)
         frame.refused_until = monotonic + _AGAIN
         frame.batch, frame.row = TfBatch([frame.spelled], [pose.stamp], [(*pose.t, *pose.q)]), 0
         self._waiting[frame.child] = frame
@@ -305,6 +313,7 @@ class TfIn:
         """Who else writes our frames meanwhile, and which frame hangs from nothing."""
         memory = self._core.memory
         self.unattached = ""
+        parents: dict[str, None] = {}
         self._known = {name: frame for name, frame in self._known.items() if self._out.parent_of(frame.child) is None}
         for child, frame in self._frames.items():
             if frame.shown is None:
@@ -320,8 +329,10 @@ class TfIn:
                     memory.remove_edge(frame.parent, child, "RT")
             elif not others:
                 frame.shown = None
-            if self._hangs_from_nothing(frame.parent):
-                self.unattached = self._core.names.frame(frame.parent)
+            parents[frame.parent] = None
+        for parent in parents:
+            if self._hangs_from_nothing(parent):
+                self.unattached = self._core.names.frame(parent)
 
     def _hangs_from_nothing(self, parent: str) -> bool:
         """Whether a frame from which others hang is neither the world, nor above it, nor hangs anywhere."""

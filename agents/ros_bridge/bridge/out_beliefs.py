@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.bridge.pace import Pace
 from agents.ros_bridge.mapping.detections import DETECTIONS, Believed, to_detections
 from agents.ros_bridge.mapping.markers import GREY, MARKERS, Drawn, MarkerNumbers
 from dsr.errors import SchemaError
@@ -23,17 +22,15 @@ class BeliefsOut:
 
     def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
-        self._period = 1.0 / config.beliefs_hz
-        self._sent = -math.inf
+        self._pace = Pace(core.clock, config.beliefs_hz)
         self._numbers = MarkerNumbers()
         self._markers = core.outlet(config.markers, MARKERS) if config.markers else None
         self._beliefs = core.outlet(config.beliefs, DETECTIONS) if config.beliefs else None
 
-    def update(self, now: float) -> None:
-        """Publish if it is time (s)."""
-        if now - self._sent < 0.9 * self._period:
+    def update(self) -> None:
+        """Publish if it is time."""
+        if not self._pace.take():
             return
-        self._sent = now
         core, types = self._core, self._core.types
         stamp, frame = core.times.to_ros(core.times.now()), core.names.frame(WORLD)
         if self._beliefs is not None and self._beliefs.wanted:

@@ -7,6 +7,7 @@ import re
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
+from agents.ros_bridge.bridge.pace import Pace
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
 from agents.ros_bridge.mapping.images import IMAGE, to_image
 from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
@@ -29,20 +30,24 @@ def sensor_topic(node: str) -> str:
 
 
 class JointsOut:
-    """Publishes the joints of each arm when they change."""
+    """Publishes the joints of each arm when they change, and not more often than wanted."""
 
     def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
+        self._pace = Pace(core.clock, config.joints_hz)
         self._outlet = core.outlet(config.joints, JOINT_STATE) if config.joints else None
         if self._outlet is not None:
             self._watch = core.memory.watch(node_type=_JOINTED, attribute="joint_positions")
             core.on_close(self._watch.close)
 
     def update(self) -> None:
-        """Send what changed."""
-        if self._outlet is None:
+        """Send what changed, if it is time."""
+        if self._outlet is None or not self._pace.is_due:
             return
-        for change in self._watch.poll():
+        changes = self._watch.poll()
+        if changes:
+            self._pace.take()
+        for change in changes:
             node = self._core.memory.get_node(change.name) if change.element == "node" else None
             positions = None if node is None else node.get("joint_positions")
             if node is None or positions is None or self._core.came_from_ros(node, "joint_positions"):
@@ -66,8 +71,9 @@ class JointsOut:
 class _Stream:
     """The topics of one camera; its frames are read while somebody wants them."""
 
-    def __init__(self, core: BridgeCore, node: str) -> None:
+    def __init__(self, core: BridgeCore, config: Send, node: str) -> None:
         self._core = core
+        self._pace = Pace(core.clock, config.images_hz)
         self.node = node
         base = sensor_topic(node)
         self._color = core.outlet(f"{base}/image_raw", IMAGE)
@@ -89,8 +95,9 @@ class _Stream:
             return
         if self._reader is None:
             self._reader = self._core.memory.frames(self.node)
-        frame = self._reader.latest()
+        frame = self._reader.latest() if self._pace.is_due else None
         if frame is not None:
+            self._pace.take()
             self._send(frame)
 
     def _send(self, frame: Frame) -> None:
@@ -119,6 +126,7 @@ class ImagesOut:
     def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
         self._streams: dict[str, _Stream] = {}
+        self._config = config
         self._wanted = config.images
         if self._wanted:
             self._watch = core.memory.watch(node_type="camera")
@@ -133,7 +141,7 @@ class ImagesOut:
             for name in self._streams.keys() - present:
                 self._streams.pop(name).close()
             for name in sorted(present - self._streams.keys()):
-                self._streams[name] = _Stream(self._core, name)
+                self._streams[name] = _Stream(self._core, self._config, name)
                 self._core.on_close(self._streams[name].close)
         for stream in self._streams.values():
             stream.update(now)

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
+from agents.ros_bridge.bridge.pace import Pace
 from agents.ros_bridge.mapping.diagnostics import DIAGNOSTICS, to_diagnostics
 from agents.ros_bridge.mapping.events import EVENT, to_event
 from agents.ros_bridge.mapping.stamps import CLOCK, to_clock
+from dsr.graph.watch import Change
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.runtime.status import Status, StatusBoard
 from dsr.timeline.entries import EVENT as INSTANT
 from dsr.timeline.entries import SITUATION, read_entry
 
-_PERIOD = 1.0
-"""s between two messages of diagnostics, as is the custom in ROS"""
-
 
 class DiagnosticsOut:
-    """Publishes the statuses of all agents once a second, the bridge's own included.
+    """Publishes the statuses of all agents, the bridge's own included.
 
     Args:
         core: of the bridge.
@@ -37,17 +37,16 @@ class DiagnosticsOut:
         self._core = core
         self._own = own
         self._graph = keys.graph
-        self._sent = -math.inf
+        self._pace = Pace(core.clock, config.diagnostics_hz)
         self._outlet = core.outlet(config.diagnostics, DIAGNOSTICS) if config.diagnostics else None
         if self._outlet is not None:
             self._board = StatusBoard(bus, keys, core.clock)
             core.on_close(self._board.close)
 
-    def update(self, now: float) -> None:
-        """Publish if it is time (s)."""
-        if self._outlet is None or now - self._sent < 0.95 * _PERIOD:
+    def update(self) -> None:
+        """Publish if it is time."""
+        if self._outlet is None or not self._pace.take():
             return
-        self._sent = now
         board = self._board
         heard = [
             (status.status, board.is_silent(agent))
@@ -70,12 +69,17 @@ class EventsOut:
             self._watch = core.memory.watch(node_type=(INSTANT, SITUATION), existing=False)
             core.on_close(self._watch.close)
         self._sent: dict[str, float | None] = {}
+        self._waiting: deque[Change] = deque()
+        self._pace = Pace(core.clock, config.events_hz)
 
     def update(self) -> None:
-        """Send what is new."""
+        """Send what is new, as much as there is time for; the rest waits, and nothing of it is lost."""
         if self._outlet is None:
             return
-        for change in self._watch.poll():
+        if not self._waiting:  # until then, the watch keeps one change of each entry
+            self._waiting.extend(self._watch.poll())
+        while self._waiting and self._pace.is_due:
+            change = self._waiting.popleft()
             if change.kind == "removed":
                 self._sent.pop(change.name, None)
                 continue
@@ -86,21 +90,23 @@ class EventsOut:
             if not self._core.wants(entry.participants):
                 continue
             self._sent[entry.name] = entry.end
+            self._pace.take()
             self._outlet.send(lambda entry=entry: to_event(self._core.types, entry))  # type: ignore[misc]
 
 
 class ClockOut:
     """Publishes our time on `/clock` while it is not that of the wall."""
 
-    def __init__(self, core: BridgeCore) -> None:
+    def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
+        self._pace = Pace(core.clock, config.clock_hz)
         self._outlet: RosOutlet | None = None
         self._sent = -math.inf
 
     def update(self) -> None:
-        """Send the time, if it went on."""
+        """Send the time, if it went on, and if it is time for that."""
         now = self._core.times.now()
-        if self._core.times.publishes and now != self._sent:
+        if self._core.times.publishes and now != self._sent and self._pace.take():
             self._sent = now
             if self._outlet is None:
                 self._outlet = self._core.outlet("/clock", CLOCK)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import LATCHED, BridgeCore
+from agents.ros_bridge.bridge.pace import Pace
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.names import BELIEF
@@ -14,15 +14,13 @@ from agents.ros_bridge.mapping.transforms import is_same, to_stamped
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, StampedTransform, encode_transforms
 from dsr.crdt.delta import Write
 from dsr.frames.tree import WORLD
-from dsr.graph.elements import Edge
+from dsr.graph.elements import Edge, Node
 from dsr.math3d.transforms import Pose
 
 _STALE = 1.0
 """s by which the newest sample below another parent must be newer before a frame changes its parent in tf"""
 _MOST_AT_ONCE = 500
 """Transforms of one message"""
-_PERIOD = 0.02
-"""s after a message until a change of the memory wakes the bridge again: one that comes sooner waits for a tick"""
 _RT, _BELIEVED = "RT", "Virtual_RT"
 _POSE = "pose"
 
@@ -42,38 +40,40 @@ class TfOut:
         self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
         """Parent and newest pose by edge type and child"""
         self._static: dict[tuple[str, str], StampedTransform] = {}
-        self._sent = -math.inf
-        """s, our monotonic time of the newest message"""
+        self._pace = Pace(core.clock, config.tf_hz)
+        self.received: set[str] = set()
+        """Nodes whose edges RT the bridge itself writes: changes of these are not looked at"""
         types = [type for type, wanted in ((_RT, config.tf), (_BELIEVED, config.belief)) if wanted]
         if types:
             self._outlet = core.outlet("/tf", TF_MESSAGE, Qos(depth=100))
             self._latched = core.outlet("/tf_static", TF_MESSAGE, LATCHED)
-            self._watch = core.memory.watch(edge_type=types, attribute="pose", notify=self._changed)
+            self._watch = core.memory.watch(
+                edge_type=types, attribute="pose", notify=self._changed, where=self._is_of_others
+            )
             core.on_close(self._watch.close)
         self._sends = bool(types)
-        self.received: set[str] = set()
-        """Nodes whose edges the bridge itself writes: they are passed over without a look at who wrote them"""
 
     def parent_of(self, child: str) -> str | None:
         """The node from which we hang a frame in tf; None if we do not publish it."""
         published = self._published.get((_RT, child))
         return None if published is None else published[0]
 
+    def _is_of_others(self, element: Node | Edge) -> bool:
+        return not (isinstance(element, Edge) and element.type == _RT and element.dst in self.received)
+
     def _changed(self) -> None:
-        if self._core.clock.monotonic() - self._sent >= _PERIOD:
-            self._core.notify()
+        if self._pace.is_due:  # else it waits for a tick
+            self._core.turns.notify()
 
     def update(self) -> None:
-        """Send what changed since the last call."""
-        if not self._sends:
+        """Send what changed since the last message, if it is time."""
+        if not self._sends or not self._pace.is_due:
             return
         dynamic: list[StampedTransform] = []
         latched = False
         for change in self._watch.poll():
             if change.kind == "removed":
                 latched |= self._forget(change.type, change.src, change.dst)
-                continue
-            if change.type == _RT and change.dst in self.received:
                 continue
             edge = self._core.memory.get_edge(change.src, change.dst, change.type)
             write = None if edge is None else edge.newest_write(_POSE)
@@ -92,8 +92,8 @@ class TfOut:
             else:
                 latched |= self._static.pop((edge.type, edge.dst), None) is not None
                 dynamic.append(transform)
-        if dynamic:
-            self._sent = self._core.clock.monotonic()
+        if dynamic or latched:
+            self._pace.take()
         for begin in range(0, len(dynamic), _MOST_AT_ONCE):
             self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
         if latched:

@@ -12,6 +12,7 @@ from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.joints import JOINT_STATE, JointSample, JointTable, read_joints
 from agents.ros_bridge.mapping.stamps import to_duration
+from agents.ros_bridge.services.deadman import ALL_GOALS, FOLLOW, Deadman
 from agents.ros_bridge.services.device import RosDevice
 from agents.ros_bridge.services.goals import GIVEN_UP, tell_end, wait_for_end
 from agents.ros_bridge.services.gripper import RosGripper
@@ -19,12 +20,10 @@ from agents.ros_bridge.services.lane import Lane
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.vocabulary.halting import HaltLatch, HaltOrder
 
-FOLLOW = "control_msgs/action/FollowJointTrajectory"
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 _POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
-_ALL_GOALS = bytes(16)
-"""A goal id of zeros: to cancel it ends all goals of the server"""
 _ANSWER_WITHIN = 2.0
 """s that a controller may take to accept or cancel a goal"""
 _SHORTEST = 0.1
@@ -36,9 +35,11 @@ _MOST_SAMPLES = 100
 class RosArm(RosDevice):
     """An `ArmDriver`. `stop` cancels all goals of the controller, and has it hold the present position.
 
+    The driver obeys `dsr halt` by itself, also while its agent is busy or hangs.
+
     Args:
-        bus: not used; drivers are made with it.
-        keys: not used either.
+        bus: where emergency stops are heard.
+        keys: of the graph.
         joints: names of the arm's joints, as in its URDF and its controller.
         trajectory: FollowJointTrajectory action of the controller.
         states: topic of JointState.
@@ -49,6 +50,7 @@ class RosArm(RosDevice):
         gripper_open: position of this joint, and in commands, at `stroke`.
         stroke: m between the pads at `gripper_open`.
         effort: N, greatest force of the gripper; 0 leaves it to the controller.
+        deadman: s without `keep_alive` after which a process of its own cancels all goals; 0 for no such process.
         link: how ROS is reached, see `LinkConfig`.
         restamp: take the time of arrival for the stamps of ROS.
 
@@ -61,6 +63,7 @@ class RosArm(RosDevice):
         trajectory: str = "/joint_trajectory_controller/follow_joint_trajectory",
         states: str = "/joint_states", speed: float = 1.0, gripper: str = "", gripper_joint: str = "",
         gripper_closed: float = 0.0, gripper_open: float = 0.085, stroke: float = 0.085, effort: float = 0.0,
+        deadman: float = 0.1,
         link: Mapping[str, Any] | None = None, restamp: bool = False,
     ) -> None:  # fmt: skip
         if not joints or speed <= 0.0 or stroke <= 0.0 or gripper_open == gripper_closed:
@@ -75,6 +78,8 @@ class RosArm(RosDevice):
             )
         super().__init__("/dsr_arm", link or {}, restamp)
         self._names = tuple(joints)
+        self._patience, self._trajectory, self._link_options = deadman, trajectory, dict(link or {})
+        self._deadman: Deadman | None = None
         self._speed = speed
         self._gripper_joint, self._stroke = gripper_joint, stroke
         self._closed_at, self._open_at = gripper_closed, gripper_open
@@ -88,6 +93,7 @@ class RosArm(RosDevice):
         self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
         self._grip = RosGripper(self.link, self.types, self.tally, gripper, gripper_joint, effort) if gripper else None
         self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
+        self._halt = HaltLatch(bus, keys, self._obey_halt)
 
     # ---- state
 
@@ -118,7 +124,7 @@ class RosArm(RosDevice):
         values = [self._table[name] for name in self._names]
         return ArmState(
             stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
-            self._opening(), self._stalled,
+            self._opening(), self._stalled, self._halt.reason,
         )  # fmt: skip
 
     def _opening(self) -> float:
@@ -140,6 +146,8 @@ class RosArm(RosDevice):
         points = [(time, row) for time, row in zip(times, positions, strict=True) if time > 0.0]
         if not points:
             points = [(_SHORTEST, positions[-1])]
+        if self._is_forbidden():
+            return
         with self._lock:
             self._motions += 1
             motion = self._motions
@@ -148,6 +156,8 @@ class RosArm(RosDevice):
     def move_gripper(self, opening: float) -> None:
         """Open or close to `opening` m between the pads."""
         grip = self._grip
+        if self._is_forbidden():
+            return
         if grip is None:
             self.tally.tell("no gripper", "", "this arm has no gripper action: set the option `gripper`")
             return
@@ -162,14 +172,35 @@ class RosArm(RosDevice):
             self._motions += 1
         self._stop_lane.do(self._cancel_and_hold)
 
+    def keep_alive(self) -> None:
+        """The controller lives. The first call starts the process that cancels all goals when no more calls come."""
+        if self._deadman is None and self._patience > 0.0:
+            self._deadman = Deadman(self._link_options, self._trajectory, self._patience)
+        if self._deadman is not None:
+            self._deadman.alive()
+
     def close(self) -> None:
         """Stop, and leave ROS."""
+        self._halt.close()
+        if self._deadman is not None:
+            self._deadman.close()
         for lane in (self._arm_lane, self._grip_lane, self._stop_lane):
             lane.close(_ANSWER_WITHIN)
         self._follow.close()
         if self._grip is not None:
             self._grip.close()
         super().close()
+
+    def _is_forbidden(self) -> bool:
+        reason = self._halt.reason
+        if reason:
+            self.tally.tell("motions refused", reason, f"a motion was refused: {reason}")
+        return bool(reason)
+
+    def _obey_halt(self, order: HaltOrder) -> None:
+        """In the network's thread: `stop` only passes the command on."""
+        if order.halted:
+            self.stop()
 
     # ---- in the lanes' threads
 
@@ -206,7 +237,7 @@ class RosArm(RosDevice):
 
     def _cancel_and_hold(self) -> None:
         try:
-            self._follow.cancel(_ALL_GOALS, _ANSWER_WITHIN)
+            self._follow.cancel(ALL_GOALS, _ANSWER_WITHIN)
         except RosError as error:
             self.tally.tell("not stopped", "", f"the controller did not answer to a cancel: {error}")
         state = self._state

@@ -12,11 +12,14 @@ from typing import Any
 
 import msgspec
 
+from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore
+from agents.ros_bridge.bridge.pace import Pace
 from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
 from agents.ros_bridge.mapping.transforms import to_pose_with_covariance
+from agents.ros_bridge.services.missions import EndedMissions
 from dsr.clock import WALL_CLOCK
 from dsr.errors import DsrError, GoalError, TransportError
 from dsr.frames.tree import BELIEVED, WORLD
@@ -55,13 +58,18 @@ class Questions:
 
     Args:
         core: of the bridge.
-        namespace: for example `/dsr`.
+        config: with the namespace, for example `/dsr`.
         bus: for what-if questions.
         keys: of the graph.
     """
 
-    def __init__(self, core: BridgeCore, namespace: str, bus: Transport, keys: Keys) -> None:
+    def __init__(self, core: BridgeCore, config: Send, bus: Transport, keys: Keys) -> None:
         self._core = core
+        self._ended = EndedMissions(core, config.keep_missions)
+        self._pace = Pace(core.clock, config.beliefs_hz)
+        self._objects_found: dict[str, Any] = {}
+        """The newest answer about objects"""
+        namespace = config.services
         self._what_if = WhatIf(bus, keys, core.clock)
         self._ticks_in = threading.get_ident()
         self._lock = threading.Lock()
@@ -79,7 +87,8 @@ class Questions:
         ]
 
     def update(self) -> None:
-        """Ask what came since the last tick, and pass on what was answered."""
+        """Ask what came since the last tick, pass on what was answered, and forget missions that ended long ago."""
+        self._ended.update()
         with self._lock:
             waiting = list(self._waiting)
         for asked in waiting:
@@ -113,10 +122,15 @@ class Questions:
         return respond
 
     def _objects(self, _: Any) -> dict[str, Any]:
-        """All present things and surfaces as JSON: where they are believed to be, and what they rest on."""
-        nodes = nodes_by_name(self._core.memory, (*THINGS, *SURFACES))
-        found = [self._described(node) for node in nodes if is_present(node)]
-        return {"success": True, "message": msgspec.json.encode(found).decode()}
+        """All present things and surfaces as JSON: where they are believed to be, and what they rest on.
+
+        Looked up no more often than beliefs are published, however often it is asked.
+        """
+        if self._pace.take():
+            nodes = nodes_by_name(self._core.memory, (*THINGS, *SURFACES))
+            found = [self._described(node) for node in nodes if is_present(node)]
+            self._objects_found = {"success": True, "message": msgspec.json.encode(found).decode()}
+        return self._objects_found
 
     def _described(self, node: Node) -> dict[str, Any]:
         memory = self._core.memory
@@ -166,7 +180,7 @@ class Questions:
             if self._closed:
                 raise TransportError("what if? the bridge ends")
             self._waiting.append(asked)
-        self._core.notify()
+        self._core.turns.notify()
         if not WALL_CLOCK.wait(asked.done, _PATIENCE):
             self._finish(asked)
         pending = asked.pending

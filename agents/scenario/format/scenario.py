@@ -66,6 +66,7 @@ from agents.scenario.format.model import (
     TableSpec,
 )
 from agents.scenario.format.models import with_models
+from agents.scenario.format.untagged import untagged
 from dsr.config.toml_lines import Path as ValuePath
 from dsr.config.toml_lines import parse_toml
 from dsr.errors import ConfigError, suggest
@@ -122,10 +123,16 @@ __all__ = [
 ]
 
 
-def load_scenario(name_or_path: str | Path) -> Scenario:
-    """The scenario of a file, or the built-in one of that name. Raises `ConfigError`."""
+def load_scenario(name_or_path: str | Path, *, without_tags: bool = False) -> Scenario:
+    """The scenario of a file, or the built-in one of that name. Raises `ConfigError`.
+
+    Args:
+        name_or_path: a built-in scenario or a file.
+        without_tags: its variant with blocks that nobody tagged, see `untagged`.
+    """
     file = find_scenario(name_or_path)
-    return parse_scenario(read_text(file), str(file))
+    scenario = parse_scenario(read_text(file), str(file))
+    return untagged(scenario) if without_tags else scenario
 
 
 def find_scenario(name_or_path: str | Path) -> Path:

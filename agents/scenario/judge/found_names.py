@@ -6,7 +6,10 @@ import math
 from collections.abc import Mapping
 
 from agents.scenario.format.model import Scenario
+from agents.scenario.format.units import Size
+from agents.scenario.judge.found_forms import alike
 from dsr.frames.tree import WORLD
+from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.perceived import BY_DEPTH
@@ -29,7 +32,8 @@ class FoundNames:
 
     def __init__(self, scenario: Scenario, memory: Memory) -> None:
         self._memory = memory
-        self._free = {spec.name for spec in scenario.objects if spec.by_depth}
+        self._specs = {spec.name: spec for spec in scenario.objects if spec.by_depth}
+        self._free = set(self._specs)
         self._objects: dict[str, str] = {}
         self._nodes: dict[str, str] = {}
 
@@ -40,6 +44,22 @@ class FoundNames:
     def object(self, node: str) -> str:
         """The object of a node: of its own name, unless it was found to be another one."""
         return self._objects.get(node, node)
+
+    def as_true(
+        self, poses: Mapping[str, Pose], nodes: Mapping[str, Node], truth: Mapping[str, Pose]
+    ) -> tuple[dict[str, Pose], dict[str, Size]]:
+        """Poses by object with the axes of found blocks named as those of the true objects, and the blocks' extents.
+
+        Args:
+            poses: of the objects, percepts or beliefs.
+            nodes: theirs.
+            truth: where the objects truly are.
+        """
+        named, sizes = dict(poses), dict[str, Size]()
+        for name in self._nodes.keys() & poses.keys() & truth.keys():
+            if (size := nodes[name].get("size")) is not None:
+                named[name], sizes[name] = alike(self._specs[name], size, poses[name], truth[name])
+        return named, sizes
 
     def update(self, truth: Mapping[str, Pose]) -> None:
         """Look for nodes of objects that have none, given where the objects truly are."""

@@ -111,7 +111,8 @@ class Judge:
         """Messages that were no valid truth or status."""
         self._memory = memory
         self._worlds = WorldWatch(scenario, memory)
-        self._names = FoundNames(scenario, memory)
+        self.names = FoundNames(scenario, memory)
+        """Which nodes are which objects."""
         self.triggered: dict[int, float] = {}
         """By the number of an event that the runner carries out: when its condition came true, s after the start."""
         self._start = 0.0
@@ -174,6 +175,7 @@ class Judge:
         mode: Literal["live", "lockstep"],
         sensor: Literal["pixels", "poses"],
         policy: str | None = None,
+        hands: Literal["model", "colour"] | None = None,
     ) -> Result:
         """The verdicts and numbers of the finished run."""
         scenario = self.history.scenario
@@ -186,6 +188,7 @@ class Judge:
             mode=mode,
             sensor=sensor,
             policy=policy,
+            hands=hands,
             passed=passed,
             expectations=verdicts,
             metrics=metrics,
@@ -201,15 +204,20 @@ class Judge:
 
     def _look(self, time: float, truth: TruthReader) -> Sample:
         poses = truth.poses()
-        self._names.update(poses)
+        self.names.update(poses)
         nodes = {spec.name: node for spec in self.history.scenario.objects if (node := self._node(spec.name))}
+        percepts = _present({name: self._memory.get_transform(WORLD, node.name) for name, node in nodes.items()})
+        beliefs = _present({name: self._belief(node.name) for name, node in nodes.items()})
+        percepts, _ = self.names.as_true(percepts, nodes, poses)
+        beliefs, sizes = self.names.as_true(beliefs, nodes, poses)
         return Sample(
             time=time,
             truth=poses,
-            percepts=_present({name: self._memory.get_transform(WORLD, node.name) for name, node in nodes.items()}),
-            beliefs=_present({name: self._belief(node.name) for name, node in nodes.items()}),
+            percepts=percepts,
+            beliefs=beliefs,
+            sizes=sizes,
             perceived={name: bool(node.get("perceived", False)) for name, node in nodes.items()},
-            edges=frozenset((edge.type, *map(self._names.object, (edge.src, edge.dst))) for edge in self._relations()),
+            edges=frozenset((edge.type, *map(self.names.object, (edge.src, edge.dst))) for edge in self._relations()),
             attributes=self._attributes(),
             held=truth.held,
             grasped=truth.grasped,
@@ -260,7 +268,7 @@ class Judge:
 
     def _node(self, name: str) -> Node | None:
         """The node of an object."""
-        return self._memory.get_node(self._names.node(name))
+        return self._memory.get_node(self.names.node(name))
 
     def _belief(self, name: str) -> Pose | None:
         edge = self._memory.get_edge("world", name, "Virtual_RT")

@@ -32,6 +32,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     sensor: Literal["pixels", "poses"]
     policy: str | None = None
     """Name of the method that explained surprises, if the run was told one."""
+    hands: Literal["model", "colour"] | None = None
+    """How hands were found in images, if the run was told so."""
     passed: bool
     """Every expectation holds."""
     expectations: list[Verdict]

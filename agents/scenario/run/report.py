@@ -114,7 +114,8 @@ def show_result(result: Result, scenario: Scenario, console: Console) -> None:
 
 
 def _object_table(result: Result, scenario: Scenario) -> Table:
-    title = f"{result.scenario}, seed {result.seed}, {result.mode}, sensor {result.sensor}"
+    found = f", hands by {result.hands}" if result.hands else ""
+    title = f"{result.scenario}, seed {result.seed}, {result.mode}, sensor {result.sensor}{found}"
     table = Table(title=title, caption="mean distance from the truth", title_justify="left")
     add_names(table, "object")
     add_numbers(table, "percept\nerror (mm)", "belief\nerror (mm)", "gap below\n(mm)", "moved\n(mm)")

@@ -14,6 +14,7 @@ from agents.scenario.format.events import Kill
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.judge import Judge
 from agents.scenario.judge.result import Result
+from agents.scenario.run.mission_giver import MissionGiver
 from agents.scenario.run.staging import Run, plant_alone, staged_system, without
 from agents.scenario.run.story import Line, Story
 from agents.scenario.truth.history import History
@@ -93,6 +94,7 @@ class Conductor:
         bus: to the plant.
         keys: of the graph.
         kill: ends an agent without warning.
+        giver: gives the mission, if nobody else does.
     """
 
     def __init__(
@@ -103,7 +105,9 @@ class Conductor:
         bus: Transport,
         keys: Keys,
         kill: Callable[[str], None],
+        giver: MissionGiver | None = None,
     ) -> None:
+        self._giver = giver
         self._start = start
         self._judge = judge
         self._bus = bus
@@ -125,6 +129,8 @@ class Conductor:
             self._judge.history.kills[number] = begun
             self._kill(self._kills.pop(number).agent)
         self._judge.sample()
+        if self._giver is not None:
+            self._giver.ask()
         self.is_over = self._judge.is_over(elapsed)
         return elapsed
 
@@ -164,7 +170,8 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
         judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
         _get_ready(lockstep, [spec.name for spec in system.agents])
         start = lockstep.clock.now() + LEAD
-        conductor = Conductor(scenario, start, judge, lockstep.bus, lockstep.keys, kill)
+        giver = mission_giver_of(run, lockstep.memory, judge)
+        conductor = Conductor(scenario, start, judge, lockstep.bus, lockstep.keys, kill, giver)
 
         teller = Teller(observer, scenario, lockstep.memory, judge)
 
@@ -175,7 +182,13 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
             return conductor.is_over
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
-        return judge.result(run.seed, "lockstep", run.sensor, run.policy)
+        return judge.result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
+
+
+def mission_giver_of(run: Run, memory: Memory, judge: Judge) -> MissionGiver | None:
+    """Who gives the mission of a run without tags: nobody knows beforehand what things will be called."""
+    mission = run.scenario.mission
+    return MissionGiver(mission, memory, judge.names) if run.untagged and mission is not None else None
 
 
 def true_course(run: Run) -> History:
@@ -225,7 +238,13 @@ def run_live(run: Run, observer: RunObserver | None = None) -> Result:
         launcher.wait_ready(observer.starting)
         start = launcher.clock.now() + LEAD
         conductor = Conductor(
-            run.scenario, start, judge, memory.transport, memory.keys, lambda agent: _kill_process(launcher, agent)
+            run.scenario,
+            start,
+            judge,
+            memory.transport,
+            memory.keys,
+            lambda agent: _kill_process(launcher, agent),
+            mission_giver_of(run, memory, judge),
         )
         teller = Teller(observer, run.scenario, memory, judge)
         while (elapsed := conductor.step(launcher.clock.now())) < run.scenario.duration + _TAIL:
@@ -235,7 +254,7 @@ def run_live(run: Run, observer: RunObserver | None = None) -> Result:
             launcher.poll()
             launcher.clock.wait(threading.Event(), POLL_PERIOD)
         judge.close()
-        return judge.result(run.seed, "live", run.sensor, run.policy)
+        return judge.result(run.seed, "live", run.sensor, run.policy, run.hands)
 
 
 def _kill_process(launcher: Launcher, agent: str) -> None:

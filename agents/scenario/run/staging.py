@@ -13,6 +13,7 @@ from agents.scenario.format.model import RobotSpec, Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
 from agents.urdf_files import find_robot
 from dsr.config.extras import check_installed
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
 
@@ -23,12 +24,18 @@ Sensor = Literal["pixels", "poses"]
 Policy = Literal["hypotheses", "algorithm1", "published"]
 """Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
 and infer actions as they did."""
+HandFinder = Literal["model", "colour"]
+"""Find hands in images by the real model, or by the colour of skin."""
 PLANT = "plant"
 """Name of the agent that plays the simulated reality."""
 ARM = "arm_controller"
 """Name of the agent that moves the arm."""
+ESTIMATOR = "scene_estimator"
+"""Name of the agent that recognises objects."""
 MISSION = "mission"
 """Name of the agent that pursues the scenario's `[mission]`."""
+HAND_TRACKER = "hand_tracker"
+"""Name of the agent that finds hands."""
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,6 +50,10 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """Name of a robot in `etc/robots`, or path of a URDF file, in place of the scenario's."""
     policy: Policy | None = None
     """Name of the method that explains surprises; None for the simulation handler's own choice."""
+    hands: HandFinder | None = None
+    """How hands are found in images; None for the hand tracker's own choice."""
+    untagged: bool = False
+    """Play it without tags: blocks are found by depth."""
     folder: Path | None = None
     """Gets recording, logs and result; None for nothing of that."""
     viewer: bool = False
@@ -54,9 +65,10 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_run(name_or_path: str | Path, **options: Any) -> Run:
-    """Prepare the run of a built-in scenario or a file. Raises `ConfigError`."""
+    """Prepare the run of a built-in scenario or a file, with these fields of `Run`. Raises `ConfigError`."""
     file = find_scenario(name_or_path)
-    return Run(scenario=load_scenario(file), file=file.resolve(), **options)
+    scenario = load_scenario(file, without_tags=options.get("untagged", False))
+    return Run(scenario=scenario, file=file.resolve(), **options)
 
 
 def staged_system(run: Run) -> System:
@@ -64,12 +76,17 @@ def staged_system(run: Run) -> System:
 
     An agent that the scenario kills has a process of its own: no other agent dies with it.
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
+    Without tags, the runner gives the mission once it is known what things are called (`MissionGiver`).
+    A run without tags is refused where nothing would be found: by true poses, or without an agent that finds objects.
     A mission is refused where the libraries of those who would pursue it are not installed: nothing would happen.
+    So is a finder of hands where none would be found by it: the tracker alone would go on by colour.
     """
     system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
-    if run.scenario.mission is None:
+    if run.untagged:
+        _check_finds_blocks(run, system)
+    if run.scenario.mission is None or run.untagged:
         system = without(system, MISSION)
-    else:
+    if run.scenario.mission is not None:
         for spec in system.agents:
             check_installed(spec.kind.goal_libraries, f"scenario {run.scenario.name!r} has a mission for {spec.name!r}")
     for agent, fields in _settings(run).items():
@@ -78,9 +95,19 @@ def staged_system(run: Run) -> System:
     if ARM in _names(system) and (run.robot or _is_other_robot(run.scenario.robot)):
         system = _with_robot(system, run)
     system = system.apart(*_names(system).intersection(_killed(run.scenario)))
+    _check_hands(run, system)
     if "recorder" in _names(system):
         system = system.with_config("recorder", about=_about(run, system))
     return system if run.folder else without(system, "recorder", "viewer")
+
+
+def _check_finds_blocks(run: Run, system: System) -> None:
+    if run.sensor != "pixels":
+        raise ConfigError("without tags, objects are found in images only; expected the sensor `pixels`")
+    if ESTIMATOR not in _names(system):
+        raise ConfigError(
+            f"the system {run.scenario.system!r} has no agent {ESTIMATOR!r}, which would find objects without tags"
+        )
 
 
 def plant_alone(run: Run) -> System:
@@ -88,7 +115,7 @@ def plant_alone(run: Run) -> System:
     system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT], beside=run.beside)
     if not system.agents:
         raise ConfigError(f"the system {run.scenario.system!r} has no agent {PLANT!r}: nothing happens in it")
-    return system.with_config(PLANT, scenario=str(run.file), sensor="none")
+    return system.with_config(PLANT, scenario=str(run.file), sensor="none", untagged=run.untagged)
 
 
 def without(system: System, *agents: str) -> System:
@@ -112,8 +139,10 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
             if run.scenario.plans
             else {}
         ),
-        PLANT: {"scenario": str(run.file), "sensor": run.sensor, **({"robot": run.robot} if run.robot else {})},
-        "scene_setup": {"scenario": str(run.file)},
+        **({ESTIMATOR: {"blocks": True}} if run.untagged else {}),
+        PLANT: {"scenario": str(run.file), "sensor": run.sensor, "untagged": run.untagged, "robot": _robot_file(run)},
+        HAND_TRACKER: {} if run.hands is None else {"finder": run.hands},
+        "scene_setup": {"scenario": str(run.file), "untagged": run.untagged},
         "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
         "viewer": {"folder": folder, "spawn": run.window, "awaits_start": True},
@@ -126,18 +155,23 @@ def _is_other_robot(robot: RobotSpec) -> bool:
     return robot.exists and (robot.model, robot.position, robot.yaw) != (plain.model, plain.position, plain.yaw)
 
 
+def _robot_file(run: Run) -> str:
+    """The file of the robot that takes the place of the scenario's; empty for none. Raises `ConfigError`."""
+    return str(find_robot(run.robot, Path()).resolve()) if run.robot else ""
+
+
 def _with_robot(system: System, run: Run) -> System:
     """The system whose arm controller knows the description and place of the arm that the plant has.
 
     Links, home posture and fingers are those of the description; a camera on a link that it lacks is not there.
     """
     robot = run.scenario.robot
-    file = find_robot(run.robot, Path()) if run.robot else find_robot(robot.model, run.file.parent)
+    file = Path(_robot_file(run)) if run.robot else find_robot(robot.model, run.file.parent).resolve()
     links = load_arm(file).robot.parents
     cameras = system.agent(ARM).config.get("cameras", {})
     return system.with_config(
         ARM,
-        urdf=str(file.resolve()),
+        urdf=str(file),
         mount={"translation": robot.position, "rotation": robot.base.q},
         observe_joints=(),
         posture=(),
@@ -152,6 +186,22 @@ def _policy_settings(policy: Policy | None) -> dict[str, dict[str, Any]]:
     if policy == "published":
         return {"simulation_handler": {"reasoner": policy}, "action_inference": {"policy": policy}}
     return {"simulation_handler": {"policy": policy}}
+
+
+def _check_hands(run: Run, system: System) -> None:
+    """Raise `ConfigError` if hands cannot be found in the way that the run asks for."""
+    if run.hands is None:
+        return
+    if run.sensor != "pixels":
+        raise ConfigError(f"hands by {run.hands} are found in images: expected the sensor pixels, not {run.sensor}")
+    if HAND_TRACKER not in _names(system):
+        raise ConfigError(f"no agent {HAND_TRACKER!r} in the system {run.scenario.system!r}: no hand would be found")
+    if run.hands == "model":
+        from agents.hand_tracker.config import HandTrackerConfig
+        from agents.hand_tracker.model.loading import load_landmarker
+
+        config = convert(system.agent(HAND_TRACKER).config, HandTrackerConfig, f"configuration of {HAND_TRACKER!r}")
+        load_landmarker(config)().close()
 
 
 def _about(run: Run, system: System) -> dict[str, str]:

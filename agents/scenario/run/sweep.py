@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
-from agents.scenario.run.staging import Policy, Sensor
+from agents.scenario.run.staging import HandFinder, Policy, Sensor
 from agents.scenario.run.sweep_worker import SweepAnswer, SweepJob, work
 from dsr.clock import WALL_CLOCK
 
@@ -34,6 +34,8 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     sensor: Sensor
     policy: Policy | None
+    hands: HandFinder | None = None
+    """How hands were found in images, if the run was told so."""
     passed: bool
     failed: list[str]
     """The expectations that did not hold, without the findings."""
@@ -172,7 +174,9 @@ class _Worker:
         assert self.job is not None
         job, self.job = self.job, None
         values = {"passed": False, "failed": [], "found": [], **fields}
-        about = {"scenario": job.name, "seed": job.seed, "sensor": job.sensor, "policy": job.policy}
+        about = {
+            "scenario": job.name, "seed": job.seed, "sensor": job.sensor, "policy": job.policy, "hands": job.hands,
+        }  # fmt: skip
         return msgspec.convert({**about, **values, "crash": crash, "wall_s": self.elapsed}, RunOutcome)
 
     def _last_words(self) -> str:

@@ -13,13 +13,13 @@ from multiprocessing.connection import Connection, wait
 import msgspec
 
 from agents.scenario.judge.result import Result
-from agents.scenario.run.staging import Policy, Sensor, make_run
+from agents.scenario.run.staging import HandFinder, Policy, Sensor, make_run
 
 _COLLECT = (100_000, 20, 20)  # much less often than by default: a tenth faster, and runs make little garbage in cycles
 
 
 class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
-    """One run of a sweep: scenario, seed, sensor and policy."""
+    """One run of a sweep: scenario, seed, sensor, policy and how hands are found."""
 
     name: str
     """Name of the scenario."""
@@ -28,6 +28,8 @@ class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     sensor: Sensor
     policy: Policy | None
+    hands: HandFinder | None = None
+    untagged: bool = False
 
 
 class SweepAnswer(msgspec.Struct, frozen=True):
@@ -64,7 +66,14 @@ def _answer(job: SweepJob) -> bytes:
     from agents.scenario.run.runner import run_lockstep
 
     try:
-        run = make_run(job.file, seed=job.seed, sensor=job.sensor, policy=job.policy)
+        run = make_run(
+            job.file,
+            seed=job.seed,
+            sensor=job.sensor,
+            policy=job.policy,
+            hands=job.hands,
+            untagged=job.untagged,
+        )
         return msgspec.msgpack.encode(SweepAnswer(run_lockstep(run)))
     except Exception as error:  # whatever is wrong with one run is that run's failure
         return msgspec.msgpack.encode(SweepAnswer(None, f"{type(error).__name__}: {error}"))

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from agents.scenario.format.model import Scenario
+from agents.scenario.format.units import Size
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import Action
 
@@ -47,6 +48,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     percepts: dict[str, Pose] = {}
     """The newest of each object, however old."""
     beliefs: dict[str, Pose] = {}
+    sizes: dict[str, Size] = {}
+    """m, extents along the axes of `beliefs`, of objects whose extents nobody told the working memory: as believed"""
     perceived: dict[str, bool] = {}
     """Whether each object is perceived, for those that have a node."""
     edges: frozenset[tuple[str, str, str]] = frozenset()

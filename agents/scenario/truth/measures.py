@@ -9,7 +9,8 @@ import numpy as np
 
 from agents.scenario.format.geometry import Ball, PlacedShape, ScenarioBox, gap_below, overlap, pieces
 from agents.scenario.format.layout import table_box
-from agents.scenario.format.model import Scenario, TableSpec
+from agents.scenario.format.model import ObjectSpec, Scenario, TableSpec
+from agents.scenario.format.units import Size
 from agents.scenario.truth.history import Error, Sample, Source
 from dsr.math3d.transforms import Pose
 
@@ -57,7 +58,7 @@ def belief_gap(scenario: Scenario, sample: Sample, name: str) -> float | None:
     """Height of the belief above the table or belief that is under it, m; None without a belief."""
     bodies = {
         spec.name: PlacedShape(spec.shape, spec.size, pose)
-        for spec in scenario.objects
+        for spec in believed_objects(scenario, sample)
         if (pose := sample.beliefs.get(spec.name))
     }
     own = bodies.pop(name, None)
@@ -73,19 +74,31 @@ def drift(samples: Sequence[Sample], name: str) -> float | None:
     return float(np.linalg.norm(np.array(positions) - positions[0], axis=1).max())
 
 
-def pose_boxes(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, ScenarioBox]:
-    """The boxes that the scenario's objects fill at `poses`."""
+def believed_objects(scenario: Scenario, sample: Sample) -> list[ObjectSpec]:
+    """The scenario's objects, those that were found by depth with the extents that they are believed to have."""
+    return [
+        spec if (size := sample.sizes.get(spec.name)) is None else _resized(spec, size) for spec in scenario.objects
+    ]
+
+
+def _resized(spec: ObjectSpec, size: Size) -> ObjectSpec:
+    shape = tuple(part._replace(size=size) for part in spec.shape)
+    return msgspec.structs.replace(spec, size=size, shape=shape)
+
+
+def pose_boxes(objects: Iterable[ObjectSpec], poses: dict[str, Pose]) -> dict[str, ScenarioBox]:
+    """The boxes that objects fill at `poses`."""
     return {
         spec.name: ScenarioBox(pose.translation, pose.rotation_matrix, np.array(spec.size))
-        for spec in scenario.objects
+        for spec in objects
         if (pose := poses.get(spec.name))
     }
 
 
-def pose_pieces(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, list[Piece]]:
-    """List the pieces of the scenario's objects at `poses`, in the world."""
-    shapes = {spec.name: spec.shape for spec in scenario.objects}
-    return {name: pieces(shapes[name], box) for name, box in pose_boxes(scenario, poses).items()}
+def pose_pieces(objects: Sequence[ObjectSpec], poses: dict[str, Pose]) -> dict[str, list[Piece]]:
+    """List the pieces of objects at `poses`, in the world."""
+    shapes = {spec.name: spec.shape for spec in objects}
+    return {name: pieces(shapes[name], box) for name, box in pose_boxes(objects, poses).items()}
 
 
 def _ground(table: TableSpec) -> PlacedShape:
@@ -110,13 +123,15 @@ class OverlapMeter:
         return max(found, key=lambda overlap: overlap.depth, default=None)
 
     def _overlaps(self, sample: Sample, wanted: Callable[[str], bool]) -> Iterable[Overlap]:
-        poses = sample.poses(self._source)
-        boxes = pose_boxes(self._scenario, poses)
-        made_of = pose_pieces(self._scenario, poses) | {"table": [self._table]}
+        poses, objects = sample.poses(self._source), believed_objects(self._scenario, sample)
+        boxes = pose_boxes(objects, poses)
+        made_of = pose_pieces(objects, poses) | {"table": [self._table]}
         pairs = [(name, "table") for name in boxes] + _neighbours(boxes)
         for first, second in pairs:
             if wanted(first) or wanted(second):
-                where = tuple((pose.t, pose.q) for name in (first, second) if (pose := poses.get(name)))
+                where = tuple(
+                    (pose.t, pose.q, sample.sizes.get(name)) for name in (first, second) if (pose := poses.get(name))
+                )
                 known = self._known.get((first, second))
                 if known is None or known[0] != where:
                     known = self._known[first, second] = (where, _depth(made_of[first], made_of[second]))

@@ -32,7 +32,7 @@ def true_relations(scenario: Scenario, truth: dict[str, Pose], held: str | None 
     One rests on the other if lowering it by `REACH` makes it reach into the top of one of the other's pieces, and
     nothing lies between them there that rests on the other one: what is in a bin is not on the table below its floor.
     """
-    bodies: dict[str, list[Piece]] = pose_pieces(scenario, truth) | {"table": [table_box(scenario.table)]}
+    bodies: dict[str, list[Piece]] = pose_pieces(scenario.objects, truth) | {"table": [table_box(scenario.table)]}
     touching = {
         (upper, lower): pairs
         for upper, lower in permutations(bodies, 2)

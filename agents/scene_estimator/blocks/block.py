@@ -15,8 +15,13 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Array
 
-BlockKind = Literal["box", "cylinder"]
+GRAZING = 1e-3
+"""Cosine between a ray and the normal of a face, up to which the face looks away: it would be a line in the image."""
 
+BlockKind = Literal["box", "cube", "cylinder"]
+"""A cube is a box of which one edge tells all"""
+
+_SLIVER = 1e-3  # m
 _ROUND = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)  # rad, corners of a prism around a cylinder
 _OUT = 1.0 / math.cos(math.pi / len(_ROUND)) ** 0.5  # so that the prism has the area of the cylinder, nearly
 _PRISM = np.array([[_OUT * math.cos(a), _OUT * math.sin(a), z] for z in (-1.0, 1.0) for a in _ROUND])
@@ -43,9 +48,20 @@ class Block(NamedTuple):
         return self.x, self.y, self.base + 0.5 * self.size[2]
 
     @property
+    def is_round(self) -> bool:
+        """Whether it is a cylinder."""
+        return self.kind == "cylinder"
+
+    @property
     def shape(self) -> Shape:
         """Its parts, as a node's attribute `shape` has them; none for a box."""
-        return () if self.kind == "box" else (Part("cylinder", self.size),)
+        return (Part("cylinder", self.size),) if self.is_round else ()
+
+    def above(self, height: float) -> Block:
+        """What of it is above a height of the world, m; if nothing is, its uppermost sliver."""
+        top = self.base + self.size[2]
+        base = min(max(self.base, height), top - _SLIVER)
+        return self._replace(base=base, size=(*self.size[:2], top - base))
 
     def turned(self, quarters: int) -> Block:
         """The same box with its x axis along another of its edges."""
@@ -54,7 +70,7 @@ class Block(NamedTuple):
 
     def outline(self, view: FrameView) -> Array:
         """(n, 2) px, corners of its image, which is convex, in order."""
-        corners = (CORNERS if self.kind == "box" else _PRISM) * (0.5 * np.array(self.size))
+        corners = (_PRISM if self.is_round else CORNERS) * (0.5 * np.array(self.size))
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         world = corners @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + self.centre
         local = view.world_from_camera.inverse().apply(world)
@@ -62,32 +78,37 @@ class Block(NamedTuple):
         pixels = view.intrinsics.project(local)
         return np.asarray(cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2), np.float64)
 
-    def distances(self, points: Array) -> tuple[Array, Array]:
-        """How far (n,) m points (n, 3) of the world are outside its faces, negative within, and the normals (n, 3).
+    def distances(self, points: Array, rays: Array) -> tuple[Array, Array]:
+        """How far (n,) m points are outside the faces on which their rays end, negative within, and the normals (n, 3).
 
-        The bottom, which nobody sees, is no face.
+        The ray, not the point, tells the face: a point of the upper side with a wrong depth is none of a side. What is
+        beyond a face that looks away is outside that one. The bottom, which nobody sees, is no face.
+
+        Args:
+            points: (n, 3) m, in the world.
+            rays: (n, 3) unit vectors in the world, from the camera to the points.
         """
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         away = points - self.centre
-        along, across = c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]
         half_x, half_y, half_z = (0.5 * edge for edge in self.size)
         zero = np.zeros(len(points))
-        top = away[:, 2] - half_z, np.column_stack([zero, zero, zero + 1.0])
-        if self.kind == "cylinder":
-            radius = np.hypot(along, across)
+        faces = [(away[:, 2] - half_z, np.column_stack([zero, zero, zero + 1.0]))]
+        if self.is_round:
+            radius = np.hypot(away[:, 0], away[:, 1])
             out = away[:, :2] / np.maximum(radius, 1e-9)[:, None]
-            faces = [(radius - half_x, np.column_stack([out, zero])), top]
+            faces.append((radius - half_x, np.column_stack([out, zero])))
         else:
-            by_x, by_y = np.sign(along), np.sign(across)
-            faces = [
-                (np.abs(along) - half_x, np.column_stack([c * by_x, s * by_x, zero])),
-                (np.abs(across) - half_y, np.column_stack([-s * by_y, c * by_y, zero])),
-                top,
-            ]
-        beyond = np.stack([distance for distance, _ in faces])
-        nearest = beyond.argmax(axis=0)
+            for x, y, half in ((c, s, half_x), (-s, c, half_y)):
+                along = x * away[:, 0] + y * away[:, 1]
+                normal = np.column_stack([x + zero, y + zero, zero])
+                faces += [(along - half, normal), (-along - half, -normal)]
+        beyond, normals = np.stack([face[0] for face in faces]), np.stack([face[1] for face in faces])
+        facing = -np.einsum("fij,ij->fi", normals, rays)
+        entered = np.where(facing > GRAZING, beyond / np.maximum(facing, GRAZING), -np.inf)
+        behind = np.where((facing <= GRAZING) & (beyond > 0.0), beyond, -np.inf)
         index = np.arange(len(points))
-        return beyond[nearest, index], np.stack([normal for _, normal in faces])[nearest, index]
+        face = np.where(np.isfinite(behind.max(axis=0)), behind.argmax(axis=0), entered.argmax(axis=0))
+        return beyond[face, index], normals[face, index]
 
 
 def inside(outline: Array, pixels: Array) -> NDArray[np.float64]:

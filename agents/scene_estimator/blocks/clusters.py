@@ -17,16 +17,23 @@ from dsr.math3d.transforms import Array, Pose
 HIGHEST = 0.4
 """m above the support up to which something is looked for"""
 
+SMALLEST = 60
+"""Pixels of a piece, at least."""
+
+NEAR_CUT = 4
+"""px from where something else hides it, or touches it, in which a piece tells nothing of an edge there"""
+
 _LEAST_RISE = 0.008  # m above the support, from which something is not the support itself
 _NOISE = 3.0  # standard deviations of the depth: the same
 _JUMP = 0.015  # m between the depths of neighbours that do not belong together, beside noise: steep faces have less
 _NEARER = 0.01  # m by which something must be nearer to hide what is behind it
-_SMALLEST = 60  # px, of a piece
 _BEYOND = 3  # px at an edge of which depth is missing
 _BY_COLOR = 0.5  # px, standard deviation of an edge that colours tell
-_BY_DEPTH = 0.5  # of the pixels around a piece in which its edge may be: likewise, if colours do not tell it
+_BY_COLOR_ALIKE = 0.2  # px, standard deviation of what is wrong in all of it alike: lenses blur
+_BY_DEPTH = 1.5  # px, of an edge that depth alone tells: it is missing in up to `_BEYOND` pixels, more on some sides
+_BY_DEPTH_ALIKE = 1.0  # px, what is missing on average, and the standard deviation of that
+_SIDES = 6  # of a box in an image, at most: what is missing at one side is missing all along it
 _STEEP = 5  # times that: steep faces have no depth, so that colour alone tells how far they go
-_NEAR_CUT = 4  # px from where something hides the rest, in which a piece tells nothing of an edge there
 _FARTHEST_EDGE = 12  # px from what is surely raised, up to which its edge is looked for
 _NEAR_SUPPORT = 0.03  # m around the believed height in which the support is looked for
 _SPARSE = 3  # px apart, and
@@ -47,6 +54,24 @@ class Support(NamedTuple):
     """m, along its own y axis"""
 
 
+class PieceEdge(NamedTuple):
+    """How well the outermost pixels of a piece tell where the thing ends that it is an image of."""
+
+    std: float
+    """px, standard deviation of each pixel by itself"""
+    inset: float
+    """px, by which all are within the thing"""
+    inset_std: float
+    """px, standard deviation of that"""
+    independent: float
+    """How many of them are wrong independently, at most"""
+    rise: float
+    """m above the support, up to which nothing of the thing is in the piece"""
+
+
+_EDGE_BY_COLOR = PieceEdge(_BY_COLOR, 0.0, _BY_COLOR_ALIKE, math.inf, 0.0)
+
+
 class Cluster(NamedTuple):
     """A connected piece of the image that stands on the support."""
 
@@ -64,8 +89,8 @@ class Cluster(NamedTuple):
     """Share of its outermost pixels where something hides it, or the image ends."""
     base: float
     """m, height in the world of the support"""
-    edge_std: float
-    """px, standard deviation of where it ends: less if its colour tells that than if depth alone does"""
+    edge: PieceEdge
+    """How well its contour tells where the thing ends."""
 
 
 class Relief:
@@ -94,7 +119,7 @@ class Relief:
         world = self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye
         raised[rows, columns] = _within(support, world)
         self._raised = raised
-        self._reach = self._edge_reach(noise)
+        self._reach = self._edge_reach()
 
     def _heights(self) -> NDArray[np.float32]:
         """(h, w) m, of each pixel in the world; of no meaning without depth."""
@@ -122,13 +147,21 @@ class Relief:
         middle = np.median(heights)
         return float(np.median(heights[np.abs(heights - middle) < 0.5 * _NEAR_SUPPORT]))
 
-    def _edge_reach(self, noise: float) -> int:
+    def _edge_reach(self) -> int:
         """How many px around a piece its edge may be: depth is missing at edges, and the foot is not raised."""
         if not self._raised.any():
             return _BEYOND
-        depth = float(np.median(self._depth[self._raised]))
-        rise = max(_LEAST_RISE, _NOISE * noise * depth**2)
-        return min(_BEYOND + math.ceil(rise / depth * self._view.intrinsics.fx), _FARTHEST_EDGE)
+        depths = self._depth[self._raised]
+        foot = self._rise(depths) / float(np.median(depths)) * self._view.intrinsics.fx
+        return min(_BEYOND + math.ceil(foot), _FARTHEST_EDGE)
+
+    def _rise(self, depths: NDArray[np.float32]) -> float:
+        """From how many m above the support something at these depths is not the support itself."""
+        return max(_LEAST_RISE, _NOISE * self._noise * float(np.median(depths)) ** 2)
+
+    def _edge_by_depth(self, depths: NDArray[np.float32]) -> PieceEdge:
+        """Of a piece at these depths (m) whose colour does not tell where it ends."""
+        return PieceEdge(_BY_DEPTH, _BY_DEPTH_ALIKE, _BY_DEPTH_ALIKE, _SIDES, self._rise(depths))
 
     def clusters(self) -> list[Cluster]:
         """The pieces, but for those that are too small."""
@@ -136,8 +169,8 @@ class Relief:
             return []
         labels = self._labels()
         sizes = np.bincount(labels.ravel())
-        large = [label for label in range(1, len(sizes)) if sizes[label] >= _SMALLEST]
-        found = (self._cluster(labels, label) for label in large)
+        labels[sizes[labels] < SMALLEST] = 0  # specks, most of them of a larger piece
+        found = (self._cluster(labels, label) for label in range(1, len(sizes)) if sizes[label] >= SMALLEST)
         return [cluster for cluster in found if cluster is not None]
 
     def _labels(self) -> NDArray[np.int32]:
@@ -163,7 +196,7 @@ class Relief:
         part = np.s_[top : int(rows.max()) + margin + 1, left : int(columns.max()) + margin + 1]
         own = labels[part] == label
         image = self._silhouette(own, labels[part] > 0, part, color)
-        edge_std = _BY_COLOR if image is not None else _BY_DEPTH * self._reach
+        edge = self._edge_by_depth(self._depth[part][own]) if image is None else _EDGE_BY_COLOR
         image = own if image is None else image
         pixels = _outermost(image)
         if len(pixels) == 0:
@@ -173,15 +206,15 @@ class Relief:
         hidden = at_border | self._covered(part, own, image)[pixels[:, 1], pixels[:, 0]]
         cut = np.zeros(own.shape, np.uint8)
         cut[pixels[hidden, 1], pixels[hidden, 0]] = 1
-        near_cut = cv2.dilate(cut, _square(_NEAR_CUT)) > 0
+        near_cut = cv2.dilate(cut, _square(NEAR_CUT)) > 0
         kept = np.nonzero((cv2.erode(own.astype(np.uint8), _SMALL) > 0) & ~near_cut)
-        if len(kept[0]) < _SMALLEST // 4:
+        if len(kept[0]) < SMALLEST // 4:
             return None
         contour = np.column_stack([column, row]).astype(np.float64)[~near_cut[pixels[:, 1], pixels[:, 0]]]
         rays = self._rays(kept[0] + top, kept[1] + left)
         depths = self._depth[part][kept].astype(np.float64)
         points = rays * depths[:, None] + self._eye
-        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge_std)
+        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge)
 
     def _silhouette(self, own: Mask, pieces: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
         """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too."""
@@ -208,7 +241,8 @@ class Relief:
 
     def _covered(self, part: tuple[slice, slice], own: Mask, image: Mask) -> Mask:
         """Next to which pixels something else stands that is not behind."""
-        other = self._standing[part] & ~own & ~image
+        beside = (self._standing[part] & ~own & ~image).astype(np.uint8)
+        other = cv2.morphologyEx(beside, cv2.MORPH_OPEN, _SMALL) > 0  # specks beside an edge are its own
         around = _square(self._reach)
         nearest = cv2.erode(np.where(other, self._depth[part], np.float32(np.inf)), around)
         depth = cv2.dilate(np.where(own, self._depth[part], np.float32(0.0)), around)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from agents.colors import TOLERANCE, spectral_angle
 from agents.scene_estimator.blocks.block import Block
-from agents.scene_estimator.blocks.finder import MOSTLY_SEEN, BlockSighting, KnownBlock
+from agents.scene_estimator.blocks.finder import BlockSighting, KnownBlock
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Array
 
@@ -59,18 +60,18 @@ class BlockTrack:
         sigma = _turned(sighting.size_sigma, quarters)
         before, frames = np.array(self.block.size), min(self.frames, _REMEMBERED)
         size = before
-        if sighting.hidden <= MOSTLY_SEEN:
+        if sighting.measured and block.kind == self.block.kind:
             gain = 1.0 / (1.0 + frames * np.maximum(sigma, 1e-9) ** 2 / self.sigma**2)
             size = before + gain * (np.array(block.size) - before)
             self.sigma = np.minimum(self.sigma, np.maximum(sigma, 1e-6))
             self.frames = frames + 1.0
         x, y, z = size.tolist()
-        self.block = block._replace(size=(x, y, z))
+        self.block = block._replace(kind=self.block.kind, size=(x, y, z))
         return self.block
 
     def aligned(self, sighting: BlockSighting) -> tuple[Block, int]:
         """The block that is seen with its axes named as before, and by how many quarter turns it is turned for that."""
-        if self.block.kind == "cylinder" or sighting.block.kind == "cylinder":
+        if self.block.is_round or sighting.block.is_round:
             return sighting.block, 0
 
         def cost(quarters: int) -> float:
@@ -83,12 +84,16 @@ class BlockTrack:
 
     def cost(self, sighting: BlockSighting) -> float:
         """How unlikely it is that a sighting is this block; `_NO_MATCH` if it is another one."""
-        angle = spectral_angle(sighting.color, self.color) / TOLERANCE
+        angle = self.unlike_color(sighting.color)
         unlike = min(self._unlike(sighting, quarters) for quarters in range(2))
-        if angle > 1.0 or unlike > _ANOTHER_SIZE or sighting.block.kind != self.block.kind:
+        if angle > 1.0 or unlike > _ANOTHER_SIZE or sighting.block.is_round != self.block.is_round:
             return _NO_MATCH
         gone = math.dist(sighting.block.centre[:2], self.block.centre[:2]) / _STEP
         return angle**2 + unlike + min(gone**2, _JUMPED)
+
+    def unlike_color(self, color: Sequence[float]) -> float:
+        """How far a colour is from its own; 1 is as far as its own pixels may be."""
+        return spectral_angle(color, self.color) / TOLERANCE
 
     def _unlike(self, sighting: BlockSighting, quarters: int) -> float:
         apart = np.array(sighting.block.turned(quarters).size) - self.block.size

@@ -10,10 +10,11 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.blocks.block import Block
+from agents.scene_estimator.blocks.block import Block, BlockKind
 from agents.scene_estimator.blocks.clusters import Cluster
 from agents.scene_estimator.blocks.explained import KnownVolume, known_volumes, supports, unexplained
 from agents.scene_estimator.blocks.finder import BlockFinder, BlockSighting
+from agents.scene_estimator.blocks.touching import has_share, parted
 from agents.scene_estimator.blocks.tracks import BlockTrack, assigned
 from agents.scene_estimator.colored import LEANING
 from agents.scene_estimator.config import SceneEstimatorConfig
@@ -29,6 +30,8 @@ from dsr.vocabulary.relations import THINGS
 
 AS_BEFORE = 0.003
 """m, by which extents must have changed for the node to be told: whoever simulates the object makes it anew"""
+_PREFIXES = {"box": "box", "cube": "plain_cube", "cylinder": "cylinder"}
+"""Of the names of nodes, by kind of block; `cube_7` is the cube with tag 7"""
 _NEAR = 0.02  # m around where a block was in which it is looked for first
 
 
@@ -81,8 +84,27 @@ class UntaggedObjects:
         """
         clusters = self._finder.clusters(view, color, supports(self._memory, stamp))
         explaining = [*seen, *known_volumes(self._memory, now, stamp)] if clusters else []
-        found = (self._fit(view, cluster) for cluster in unexplained(clusters, explaining))
+        found: list[BlockSighting | None] = []
+        for cluster in unexplained(clusters, explaining):
+            found += self._fit_touching(view, cluster) or [self._fit(view, cluster)]
         return [sighting for sighting in found if sighting is not None]
+
+    def _fit_touching(self, view: FrameView, cluster: Cluster) -> list[BlockSighting]:
+        """The known blocks of one colour that share a piece; none if it is not that of several."""
+        several = [track for track in self._alike(cluster) if has_share(cluster, track.block)]
+        parts = parted(view, cluster, [track.block for track in several]) if len(several) > 1 else None
+        if parts is None:
+            return []
+        fits = [
+            self._finder.fit_unchanged(view, part, track.known) for track, part in zip(several, parts, strict=True)
+        ]
+        found = [sighting for sighting in fits if sighting is not None]
+        return found if len(found) == len(several) else []
+
+    def _alike(self, cluster: Cluster) -> list[BlockTrack]:
+        """The known blocks that have its colour."""
+        color = cluster.color.tolist()
+        return [track for track in self._tracks.values() if track.unlike_color(color) <= 1.0]
 
     def _fit(self, view: FrameView, cluster: Cluster) -> BlockSighting | None:
         x, y = cluster.points[:, :2].mean(axis=0).tolist()
@@ -90,9 +112,12 @@ class UntaggedObjects:
         near = [track for track in (*self._tracks.values(), *candidates) if _is_at(track.block, x, y)]
         for track in sorted(near, key=lambda track: math.dist((x, y), track.block.centre[:2])):
             sighting = self._finder.fit(view, cluster, track.known)
-            if sighting is not None and assigned([track], [sighting])[0] is track:
+            if sighting is not None and not sighting.strained and assigned([track], [sighting])[0] is track:
                 return sighting
-        return self._finder.fit(view, cluster)
+        fits = [self._finder.fit(view, cluster)]
+        fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in self._alike(cluster)]
+        possible = [sighting for sighting in fits if sighting is not None]
+        return min(possible, key=lambda sighting: sighting.cost, default=None)
 
     def consider(self, camera: str, sightings: list[BlockSighting], stamp: float) -> list[tuple[str, Pose]]:
         """Tell which objects were seen by a camera, and where: world_from_object with covariance.
@@ -109,9 +134,9 @@ class UntaggedObjects:
         return [(track.name, _pose(track, sighting, stamp)) for track, sighting in found]
 
     def _consider_unknown(self, camera: str, sightings: list[BlockSighting]) -> None:
-        """Count the frames in a row that show them, with all of their edges."""
+        """Count the frames in a row that show them, with all of their extents."""
         before = {id(one.track): one for one in self._candidates.get(camera, [])}
-        whole = [sighting for sighting in sightings if sighting.hidden <= self._config.most_hidden]
+        whole = [sighting for sighting in sightings if sighting.size_sigma.max() <= self._config.blocks_sure]
         candidates = []
         for sighting, track in zip(whole, assigned([one.track for one in before.values()], whole), strict=True):
             last = None if track is None else before[id(track)]
@@ -128,13 +153,14 @@ class UntaggedObjects:
 
     def _insert(self, track: BlockTrack) -> None:
         block = track.block
-        track.name = next(name for k in count(1) if (name := f"{block.kind}_{k}") not in self._memory)
+        track.name = next(name for k in count(1) if (name := f"{_PREFIXES[block.kind]}_{k}") not in self._memory)
         self._log.info(
             "%s is new: %s of %s m", track.name, block.kind, " x ".join(f"{edge:.3f}" for edge in block.size)
         )
         shape = {"shape": to_numbers(block.shape)} if block.shape else {}
+        type_ = "cube" if block.kind == "cube" else "box"
         self._memory.add_node(
-            track.name, "box", size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
+            track.name, type_, size=block.size, size_sigma=track.known.sigma, color=track.color, source=BY_DEPTH,
             perceived=True, **shape,
         )  # fmt: skip
         self._tracks[track.name] = track
@@ -156,7 +182,8 @@ class UntaggedObjects:
             return None
         x, y, z = pose.t
         yaw = math.atan2(pose.rotation_matrix[1, 0], pose.rotation_matrix[0, 0])
-        block = Block("cylinder" if "shape" in node else "box", x, y, yaw, size, z - 0.5 * size[2])
+        kind: BlockKind = "cylinder" if "shape" in node else "cube" if node.type == "cube" else "box"
+        block = Block(kind, x, y, yaw, size, z - 0.5 * size[2])
         self._written[node.name] = size
         return BlockTrack(node.name, block, np.array(sigma), color)
 

@@ -45,6 +45,7 @@ class FakeArm:
         self.present: ArmState | None = None
         self.told: list[tuple[Any, ...]] = []
         self.closed = False
+        self.alive_at = -1.0
         self._goal = self.positions
         self._speed = 0.0
         self._trajectory: tuple[np.ndarray, np.ndarray] | None = None
@@ -89,6 +90,9 @@ class FakeArm:
         self.told.append(("stop",))
         self._trajectory = None
         self._goal = self.positions
+
+    def keep_alive(self) -> None:
+        self.alive_at = self._now
 
     def close(self) -> None:
         self.closed = True

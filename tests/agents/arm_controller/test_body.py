@@ -89,7 +89,7 @@ def test_samples_that_do_not_describe_the_arm_are_dropped(
         bench.arm.names = bench.arm.names[:-1]
     bench.run(1.0)
     assert bench.memory.transform("world", "gripper") == good
-    assert bench.status == "no_driver"
+    assert bench.status == "halted"
     assert len([record for record in caplog.records if "dropped" in record.message]) == 1
 
 

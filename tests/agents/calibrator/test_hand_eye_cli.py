@@ -113,6 +113,12 @@ def test_options_that_do_not_fit_are_refused(folder: Path, options: tuple[str, .
     assert expected in said(run(folder, *options))
 
 
+@pytest.mark.parametrize(("option", "value"), [("--position-std", "inf"), ("--rotation-std", "57.3")])
+def test_errors_of_a_hand_that_is_nowhere_are_refused(folder: Path, option: str, value: str) -> None:
+    result = run(folder, "--fit-intrinsics", option, value)
+    assert result.exit_code == 2 and option in result.output
+
+
 @pytest.mark.parametrize(
     ("name", "text", "expected"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -63,6 +64,23 @@ def test_the_class_of_each_entry_is_there_and_takes_its_example(name: str) -> No
     options = dict(map(cli._option, entry.example))
     with pytest.raises(ConfigError, match="its options: name"):
         make_driver(name, LocalNetwork().connect("a"), Keys("g"), **options, no_such_option=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "said"),
+    [
+        ("video", {"file": 3}, "option 'file': expected `str`, got `int`"),
+        ("webcam", {"device": 1.5}, "option 'device': expected `int | str`, got `float`"),
+        ("webcam", {"width": True}, "option 'width': expected `int`, got `bool`"),
+        ("webcam", {"fps": "fast"}, "option 'fps': expected `float`, got `str`"),
+        ("os:path", {}, "is a module; expected 'module:Class'"),
+    ],
+)
+def test_options_of_another_type_and_what_is_no_driver_are_refused(
+    name: str, options: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        make_driver(name, LocalNetwork().connect("a"), Keys("g"), **options)
 
 
 def test_a_library_that_is_not_there_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

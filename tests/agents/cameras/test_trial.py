@@ -91,3 +91,9 @@ def test_the_picture_shows_depth_beside_colour() -> None:
     assert (picture[:24, 64:] == 0).all() and (picture[24:, 64:] != 0).any()
     with pytest.raises(CorruptFrameError):
         picture_of(Frame(1.0, {}, {}))
+
+
+def test_an_axis_beside_the_picture_is_told() -> None:
+    assert not any("optical axis" in text for text in found([shot(1.0)]).missing)
+    (text,) = (text for text in found([shot(1.0, meta={**META, "cx": 640.0})]).missing if "optical axis" in text)
+    assert "another camera or size" in text

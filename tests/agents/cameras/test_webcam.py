@@ -109,6 +109,15 @@ def frame_of(camera: Webcam) -> Frame:
     return found[0]
 
 
+@pytest.mark.parametrize(
+    "option", [{"fps": np.nan}, {"latency": np.inf}, {"silence": np.nan}, {"silence": 0.0}, {"first_pause": np.nan},
+               {"first_pause": np.inf}, {"frozen": np.nan}, {"frozen": -1.0}],
+)  # fmt: skip
+def test_times_that_cannot_be_waited_are_refused(make: Make, option: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match="expected"):
+        make(**option)
+
+
 def test_pictures_come_in_red_green_blue_with_stamps_of_now(make: Make, captures: list[FakeCapture]) -> None:
     camera = make(fov=90.0)
     frame = frame_of(camera)

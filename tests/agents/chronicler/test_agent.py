@@ -12,7 +12,8 @@ from dsr import ConfigError
 from dsr.agent import Access, Agent
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.timeline import EVENT, SITUATION, Entry, kept_by, query, tell
+from dsr.timeline import EVENT, FORBIDDEN, SITUATION, Entry, kept_by, query, tell
+from dsr.vocabulary.halting import HaltOrder, write_order
 
 
 class Worker(Agent):
@@ -290,3 +291,16 @@ def test_runs_of_one_seed_are_identical() -> None:
 def test_a_wrong_configuration_is_told(config: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         Stage(**config)
+
+
+def test_an_emergency_stop_is_a_situation_that_says_who_halted_and_who_released() -> None:
+    with Stage().lockstep as lockstep:
+        write_order(lockstep.memory, HaltOrder("1", True, "anna", "a hand is in the way", lockstep.clock.now()))
+        lockstep.run_for(1.0)
+        write_order(lockstep.memory, HaltOrder("2", False, "ben", "", lockstep.clock.now()))
+        lockstep.run_for(0.5)
+        told = [(event.kind, event.subject, event.text) for event in tell(query(lockstep.memory, kind=FORBIDDEN))]
+    assert told == [
+        ("halted", "halt", "halted by anna: a hand is in the way"),
+        ("released", "halt", "released by ben"),
+    ]

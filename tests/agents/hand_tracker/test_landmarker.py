@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from agents.hand_tracker import agent as tracker_agent
 from agents.hand_tracker.landmarker import ModelFinder
 from agents.hand_tracker.model.files import SHA256
 from agents.hand_tracker.model.loading import load_landmarker
+from agents.hand_tracker.skin import SkinFinder
 from dsr.errors import ConfigError
 
 from .conftest import RECORDED, Bench, RecordedLandmarker, in_world, palm_of, picture, tips_of
@@ -63,6 +65,19 @@ def test_unsure_sides_are_left_open_and_sides_can_be_swapped() -> None:
 def test_a_hand_without_depth_is_nowhere() -> None:
     image = picture(FRAMES[0])
     image.arrays["depth"][:] = 0.0
+    assert finder(FRAMES[0]).find(image, None) == []
+
+
+@pytest.mark.parametrize("strength", [-1.0, -5.0, -50.0, -1e200])
+def test_a_hand_where_the_lens_shows_nothing_is_nowhere(strength: float) -> None:
+    """The image of such a lens ends at some distance from the axis."""
+    seen = picture(FRAMES[0])
+    lens = {"distortion_model": "plumb_bob", "d1": strength, "d2": 0.0, "d3": 0.0, "d4": 0.0}
+    for meta in (lens, {**lens, "cx": -1e5}):
+        image = msgspec.structs.replace(seen, meta={**seen.meta, **meta})
+        for one in (finder(FRAMES[0]), SkinFinder(HandTrackerConfig())):
+            for hand in one.find(image, None):
+                assert np.isfinite([*hand.palm.t, *np.ravel(list(hand.tips.values()))]).all()
     assert finder(FRAMES[0]).find(image, None) == []
 
 

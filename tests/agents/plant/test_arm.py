@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agents.plant.arm import SimulatedArm
+from agents.plant.ramp import ACCELERATION, JERK
 from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, RobotSpec
@@ -53,13 +54,16 @@ def test_speed_scales_the_motion(make_reality: MakeReality, play: Play) -> None:
     assert 0.05 < np.abs(reality.arm.positions - start).max() < 0.15
 
 
-def test_stop_holds_the_present_position(make_reality: MakeReality, play: Play) -> None:
+def test_stop_brakes_within_the_limits_and_holds_the_position(make_reality: MakeReality, play: Play) -> None:
     reality = make_reality()
     reality.arm.move_joints(ABOVE)
     play(reality, 0.5)
+    before, fastest = np.array(reality.arm.positions), max(map(abs, reality.arm.velocities))
     reality.arm.stop()
-    play(reality, 0.1)
+    braking = fastest / ACCELERATION + ACCELERATION / JERK
+    play(reality, braking + 0.1)
     here = reality.arm.positions
+    assert np.abs(here - before).max() == pytest.approx(0.5 * fastest * braking, rel=0.2)
     play(reality, 0.5)
     assert reality.arm.positions == pytest.approx(here, abs=1e-3)
 
@@ -119,6 +123,7 @@ def test_a_stopped_arm_keeps_what_it_holds(make_reality: MakeReality, cube: Make
     arm.move_joints(ABOVE)
     play(reality, 0.4)
     arm.stop()
+    play(reality, 0.5)
     here = reality.world.pose("cube_4")
     play(reality, 2.0)
     assert arm.held == "cube_4" and arm.contact

@@ -194,7 +194,9 @@ def test_drivers_move_the_arm_and_see(bench: MakeBench) -> None:
     target = tuple(position + 0.1 for position in state.positions)
     arm.move_joints(target)
     arm.move_gripper(0.02)
-    one.run(1.5)
+    for _ in range(75):
+        one.run(0.02)
+        arm.keep_alive()
     state = arm.state()
     assert state is not None and state.positions == pytest.approx(target, abs=2e-3)
     assert state.gripper_opening == pytest.approx(0.02, abs=1e-3)

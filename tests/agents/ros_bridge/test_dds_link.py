@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import secrets
+import signal
+import threading
 from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
 from typing import Any
 
 import pytest
@@ -21,8 +26,13 @@ Connect = Callable[..., DdsLink]
 
 
 @pytest.fixture
-def connect() -> Iterator[Connect]:
-    domain, opened = 20 + secrets.randbelow(200), []
+def domain() -> int:
+    return 20 + secrets.randbelow(200)
+
+
+@pytest.fixture
+def connect(domain: int) -> Iterator[Connect]:
+    opened: list[DdsLink] = []
 
     def join(node: str, **options: Any) -> DdsLink:
         link = open_link(LinkConfig(transport="dds", **{"domain": domain, **options}), node)
@@ -138,3 +148,67 @@ def test_what_it_cannot_do_is_said(connect: Connect) -> None:
     with pytest.raises(RosLinkError, match="closed"):
         link.subscribe(Topic("/x", STRING), lambda _: None)
     assert link.endpoints() == []
+
+
+def test_what_a_slow_subscription_misses_is_counted_and_holds_up_nobody(connect: Connect) -> None:
+    link, talker = connect("/bridge"), connect("/talker")
+    slow, well, awake = [], [], threading.Event()
+
+    def sleep(message: Received) -> None:
+        slow.append(message)
+        awake.wait(20.0)
+
+    for receive in (sleep, well.append):
+        link.subscribe(Topic("/x", STRING, Qos(depth=5 if receive is sleep else 100)), receive)
+    publisher = talker.publisher(Topic("/x", STRING, Qos(depth=100)))
+    eventually(lambda: publisher.subscribers() == 2)
+    publisher.send(text("first"))
+    eventually(lambda: slow)
+    for number in range(40):
+        publisher.send(text(str(number)))
+    eventually(lambda: len(well) == 41)
+    assert len(slow) == 1
+    awake.set()
+    eventually(lambda: len(slow) == 6)
+    assert [TYPES.decode(STRING, one.cdr).data for one in slow[1:]] == ["35", "36", "37", "38", "39"]
+    eventually(lambda: link.lost() == {"/x": 35})
+    publisher.close()
+    other = talker.publisher(Topic("/x", STRING))
+    eventually(lambda: other.subscribers() == 2)
+    other.send(text("last"))
+    eventually(lambda: len(slow) == 7 and len(well) == 42)
+    assert [link.lost() for _ in range(3)] == [{"/x": 35}] * 3, "a publisher that leaves is no lost message"
+
+
+def _hear(domain: int, topic: Topic, heard: Connection) -> None:
+    link = DdsLink(LinkConfig(transport="dds", domain=domain), "/stopped")
+    link.subscribe(topic, lambda message: heard.send(len(message.cdr)))
+    threading.Event().wait()
+
+
+def test_a_subscriber_whose_process_stands_still_holds_up_nobody(domain: int, connect: Connect) -> None:
+    topic = Topic("/image", IMAGE, Qos(depth=10))
+    sent, got = TYPES.encode(IMAGE, image()), []
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    stopped = context.Process(target=_hear, args=(domain, topic, there), daemon=True)
+    stopped.start()
+    try:
+        link, viewer = connect("/bridge"), connect("/viewer")
+        viewer.subscribe(topic, got.append)
+        publisher = link.publisher(topic)
+        eventually(lambda: publisher.subscribers() == 2)
+        publisher.send(sent)
+        eventually(lambda: here.poll() and got)
+        assert stopped.pid is not None
+        os.kill(stopped.pid, signal.SIGSTOP)
+        for number in range(60):  # six times as many as are kept: whoever waited for it would raise after 1 s
+            publisher.send(sent)
+            eventually(lambda: len(got) == 2 + number)  # noqa: B023 - called at once
+        os.kill(stopped.pid, signal.SIGCONT)
+        publisher.send(sent)
+        eventually(lambda: len(got) == 62)
+        assert publisher.subscribers() == 2, "it was there all the time"
+    finally:
+        stopped.kill()
+        stopped.join()

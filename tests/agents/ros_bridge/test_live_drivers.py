@@ -14,7 +14,7 @@ import pytest
 from agents.ros_bridge.mapping.apriltags import APRILTAGS
 from agents.ros_bridge.mapping.images import read_color
 from agents.ros_bridge.mapping.stamps import to_header
-from agents.ros_bridge.services.arm import FOLLOW
+from agents.ros_bridge.services.deadman import FOLLOW
 from agents.scene_estimator.detection import TagDetector
 from dsr import Pose, connect
 from dsr.memory import Memory
@@ -35,7 +35,9 @@ name = "arm_controller"
 class = "agents.arm_controller:ArmController"
 [agent.config]
 driver = "agents.ros_bridge:RosArm"
+stale = 0.5
 [agent.config.options]
+deadman = 1.0
 joints = {joints}
 trajectory = "{trajectory}"
 link = {{ router = "{router}" }}

@@ -153,6 +153,23 @@ def test_the_command_tells_what_is_wrong(router: Router) -> None:
     assert refused.exit_code == 2 and "'pigeon' is not one of" in refused.output
 
 
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--distro", "hamble"], "did you mean 'humble'?"),
+        (["--ros-router", "tcp/192.0.2.7:7447"], "say --beyond-loopback"),
+        (["--ros-router", "robot"], "expected PROTOCOL/HOST:PORT"),
+        (["--world-frame", ""], "a frame without a name"),
+    ],
+)
+def test_options_that_make_no_sense_get_a_reason_and_no_traceback(
+    options: list[str], reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = CliRunner().invoke(app, ["run", "--graph", f"ros_{secrets.token_hex(4)}", "--for", "5", *options])
+    assert isinstance(found.exception, ConfigError) and reason in str(found.exception)
+    assert not any(record.exc_info for record in caplog.records)
+
+
 def test_the_environment_of_ros_is_that_of_each_command(router: Router, monkeypatch: pytest.MonkeyPatch) -> None:
     """`ROS_DOMAIN_ID` and `ROS_DISTRO` are set where ROS is."""
     asked: list[LinkConfig] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import signal
 import subprocess
 import threading
 from collections.abc import Callable, Mapping
@@ -35,6 +36,14 @@ class Told:
             return answer["ok"]
 
         return ask
+
+    def stand_still(self) -> None:
+        """Stop the process in the middle of what it does, until `go_on`."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Let it work again."""
+        self._process.send_signal(signal.SIGCONT)
 
     def close(self) -> None:
         """End the process, at the latest by force."""

@@ -37,6 +37,27 @@ def test_all_policies_are_known_to_the_belief(policy: Policy, tmp_path: Path):
     staged_system(make_run("blackout_put", policy=policy, folder=tmp_path))
 
 
+def test_hands_are_found_by_colour_if_the_run_says_so():
+    system = staged_system(make_run("hand_carries", hands="colour"))
+    assert system.agent("hand_tracker").config["finder"] == "colour"
+    assert "finder" not in staged_system(make_run("hand_carries")).agent("hand_tracker").config
+
+
+def test_hands_are_not_found_by_colour_where_the_run_asks_for_a_model_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with pytest.raises(ConfigError, match="no model file"):
+        staged_system(make_run("hand_carries", hands="model"))
+
+
+def test_a_way_to_find_hands_is_refused_where_no_hand_would_be_looked_for():
+    with pytest.raises(ConfigError, match="expected the sensor pixels, not poses"):
+        staged_system(make_run("hand_carries", hands="colour", sensor="poses"))
+    with pytest.raises(ConfigError, match="no agent 'hand_tracker' in the system 'tabletop'"):
+        staged_system(make_run("hovering", hands="colour"))
+
+
 AGENT = """
 from dsr.agent import Agent
 

@@ -39,16 +39,20 @@ from .conftest import AGE, PERIOD, Bench
 BOX: Vector3 = (0.06, 0.04, 0.05)
 CAN: Vector3 = (0.05, 0.05, 0.08)
 SCREEN: Vector3 = (0.02, 0.2, 0.2)
-RED, BLUE, GREEN = (0.85, 0.2, 0.15), (0.15, 0.3, 0.9), (0.2, 0.7, 0.25)
+CUBE: Vector3 = (0.04, 0.04, 0.04)
+RED, BLUE, GREEN, PALE = (0.85, 0.2, 0.15), (0.15, 0.3, 0.9), (0.2, 0.7, 0.25), (0.7, 0.6, 0.5)
 SPECS = {
     "red": ObjectSpec(name="red", type="box", size=BOX, color=RED, position=AWAY.t),
     "blue": ObjectSpec(name="blue", type="box", size=BOX, color=BLUE, position=AWAY.t),
     "other_blue": ObjectSpec(name="other_blue", type="box", size=BOX, color=BLUE, position=AWAY.t),
+    "cube": ObjectSpec(name="cube", size=CUBE, color=RED, position=AWAY.t),
+    "pale": ObjectSpec(name="pale", type="box", size=BOX, color=PALE, position=AWAY.t),
     "can": ObjectSpec(name="can", type="box", size=CAN, color=GREEN, position=AWAY.t, shape=(Part("cylinder", CAN),)),
     "screen": ObjectSpec(name="screen", type="box", size=SCREEN, color=(0.7, 0.1, 0.7), position=AWAY.t),
 }
 EYE = (-0.2, 0.0, 0.65)
 CAMERA = transforms.looking_at(EYE, (0.35, 0.0, 0.0))
+ABOVE = transforms.looking_at((0.35, 0.0, 0.65), (0.35, 0.0, 0.0))
 TABLE = Support("table", Pose(TableSpec().position), TableSpec().size[0], TableSpec().size[1])
 
 
@@ -65,10 +69,10 @@ def clear(scene: ColorScene) -> None:
         scene.put(name, AWAY)
 
 
-def stand(scene: ColorScene, name: str, x: float, y: float, yaw: float = 0.0) -> Block:
-    """Put a block on the table; returns how it truly is."""
+def stand(scene: ColorScene, name: str, x: float, y: float, yaw: float = 0.0, base: float = 0.0) -> Block:
+    """Put a block on the table, or `base` m above; returns how it truly is."""
     spec = SPECS[name]
-    truth = Block("cylinder" if spec.shape else "box", x, y, yaw, spec.size, 0.0)
+    truth = Block("cylinder" if spec.shape else "box", x, y, yaw, spec.size, base)
     scene.put(name, Pose.from_rotvec(truth.centre, (0.0, 0.0, yaw)))
     return truth
 
@@ -119,6 +123,40 @@ def test_a_cylinder_is_told_from_a_box(scene: ColorScene) -> None:
     assert part.kind == "cylinder"
 
 
+def test_a_cube_is_told_from_a_box(scene: ColorScene) -> None:
+    truth = stand(scene, "cube", 0.3, 0.05)
+    (sighting,) = find(scene)
+    assert sighting.block.kind == "cube"
+    assert off(sighting, truth) < 0.002
+    assert sighting.block.size == pytest.approx(CUBE, abs=0.001)
+
+
+@pytest.mark.parametrize("distance", [0.6, 1.0])
+def test_the_edges_of_a_block_that_looks_like_the_table_are_unsure(scene: ColorScene, distance: float) -> None:
+    rng, nees = np.random.default_rng(2), []
+    for _ in range(6):
+        x, y, yaw = rng.uniform((0.25, -0.1, -0.7), (0.45, 0.1, 0.7))
+        truth = stand(scene, "pale", x, y, yaw)
+        (sighting,) = find(scene, looking_at(truth.centre, distance, rng))
+        assert off(sighting, truth) < 0.01
+        error = np.subtract(sighting.block.centre, truth.centre)
+        nees.append(error @ np.linalg.solve(sighting.covariance[:3, :3], error))
+    assert np.mean(nees) < 9.0  # 3 if exactly right
+
+
+def test_a_known_block_is_found_wherever_it_is_lifted_to(scene: ColorScene) -> None:
+    known = KnownBlock(stand(scene, "red", 0.35, 0.03, 0.2), (0.0005, 0.0005, 0.0005))
+    for base in (0.0, 0.05, 0.15):
+        truth = stand(scene, "red", 0.35, 0.03, 0.2, base)
+        view, _, (cluster,) = look(scene, ABOVE)
+        sighting = BlockFinder(NoiseModel()).fit_unchanged(view, cluster, known)
+        assert sighting is not None
+        assert off(sighting, truth) < 0.006
+        assert not sighting.measured
+        on_table = BlockFinder(NoiseModel()).fit(view, cluster, known)
+        assert on_table is None or base == 0.0 or on_table.cost > sighting.cost
+
+
 def test_neighbours_of_other_colours_are_two_blocks(scene: ColorScene) -> None:
     truths = [stand(scene, "red", 0.3, 0.02), stand(scene, "blue", 0.3, -0.021)]
     found = find(scene)
@@ -148,7 +186,7 @@ def test_the_first_guess_is_the_smallest_rectangle(scene: ColorScene) -> None:
 
 
 def seen(block: Block, color: Vector3, sigma: float = 0.001) -> BlockSighting:
-    return BlockSighting(block, sigma**2 * np.eye(7), color, 0.0)
+    return BlockSighting(block, sigma**2 * np.eye(7), color, 0.0, measured=True, strained=False, cost=0.0)
 
 
 def track(name: str, block: Block, color: Vector3) -> BlockTrack:
@@ -244,6 +282,31 @@ def test_names_outlive_moves_absence_and_a_restart(scene: ColorScene, finder: Fi
     places = finder.look()
     assert places[names["red"]].t == pytest.approx((0.4, -0.1, 0.025), abs=0.005)
     assert places[names["blue"]].t == pytest.approx((0.3, 0.15, 0.025), abs=0.005)
+
+
+def test_a_block_that_is_put_on_another_one_keeps_its_name(scene: ColorScene, finder: Finder) -> None:
+    stand(scene, "red", 0.3, 0.1)
+    stand(scene, "blue", 0.3, -0.1)
+    places = finder.look(finder.config.blocks_after + 2)
+    red = next(name for name, pose in places.items() if pose.t[1] > 0.0)
+    truth = stand(scene, "red", 0.3, -0.1, base=BOX[2])
+    places = finder.look(finder.config.blocks_after + 2)
+    assert places[red].t == pytest.approx(truth.centre, abs=0.005)
+    assert len(finder.memory.nodes("box")) == 2
+
+
+def test_two_of_one_colour_that_are_moved_until_they_touch_stay_two(scene: ColorScene, finder: Finder) -> None:
+    left = stand(scene, "blue", 0.33, 0.06)
+    stand(scene, "other_blue", 0.33, -0.06)
+    places = finder.look(finder.config.blocks_after + 2)
+    names = sorted(places, key=lambda name: -places[name].t[1])
+    for y in np.linspace(0.05, 0.0202, 4).tolist():
+        left, right = stand(scene, "blue", 0.33, y), stand(scene, "other_blue", 0.33, -y)
+        places = finder.look()
+    places = finder.look(finder.config.blocks_after + 2)
+    for name, truth in zip(names, (left, right), strict=True):
+        assert places[name].t == pytest.approx(truth.centre, abs=0.005)
+    assert len(finder.memory.nodes("box")) == 2
 
 
 def test_known_things_are_no_blocks(scene: ColorScene, finder: Finder) -> None:

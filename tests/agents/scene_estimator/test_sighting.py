@@ -67,12 +67,21 @@ def test_an_empty_frame_shows_nothing(frame: Frame) -> None:
         {"depth": np.zeros((120, 160), np.float32)},
         {"depth": np.zeros((240, 320), np.uint16)},
         {"depth": np.zeros((240, 320, 1), np.float32)},
+        {"depth": np.full((240, 320), 812.0, np.float32)},
+        {"depth": np.full((240, 320), 3e38, np.float32)},
     ],
 )
 def test_images_of_another_kind_are_refused(frame: Frame, arrays: dict[str, Any]) -> None:
     merged = {name: array for name, array in {**frame.arrays, **arrays}.items() if array is not None}
     with pytest.raises(WireError, match=r"frame at 12\.5"):
         reader().read(msgspec.structs.replace(frame, arrays=merged))
+
+
+def test_depth_that_is_endless_where_nothing_is_seen_is_in_metres_all_the_same(frame: Frame) -> None:
+    depth = frame.arrays["depth"].copy()
+    depth[::2] = np.inf
+    depth[1::4] = np.inf
+    assert reader().read(msgspec.structs.replace(frame, arrays={**frame.arrays, "depth": depth}))[0]
 
 
 @pytest.mark.parametrize("name", ["fx", "fy", "cx", "cy"])

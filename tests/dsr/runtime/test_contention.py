@@ -17,7 +17,7 @@ from dsr.agent import Agent, make_agent
 from dsr.clock import ManualClock
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
-from dsr.runtime.contention import OVERLOADED, WARN_AFTER, Contention, time_waited
+from dsr.runtime.contention import OVERLOADED, WARN_AFTER, Contention, longest_waited, time_waited
 from dsr.runtime.runner import Runner
 
 
@@ -77,11 +77,11 @@ def test_another_thread_begins_anew() -> None:
 
 
 @pytest.fixture
-def burners() -> Iterator[None]:
+def burners() -> Iterator[list[subprocess.Popen[bytes]]]:
     """Twice as many processes as this one may use processors, all of which compute."""
     program = [sys.executable, "-c", "while True: pass"]
     found = [subprocess.Popen(program) for _ in range(2 * len(os.sched_getaffinity(0)))]
-    yield
+    yield found
     for process in found:
         process.kill()
         process.wait()
@@ -96,6 +96,19 @@ def test_the_kernel_counts_the_time_for_which_a_thread_waits() -> None:
         pass
     waited, passed = time_waited() - before, time.monotonic() - began
     assert 0.1 < waited <= passed  # of all processes together, this one has at most half of a processor
+
+
+def test_the_time_for_which_another_process_waits_is_that_of_its_slowest_thread(
+    burners: list[subprocess.Popen[bytes]],
+) -> None:
+    if math.isnan(time_waited()):
+        pytest.skip("this kernel does not tell")
+    began, before = time.monotonic(), [longest_waited(process.pid) for process in burners]
+    time.sleep(0.5)
+    passed = time.monotonic() - began
+    waited = [longest_waited(process.pid) - was for process, was in zip(burners, before, strict=True)]
+    assert max(waited) > 0.1 and all(0.0 <= time <= passed for time in waited)
+    assert longest_waited(2**22 + 1) == 0.0  # there is no such process
 
 
 class Still(Agent):

@@ -150,6 +150,20 @@ def test_a_time_limit_ends_the_waiting_for_one_that_crashes_again_and_again(tmp_
         launcher.wait_ready()
 
 
+def test_time_in_which_a_process_waits_for_a_processor_does_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dsr.runtime.launcher.longest_waited", lambda pid: 60.0)
+    with Launcher(one("counter", ready_timeout=0.01), tmp_path) as launcher:
+        launcher.wait_ready()
+    monkeypatch.setattr("dsr.runtime.launcher.longest_waited", lambda pid: 0.0)
+    with (
+        Launcher(one("counter", ready_timeout=0.01), tmp_path) as launcher,
+        pytest.raises(AgentError, match=r"not ready within 0.01 s \(state"),
+    ):
+        launcher.wait_ready()
+
+
 def test_one_that_seldom_ticks_is_heard_all_the_same(tmp_path: Path) -> None:
     with Launcher(one("sleepy"), tmp_path) as launcher:
         launcher.wait_ready()

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from cyclonedds.core import DDSException, GuardCondition, InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.core import (
+    DDSException,
+    GuardCondition,
+    InstanceState,
+    Listener,
+    ReadCondition,
+    SampleState,
+    ViewState,
+    WaitSet,
+)
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -22,6 +32,7 @@ from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, 
 from agents.ros_bridge.link.telling import Lately, few
 from agents.ros_bridge.messages.names import check_name
 from agents.ros_bridge.messages.types import RosTypes, types_of
+from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.ros")
 
@@ -67,11 +78,35 @@ class DdsPublisher:
         self._writer = None
 
 
+class _Arrivals(Listener):
+    """Counts, in threads of DDS, what is put into a reader: Cyclone DDS has no status for what is overwritten there.
+
+    A publisher that leaves counts as a message as well, unless others of the topic stay.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lock = threading.Lock()
+        self.came = 0
+        self.left = 0
+        """Publishers that left"""
+
+    def on_data_available(self, reader: DataReader[Any]) -> None:
+        """Called by DDS for each message."""
+        with self._lock:
+            self.came += 1
+
+    def on_subscription_matched(self, reader: DataReader[Any], status: Any) -> None:
+        """Called by DDS for each publisher that comes or goes."""
+        with self._lock:
+            self.left += max(-status.current_count_change, 0)
+
+
 class DdsSubscription:
     """Calls back with what comes on one topic, from a thread of its own.
 
     DDS keeps the newest messages for this thread, as many as the depth of its QoS. Older ones are overwritten, and
-    nobody counts them: Cyclone DDS has no status for that, and its `sample_lost` stays 0 for what is lost on the way.
+    counted. Those that are lost on the way are not: Cyclone DDS does not tell, and its `sample_lost` stays 0 for them.
     """
 
     def __init__(
@@ -83,13 +118,15 @@ class DdsSubscription:
         """Messages that `receive` raised an exception for."""
         self._receive = receive
         self._writers: dict[int, bytes] = {}
-        self._reader: DataReader[Any] | None = DataReader(participant, topic, qos)
+        self._arrivals = _Arrivals()
+        self._taken = self._not_taken = self._missing = self._lost = 0
+        self._reader: DataReader[Any] | None = DataReader(participant, topic, qos, listener=self._arrivals)
         self.gid = self._reader.guid.bytes
         self._stop = GuardCondition(participant)
         self._wait = WaitSet(participant)
         self._wait.attach(self._stop)
         self._wait.attach(ReadCondition(self._reader, _ANY))
-        self._thread = threading.Thread(target=self._run, name=f"ros-sub-{name}", daemon=True)
+        self._thread = new_thread(self._run, f"ros-sub-{name}")
         self._thread.start()
 
     @property
@@ -100,6 +137,16 @@ class DdsSubscription:
     def publishers(self) -> int:
         """How many publishers elsewhere it hears."""
         return len(self._reader.get_matched_publications()) if self._reader is not None else 0
+
+    @property
+    def lost(self) -> int:
+        """Messages that came too fast and were overwritten, as far as two looks in a row agree on them.
+
+        DDS tells a moment later that a publisher left. One too few is counted for each that left while others stayed.
+        """
+        before, self._missing = self._missing, self._not_taken - self._arrivals.left
+        self._lost = max(self._lost, min(before, self._missing))
+        return self._lost
 
     def close(self) -> None:
         """Take it back; harmless when repeated. From another thread than that of `receive`, it waits for that one."""
@@ -112,9 +159,15 @@ class DdsSubscription:
     def _run(self) -> None:
         while (reader := self._reader) is not None:
             self._wait.wait(_FOREVER)
-            for message in reader.take(N=_MOST_AT_ONCE):
-                if getattr(message, "cdr", b"") and self._reader is not None:
-                    self._pass_on(reader, message)
+            came, messages = -1, []
+            while self._reader is not None and (messages or came != self._arrivals.came):
+                came = self._arrivals.came
+                messages = [message for message in reader.take(N=_MOST_AT_ONCE) if getattr(message, "cdr", b"")]
+                self._taken += len(messages)
+                for message in messages:
+                    if self._reader is not None:
+                        self._pass_on(reader, message)
+            self._not_taken = came - self._taken
 
     def _pass_on(self, reader: DataReader[Any], message: RawMessage) -> None:
         info = message.sample_info
@@ -152,6 +205,8 @@ class DdsLink:
         self._publishers: list[DdsPublisher] = []
         self._subscriptions: list[DdsSubscription] = []
         self._lately = Lately()
+        self._lost_before: Counter[str] = Counter()
+        """By topic, of subscriptions that were taken back"""
         self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
         self._tell()
 
@@ -204,8 +259,12 @@ class DdsLink:
         return [*few(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
 
     def lost(self) -> dict[str, int]:
-        """Nothing: DDS does not say what it lost."""
-        return {}
+        """Messages by topic that came too fast; of what is lost on the way, DDS does not say anything."""
+        with self._lock:
+            found = Counter(self._lost_before)
+            for one in self._subscriptions:
+                found[one.name] += one.lost
+        return dict(+found)
 
     def unauthenticated(self) -> list[str]:
         """Who may speak to us without proving who they are, in sentences."""
@@ -231,6 +290,9 @@ class DdsLink:
             if self._participant is None:
                 raise RosLinkError("the connection to ROS is closed")
             self._publishers = [one for one in self._publishers if not one.closed]
+            for one in self._subscriptions:
+                if one.closed:
+                    self._lost_before[one.name] += one.lost
             self._subscriptions = [one for one in self._subscriptions if not one.closed]
             place = (topic.name, topic.type)
             if place not in self._topics:

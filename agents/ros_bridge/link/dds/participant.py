@@ -8,7 +8,7 @@ from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.qos import Policy, Qos
 
-from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.errors import RosLinkError, RosSettingError
 from agents.ros_bridge.link.link import LinkConfig
 
 _LOOPBACK_ONLY = """
@@ -43,7 +43,7 @@ _lock = threading.Lock()
 def join(config: LinkConfig) -> DomainParticipant:
     """Join the domain. Raises `RosLinkError` if it cannot be joined, or was joined with another reach before."""
     if not 0 <= config.domain <= _LAST_DOMAIN:
-        raise RosLinkError(f"domain {config.domain}: expected 0 to {_LAST_DOMAIN}")
+        raise RosSettingError(f"domain {config.domain}: expected 0 to {_LAST_DOMAIN}")
     with _lock:
         try:
             if config.domain not in _domains:

@@ -9,7 +9,7 @@ from typing import Any
 
 import zenoh
 
-from agents.ros_bridge.errors import RosLinkError
+from agents.ros_bridge.errors import RosLinkError, RosSettingError
 from agents.ros_bridge.link.link import LinkConfig
 
 _ENDPOINT = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?P<host>\[[^\]\s]+\]|[^\[\]:/\s]+):[0-9]{1,5}(?:[?#].*)?")
@@ -25,15 +25,15 @@ def open_session(config: LinkConfig) -> zenoh.Session:
     """Open the session, whether the router is there or not: it is tried again and again.
 
     Raises:
-        RosLinkError: if the router's endpoint is malformed, or on another machine without `beyond_loopback`.
+        RosSettingError: if the router's endpoint is malformed, or on another machine without `beyond_loopback`.
     """
     match = _ENDPOINT.fullmatch(config.router)
     if match is None:
-        raise RosLinkError(f"router {config.router!r}: expected PROTOCOL/HOST:PORT, such as tcp/localhost:7447")
+        raise RosSettingError(f"router {config.router!r}: expected PROTOCOL/HOST:PORT, such as tcp/localhost:7447")
     if not config.beyond_loopback and not is_loopback(match["host"]):
-        raise RosLinkError(
+        raise RosSettingError(
             f"the router {config.router} is on another machine: what arrives from there is not authenticated; "
-            "say beyond_loopback = true if that is meant"
+            "say --beyond-loopback, or beyond_loopback = true in a system file, if that is meant"
         )
     settings = zenoh.Config()
     for key, value in _settings(config).items():

@@ -16,6 +16,7 @@ from agents.ros_bridge.link.link import Received
 from agents.ros_bridge.link.zenoh.session import reason
 from agents.ros_bridge.link.zenoh.tokens import Entity, attachment, gid, is_old_attachment, read_attachment
 from dsr.clock import WALL_CLOCK
+from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.ros")
 
@@ -111,7 +112,7 @@ class ZenohSubscription:
         """Whether it was taken back."""
         self._subscriber = self._declare(session, entity)
         self._token = session.liveliness().declare_token(entity.token())
-        self._thread = threading.Thread(target=self._run, name=f"ros-sub-{entity.topic}", daemon=True)
+        self._thread = new_thread(self._run, f"ros-sub-{entity.topic}")
         self._thread.start()
 
     def publishers(self) -> int:

@@ -84,6 +84,14 @@ def test_a_wheel_without_the_networks_or_with_others_is_refused(tmp_path: Path) 
         from_wheel(wheel(tmp_path / "empty.whl", "mediapipe/__init__.py"))
     with pytest.raises(ConfigError, match="wrong checksum"):
         from_wheel(wheel(tmp_path / "other.whl", *NETWORKS))
+    with pytest.raises(ConfigError, match="no wheel '/dev/zero'"):
+        from_wheel(Path("/dev/zero"))
+
+
+def test_a_network_that_would_fill_the_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fetching, "MOST_BYTES", 3)
+    with pytest.raises(ConfigError, match="of at most 3 bytes"):
+        from_wheel(wheel(tmp_path / "other.whl", *NETWORKS))
 
 
 def test_an_index_without_the_wheel_and_one_with_another_are_told(
@@ -147,6 +155,22 @@ def test_pictures_are_tried_and_drawn(model_file: Path, tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no picture")
     wrong = run("try", str(tmp_path / "text.png"), "--model", str(model_file))
     assert isinstance(wrong.exception, ConfigError) and "is no picture" in str(wrong.exception)
+
+
+def test_no_drawing_takes_the_place_of_a_picture_or_of_another_drawing(tmp_path: Path) -> None:
+    own = tmp_path / "hand.png"
+    own.write_bytes(b"mine")
+    (tmp_path / "other").mkdir()
+    for pictures, said in (([own], "hand.png would be overwritten"), ([own, tmp_path / "other/hand.jpg"], "one name")):
+        tried = run("try", *map(str, pictures), "--out", str(tmp_path))
+        assert isinstance(tried.exception, ConfigError) and said in str(tried.exception)
+    assert own.read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("picture", ["nowhere.png", "/dev/zero", "."])
+def test_what_is_no_file_is_no_picture(picture: str) -> None:
+    tried = run("try", picture)
+    assert isinstance(tried.exception, ConfigError) and "cannot be read" in str(tried.exception)
 
 
 def test_without_litert_the_status_says_what_to_install(model_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from agents.ros_bridge import RosArm
 from agents.ros_bridge.link.actions import ABORTED
-from agents.ros_bridge.services.arm import FOLLOW
+from agents.ros_bridge.services.deadman import FOLLOW
 from agents.ros_bridge.services.goals import GIVEN_UP
 from agents.ros_bridge.services.gripper import GRIP, PARALLEL_GRIP
 from dsr.clock import WALL_CLOCK, ManualClock
@@ -169,3 +169,14 @@ def test_a_driver_whose_servers_are_not_there_ends_at_once(make: Make) -> None:
     began = WALL_CLOCK.monotonic()
     arm.close()
     assert WALL_CLOCK.monotonic() - began < 8.0
+
+
+def test_motions_are_cancelled_by_a_process_of_its_own_when_no_sign_of_life_comes(make: Make, sdk: Told) -> None:
+    serve_action(sdk, TRAJECTORY, FOLLOW)
+    sdk.plan(name=TRAJECTORY, goals=[{"seconds": 60.0}])
+    arm = make()
+    arm.follow((60.0,), ((1.0, 1.0),))
+    eventually(lambda: sdk.asked(name=TRAJECTORY)["goals"])
+    arm.keep_alive()
+    told(arm, "somebody cancelled it")
+    assert sdk.asked(name=TRAJECTORY)["cancelled"] == 1

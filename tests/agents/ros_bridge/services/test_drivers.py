@@ -18,7 +18,7 @@ from agents.ros_bridge.mapping.cameras import to_camera_info
 from agents.ros_bridge.mapping.images import to_image
 from agents.ros_bridge.mapping.joints import to_joint_state
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
-from agents.ros_bridge.services.arm import FOLLOW
+from agents.ros_bridge.services.deadman import FOLLOW
 from agents.ros_bridge.services.gripper import GRIP
 from agents.ros_bridge.services.lane import Lane
 from agents.scene_estimator.pose import NoiseModel
@@ -28,6 +28,7 @@ from dsr.clock import ManualClock
 from dsr.errors import ConfigError, WireError
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
+from dsr.vocabulary.halting import HaltOrder, send_order
 from dsr.vocabulary.intrinsics import Intrinsics
 from tests.agents.ros_bridge.robot import TYPES, Robot
 
@@ -368,3 +369,26 @@ def test_a_camera_of_ros_is_a_camera_driver(ros: LocalRos) -> None:
     clock.advance(SILENCE + 1.0)
     assert driver.frame() is None and "no picture on /cam/image_rect for 4 s" in driver.trouble
     driver.close()
+
+
+def test_an_arm_in_ros_obeys_an_emergency_stop_although_its_agent_does_nothing(ros: LocalRos) -> None:
+    network = LocalNetwork(ManualClock())
+    controller = Controller(ros, "/arm", FOLLOW)
+    arm = make_driver(
+        "agents.ros_bridge:RosArm", network.connect("arm"), Keys("g"), joints=NAMES, trajectory="/arm", states="/js"
+    )
+    arm.follow((5.0,), ((1.0, 1.0),))
+    controller.wait(1)
+    somebody = network.connect("somebody")
+    send_order(somebody, Keys("g"), HaltOrder("1", True, "anna", "a hand"))
+    network.deliver()
+    with controller.changed:
+        assert controller.changed.wait_for(lambda: controller.cancelled, PATIENCE)
+    arm.follow((1.0,), ((0.5, 0.5),))
+    assert arm.tally.told[-1] == "a motion was refused: halted by anna: a hand"
+    assert len(controller.goals) == 1
+    send_order(somebody, Keys("g"), HaltOrder("2", False, "anna"))
+    network.deliver()
+    arm.follow((1.0,), ((0.5, 0.5),))
+    controller.wait(2)
+    arm.close()

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.errors import RosLinkError
 from agents.ros_bridge.mapping.stamps import to_time
 from agents.ros_bridge.mapping.transforms import read_pose_with_covariance
@@ -20,6 +21,7 @@ from agents.ros_bridge.messages.definitions import SERVICES
 from dsr import Pose
 from dsr.files.built_in import ETC
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.intentions import add_intention
 from dsr.vocabulary.what_if import Answer, decode_question, encode_answer
 from simulation_handler import SimulationHandler
 from tests.agents.ros_bridge.robot import TYPES, Bridged, bridged
@@ -55,6 +57,15 @@ def test_where_are_the_objects(system: Bridged) -> None:
     cube, table = json.loads(response.message)
     assert (cube["name"], cube["type"], cube["on"], cube["perceived"]) == ("cube_1", "cube", ["table"], True)
     assert cube["position"] == [0.3, 0.1, 0.02] and table["position"] is None
+
+
+def test_objects_are_looked_up_ten_times_a_second_however_often_they_are_asked_for(system: Bridged) -> None:
+    first = ask(system, "objects", TRIGGER).message
+    system.memory.add_node("cube_2", "cube")
+    system.run(0.04)
+    assert ask(system, "objects", TRIGGER).message == first
+    system.run(0.1)
+    assert [one["name"] for one in json.loads(ask(system, "objects", TRIGGER).message)][:2] == ["cube_1", "cube_2"]
 
 
 def test_where_is_a_frame_in_another_one(system: Bridged) -> None:
@@ -163,6 +174,64 @@ def test_a_flood_of_missions_is_refused(system: Bridged) -> None:
     assert ask(system, "mission", ASK, question="on(cube_1,table)").success
     system.run()
     assert len(system.memory.nodes("intention")) == 101
+
+
+KEEP = 3.0
+
+
+@pytest.fixture
+def brief() -> Iterator[Bridged]:
+    """Whose missions are removed soon after their end."""
+    with bridged({"send": {"keep_missions": KEEP}}) as found:
+        found.memory.add_node("cube_1", "cube")
+        found.memory.add_node("table", "table")
+        found.run()
+        yield found
+
+
+def mission(system: Bridged) -> str:
+    name = json.loads(ask(system, "mission", ASK, question="on(cube_1,table)").answer)["intention"]
+    system.run()
+    assert isinstance(name, str)
+    return name
+
+
+def test_missions_stay_ten_minutes_after_their_end() -> None:
+    assert Send().keep_missions == 600.0
+
+
+@pytest.mark.parametrize("status", ["reached", "failed", "invalid", "unsolvable", "no_solver"])
+def test_a_mission_that_ended_is_removed_after_a_while_and_no_other_one(brief: Bridged, status: str) -> None:
+    asked = [mission(brief) for _ in range(3)]
+    own = add_intention(brief.memory, "on(cube_1,table)")
+    for name in (asked[0], own):
+        brief.memory.update_node(name, status=status)
+    brief.memory.update_node(asked[2], status="maintained")
+    brief.run(KEEP - 0.5)
+    assert len(brief.memory.nodes("intention")) == 4
+    brief.run(2.5)
+    assert {node.name for node in brief.memory.nodes("intention")} == {asked[1], asked[2], own}
+    assert brief.counts["missions removed"] == 1
+
+
+def test_a_mission_that_is_tried_again_is_not_over(brief: Bridged) -> None:
+    name = mission(brief)
+    for status, seconds in (("failed", KEEP - 1.0), ("executing", 1.5), ("failed", KEEP - 1.0)):
+        brief.memory.update_node(name, status=status)
+        brief.run(seconds)
+    assert name in brief.memory
+    brief.run(3.0)
+    assert name not in brief.memory
+
+
+def test_a_mission_of_an_earlier_life_is_removed(brief: Bridged) -> None:
+    name = mission(brief)
+    brief.memory.update_node(name, status="failed")
+    brief.run()
+    brief.lockstep.kill("ros_bridge")
+    brief.lockstep.restart("ros_bridge")
+    brief.run(KEEP + 2.0)
+    assert name not in brief.memory
 
 
 def test_a_goal_that_is_a_book_is_refused(system: Bridged) -> None:

@@ -1,0 +1,69 @@
+"""Gives memory that holds nothing but zeros back to the kernel, which gives zeros again to whoever reads there.
+
+Mesa's software OpenGL writes zeros into all of each buffer that it makes. pybullet has it make one of 128 MiB for the
+shapes of a scene, which fill less than 1 MiB of it. Only Linux can do without the rest; elsewhere nothing happens.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import mmap
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+_LARGE = 32 << 20
+"""Bytes from which a mapping is looked at: one of the libraries' large buffers, whatever else there is is smaller."""
+_BLOCK = 1 << 20
+"""Bytes that are given back together: small beside a buffer, and large beside a page, so that few calls do."""
+_SMAPS = Path("/proc/self/smaps")
+_HEADER = re.compile(r"([0-9a-f]+)-([0-9a-f]+) rw-p \S+ \S+ 0 *$")
+
+
+class _Mapping(NamedTuple):
+    """A private, anonymous, writable piece of this process's memory."""
+
+    begin: int
+    end: int
+
+
+@contextlib.contextmanager
+def zeros_given_back() -> Iterator[None]:
+    """Give back the zeros in large pieces of memory that come into being within.
+
+    Nobody may write there at the end, as in buffers of a library that only this thread calls.
+    """
+    before = set(_large_mappings())
+    yield
+    for mapping in _large_mappings():
+        if mapping not in before:
+            _give_back_zeros(mapping)
+
+
+def _large_mappings() -> list[_Mapping]:
+    """Those of which the larger part is in memory."""
+    if not _SMAPS.exists():
+        return []
+    found: list[_Mapping] = []
+    mapping = None
+    for line in _SMAPS.read_text(encoding="utf-8", errors="replace").splitlines():
+        if header := _HEADER.match(line):
+            mapping = _Mapping(int(header[1], 16), int(header[2], 16))
+        elif mapping is not None and line.startswith("Rss:"):
+            size = mapping.end - mapping.begin
+            if size >= _LARGE and int(line.split()[1]) * 1024 > size / 2:
+                found.append(mapping)
+            mapping = None
+    return found
+
+
+def _give_back_zeros(mapping: _Mapping) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    for address in range(mapping.begin, mapping.end - _BLOCK + 1, _BLOCK):
+        block = np.ctypeslib.as_array((ctypes.c_uint64 * (_BLOCK // 8)).from_address(address))
+        if not block.any():
+            libc.madvise(ctypes.c_void_p(address), ctypes.c_size_t(_BLOCK), mmap.MADV_DONTNEED)

@@ -1,0 +1,179 @@
+"""The emergency stop: the message that forbids motion, the answers to it, and the node that tells late joiners.
+
+An order travels as a message of its own, so it needs neither a planner nor a graph that answers. Whoever moves
+something obeys at once, and moves nothing until another order releases it. The arm controllers write the newest order
+to the node `halt`, and so does `dsr halt` if the graph answers.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from dsr.errors import WireError
+from dsr.graph.elements import Node
+from dsr.memory import Memory
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos, Transport
+
+HALT_NODE = "halt"
+"""Name and type of the node that holds the newest order."""
+HALT_ATTRIBUTES = ("halted", "halt_id", "source", "explanation", "since")
+"""Attributes of that node."""
+HALTER = "halt"
+"""The agent as which `dsr halt` acts, in a secured graph too."""
+_MOST_ORDERS = 1000
+"""Orders that are remembered, so that none counts twice: more than people give in the life of a process"""
+
+Text = Annotated[str, Meta(max_length=500)]
+"""Some words of people."""
+Id = Annotated[str, Meta(min_length=1, max_length=64)]
+"""Tells an order from all others."""
+
+
+class HaltOrder(msgspec.Struct, frozen=True):
+    """An order to stop and stay stopped, or to release that (a MessagePack map)."""
+
+    id: Id
+    halted: bool
+    """Whether motion is forbidden from now on."""
+    by: Text
+    """Who gave the order."""
+    why: Text = ""
+    stamp: float = 0.0
+    """Time of the order on the clock of who gave it, s since the Unix epoch."""
+
+    @property
+    def reason(self) -> str:
+        """Who forbade motion, and why, in words; empty for a release."""
+        if not self.halted:
+            return ""
+        return f"halted by {self.by}{f': {self.why}' if self.why else ''}"
+
+
+class HaltReport(msgspec.Struct, frozen=True):
+    """The answer of one agent that obeys orders (a MessagePack map)."""
+
+    agent: str
+    id: Id
+    """Of the order that was heard."""
+    halted: bool
+    """Whether motion is forbidden for that agent now."""
+    moving: bool
+    """Whether what it drives still moved at its last sample."""
+
+
+_order_decoder = msgspec.msgpack.Decoder(HaltOrder)
+_report_decoder = msgspec.msgpack.Decoder(HaltReport)
+
+
+def halt_key(keys: Keys) -> str:
+    """Key of the orders."""
+    return keys.device("halt")
+
+
+def halt_report_key(keys: Keys, agent: str = "*") -> str:
+    """Key on which an agent answers."""
+    return keys.device(f"halted/{agent}")
+
+
+def decode_order(payload: bytes) -> HaltOrder:
+    """The order in a message; raises `WireError`."""
+    return decoded(payload, "halt order", _read_order)
+
+
+def decode_report(payload: bytes) -> HaltReport:
+    """The report in a message; raises `WireError`."""
+    return decoded(payload, "halt report", _report_decoder.decode)
+
+
+def _read_order(payload: bytes) -> HaltOrder:
+    order = _order_decoder.decode(payload)
+    if not math.isfinite(order.stamp):
+        raise ValueError(f"time {order.stamp}")
+    return order
+
+
+def send_order(bus: Transport, keys: Keys, order: HaltOrder) -> None:
+    """Tell everybody in the graph."""
+    bus.publish(halt_key(keys), msgspec.msgpack.encode(order), Qos.RELIABLE)
+
+
+def write_order(memory: Memory, order: HaltOrder) -> None:
+    """Write an order to the node `halt`, if it is not there yet."""
+    node = memory.get_node(HALT_NODE)
+    values = {"halted": order.halted, "halt_id": order.id, "source": order.by, "explanation": order.why,
+              "since": order.stamp}  # fmt: skip
+    if node is None:
+        memory.add_node(HALT_NODE, HALT_NODE, **values)
+    elif node.get("halt_id") != order.id:
+        memory.update_node(HALT_NODE, **values)
+
+
+def order_of(node: Node | None) -> HaltOrder | None:
+    """The order that the node `halt` holds; None if there is no such node, or nothing can be read off it."""
+    if node is None or node.type != HALT_NODE:
+        return None
+    halted, id = node.get("halted"), node.get("halt_id")
+    if halted is None or not id:
+        return None
+    return HaltOrder(id, halted, node.get("source", ""), node.get("explanation", ""), node.get("since", 0.0))
+
+
+class HaltLatch:
+    """Whether motion is forbidden, as the newest order says; stays so whatever becomes of who gave the order.
+
+    Args:
+        bus: where orders are heard.
+        keys: of the graph.
+        on_order: called for each new order, in the network's thread; must return at once.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys, on_order: Callable[[HaltOrder], None] | None = None) -> None:
+        self.order: HaltOrder | None = None
+        """The newest order; None before the first."""
+        self.heard = 0
+        """Messages with orders so far, repeated ones too: each wants an answer."""
+        self.malformed = 0
+        """Messages that were no orders. They change nothing."""
+        self._on_order = on_order
+        self._known: dict[str, None] = {}
+        self._lock = threading.Lock()
+        self._subscription = bus.subscribe(halt_key(keys), self._receive)
+
+    @property
+    def reason(self) -> str:
+        """Why motion is forbidden now, and who forbade it; empty if it is not."""
+        return "" if self.order is None else self.order.reason
+
+    def take(self, order: HaltOrder) -> bool:
+        """Obey an order, wherever it came from; returns whether it was not known yet."""
+        with self._lock:
+            if order.id in self._known:
+                return False
+            self._known[order.id] = None
+            if len(self._known) > _MOST_ORDERS:
+                del self._known[next(iter(self._known))]
+            self.order = order
+        if self._on_order is not None:
+            self._on_order(order)
+        return True
+
+    def close(self) -> None:
+        """Stop listening; what is forbidden stays forbidden."""
+        self._subscription.close()
+
+    def _receive(self, key: str, payload: bytes) -> None:
+        try:
+            order = decode_order(payload)
+        except WireError:
+            self.malformed += 1
+            return
+        self.take(order)
+        self.heard += 1

@@ -1,0 +1,118 @@
+"""Speed and separation near hands and people: slower the nearer they are, still when too near, then on again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.safety.separation import Separation
+from agents.arm_controller.trajectory import PERIOD
+from agents.arm_controller.urdf import load_robot
+from dsr import Pose
+from dsr.vocabulary.intentions import DONE, RUNNING
+from tests.agents.arm_controller.conftest import DOWN, GEN3, Table
+
+GOAL = Pose((0.4, -0.2, 0.3), DOWN)
+FAR, NEAR = (-1.5, 0.0, 0.2), (0.45, 0.25, 0.35)
+"""m, world: of a hand beyond all reach, and beside the way"""
+
+
+@pytest.fixture
+def table(make_bench: Callable[..., Any]) -> Table:
+    bench = make_bench(Table)
+    assert isinstance(bench, Table)
+    bench.lay()
+    bench.memory.update_node("arm", target_speed=1.0)
+    return bench
+
+
+def show(table: Table, place: tuple[float, float, float], kind: str = "hand") -> None:
+    table.memory.add_node("human_1", kind, present=True)
+    table.memory.add_edge("world", "human_1", "RT", pose=Pose(place))
+    table.run(0.04)
+
+
+def speeds(table: Table) -> list[float]:
+    """Greatest speed of the tool point (m/s) of each trajectory that was commanded."""
+    chain = JointChain(load_robot(GEN3).between("base_link", "tool_link"))
+    found = []
+    for told in table.arm.told:
+        if told[0] == "follow":
+            tips = chain.frames(np.array(told[2]))[:, -1, :3, 3]
+            found.append(float(np.linalg.norm(np.diff(tips, axis=0), axis=1).max()) / PERIOD)
+    return found
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.5, 1.0])
+def test_the_allowed_speed_keeps_the_protective_distance(speed: float) -> None:
+    numbers = Separation()
+    assert numbers.allowed(numbers.distance(speed, numbers.human_speed)) == pytest.approx(speed)
+    # 5.5.4: S_h = v_h (T_r + T_s), S_r = v_r T_r, S_s = v_r T_s / 2 for a constant deceleration, C + Z
+    stopping = speed / numbers.deceleration
+    parts = (1.6 * (0.1 + stopping), speed * 0.1, speed * stopping / 2, numbers.uncertainty)
+    assert numbers.distance(speed, 1.6) == pytest.approx(sum(parts))
+
+
+def test_close_by_the_speed_is_reduced_and_closer_yet_it_is_nothing() -> None:
+    numbers = Separation()
+    assert numbers.allowed(math.inf) == math.inf
+    assert numbers.allowed(0.2) == numbers.reduced
+    assert numbers.allowed(numbers.distance(numbers.reduced, 0.0)) == 0.0
+    assert numbers.allowed(0.0) == 0.0
+
+
+def test_far_from_people_the_arm_is_as_fast_as_without_any(table: Table) -> None:
+    assert table.act("move", target_pose=GOAL)[0] == DONE
+    alone = speeds(table)[-1]
+    table.act("observe")
+    show(table, FAR)
+    assert table.act("move", target_pose=GOAL)[0] == DONE
+    assert speeds(table)[-1] == pytest.approx(alone, rel=0.05)
+    assert alone > Separation().reduced
+
+
+def test_near_a_hand_the_arm_has_reduced_speed(table: Table) -> None:
+    show(table, NEAR)
+    assert table.act("move", target_pose=GOAL)[0] == DONE
+    assert max(speeds(table)) <= Separation().reduced
+
+
+def test_a_person_reaches_further_than_a_hand(table: Table) -> None:
+    show(table, (0.4, 1.1, 0.4), "person")
+    assert table.act("move", target_pose=GOAL)[0] == DONE
+    assert max(speeds(table)) <= Separation().reduced
+
+
+def test_an_arm_stands_still_while_a_hand_is_too_near_and_goes_on_afterwards(table: Table) -> None:
+    x, y, z = table.memory.transform("world", "gripper").t
+    show(table, (x, y, z - 0.1))
+    name = table.request("move", target_pose=GOAL)
+    table.run(1.0)
+    assert speeds(table) == []
+    assert table.said(name) == (RUNNING, "stands still: human_1 is near")
+    show(table, FAR)
+    assert table.finish(name)[0] == DONE
+
+
+def test_a_hand_that_comes_near_stops_a_motion_and_it_goes_on_more_slowly(table: Table) -> None:
+    name = table.request("move", target_pose=GOAL)
+    table.run(0.5)
+    assert table.arm.velocities.any() and len(speeds(table)) == 1
+    show(table, NEAR)
+    assert ("stop",) in table.arm.told
+    assert table.finish(name)[0] == DONE
+    assert len(speeds(table)) == 2 and speeds(table)[1] <= Separation().reduced
+
+
+def test_it_can_be_switched_off(make_bench: Callable[..., Any]) -> None:
+    table = make_bench(Table, separation={"monitored": False})
+    table.lay()
+    table.memory.update_node("arm", target_speed=1.0)
+    show(table, NEAR)
+    assert table.act("move", target_pose=GOAL)[0] == DONE
+    assert max(speeds(table)) > Separation().reduced
