@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore
-from agents.ros_bridge.bridge.pace import Pace
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.mapping.detections import DETECTIONS, Believed, to_detections
 from agents.ros_bridge.mapping.markers import GREY, MARKERS, Drawn, MarkerNumbers
 from dsr.errors import SchemaError
@@ -22,14 +22,14 @@ class BeliefsOut:
 
     def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
-        self._pace = Pace(core.clock, config.beliefs_hz)
+        self._throttle = Throttle(core.clock, config.beliefs_hz)
         self._numbers = MarkerNumbers()
         self._markers = core.outlet(config.markers, MARKERS) if config.markers else None
         self._beliefs = core.outlet(config.beliefs, DETECTIONS) if config.beliefs else None
 
     def update(self) -> None:
         """Publish if it is time."""
-        if not self._pace.take():
+        if not self._throttle.take():
             return
         core, types = self._core, self._core.types
         stamp, frame = core.times.to_ros(core.times.now()), core.names.frame(WORLD)

@@ -7,7 +7,7 @@ import re
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
-from agents.ros_bridge.bridge.pace import Pace
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
 from agents.ros_bridge.mapping.images import IMAGE, to_image
 from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
@@ -34,7 +34,7 @@ class JointsOut:
 
     def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
-        self._pace = Pace(core.clock, config.joints_hz)
+        self._throttle = Throttle(core.clock, config.joints_hz)
         self._outlet = core.outlet(config.joints, JOINT_STATE) if config.joints else None
         if self._outlet is not None:
             self._watch = core.memory.watch(node_type=_JOINTED, attribute="joint_positions")
@@ -42,11 +42,11 @@ class JointsOut:
 
     def update(self) -> None:
         """Send what changed, if it is time."""
-        if self._outlet is None or not self._pace.is_due:
+        if self._outlet is None or not self._throttle.is_due:
             return
         changes = self._watch.poll()
         if changes:
-            self._pace.take()
+            self._throttle.take()
         for change in changes:
             node = self._core.memory.get_node(change.name) if change.element == "node" else None
             positions = None if node is None else node.get("joint_positions")
@@ -73,7 +73,7 @@ class _Stream:
 
     def __init__(self, core: BridgeCore, config: Send, node: str) -> None:
         self._core = core
-        self._pace = Pace(core.clock, config.images_hz)
+        self._throttle = Throttle(core.clock, config.images_hz)
         self.node = node
         base = sensor_topic(node)
         self._color = core.outlet(f"{base}/image_raw", IMAGE)
@@ -95,9 +95,9 @@ class _Stream:
             return
         if self._reader is None:
             self._reader = self._core.memory.frames(self.node)
-        frame = self._reader.latest() if self._pace.is_due else None
+        frame = self._reader.latest() if self._throttle.is_due else None
         if frame is not None:
-            self._pace.take()
+            self._throttle.take()
             self._send(frame)
 
     def _send(self, frame: Frame) -> None:

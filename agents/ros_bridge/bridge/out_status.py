@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
-from agents.ros_bridge.bridge.pace import Pace
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.mapping.diagnostics import DIAGNOSTICS, to_diagnostics
 from agents.ros_bridge.mapping.events import EVENT, to_event
 from agents.ros_bridge.mapping.stamps import CLOCK, to_clock
@@ -37,7 +37,7 @@ class DiagnosticsOut:
         self._core = core
         self._own = own
         self._graph = keys.graph
-        self._pace = Pace(core.clock, config.diagnostics_hz)
+        self._throttle = Throttle(core.clock, config.diagnostics_hz)
         self._outlet = core.outlet(config.diagnostics, DIAGNOSTICS) if config.diagnostics else None
         if self._outlet is not None:
             self._board = StatusBoard(bus, keys, core.clock)
@@ -45,7 +45,7 @@ class DiagnosticsOut:
 
     def update(self) -> None:
         """Publish if it is time."""
-        if self._outlet is None or not self._pace.take():
+        if self._outlet is None or not self._throttle.take():
             return
         board = self._board
         heard = [
@@ -70,7 +70,7 @@ class EventsOut:
             core.on_close(self._watch.close)
         self._sent: dict[str, float | None] = {}
         self._waiting: deque[Change] = deque()
-        self._pace = Pace(core.clock, config.events_hz)
+        self._throttle = Throttle(core.clock, config.events_hz)
 
     def update(self) -> None:
         """Send what is new, as much as there is time for; the rest waits, and nothing of it is lost."""
@@ -78,7 +78,7 @@ class EventsOut:
             return
         if not self._waiting:  # until then, the watch keeps one change of each entry
             self._waiting.extend(self._watch.poll())
-        while self._waiting and self._pace.is_due:
+        while self._waiting and self._throttle.is_due:
             change = self._waiting.popleft()
             if change.kind == "removed":
                 self._sent.pop(change.name, None)
@@ -90,7 +90,7 @@ class EventsOut:
             if not self._core.wants(entry.participants):
                 continue
             self._sent[entry.name] = entry.end
-            self._pace.take()
+            self._throttle.take()
             self._outlet.send(lambda entry=entry: to_event(self._core.types, entry))  # type: ignore[misc]
 
 
@@ -99,14 +99,14 @@ class ClockOut:
 
     def __init__(self, core: BridgeCore, config: Send) -> None:
         self._core = core
-        self._pace = Pace(core.clock, config.clock_hz)
+        self._throttle = Throttle(core.clock, config.clock_hz)
         self._outlet: RosOutlet | None = None
         self._sent = -math.inf
 
     def update(self) -> None:
         """Send the time, if it went on, and if it is time for that."""
         now = self._core.times.now()
-        if self._core.times.publishes and now != self._sent and self._pace.take():
+        if self._core.times.publishes and now != self._sent and self._throttle.take():
             self._sent = now
             if self._outlet is None:
                 self._outlet = self._core.outlet("/clock", CLOCK)

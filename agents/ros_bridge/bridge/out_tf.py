@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import LATCHED, BridgeCore
-from agents.ros_bridge.bridge.pace import Pace
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.mapping.names import BELIEF
@@ -40,7 +40,7 @@ class TfOut:
         self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
         """Parent and newest pose by edge type and child"""
         self._static: dict[tuple[str, str], StampedTransform] = {}
-        self._pace = Pace(core.clock, config.tf_hz)
+        self._throttle = Throttle(core.clock, config.tf_hz)
         self.received: set[str] = set()
         """Nodes whose edges RT the bridge itself writes: changes of these are not looked at"""
         types = [type for type, wanted in ((_RT, config.tf), (_BELIEVED, config.belief)) if wanted]
@@ -62,12 +62,12 @@ class TfOut:
         return not (isinstance(element, Edge) and element.type == _RT and element.dst in self.received)
 
     def _changed(self) -> None:
-        if self._pace.is_due:  # else it waits for a tick
+        if self._throttle.is_due:  # else it waits for a tick
             self._core.turns.notify()
 
     def update(self) -> None:
         """Send what changed since the last message, if it is time."""
-        if not self._sends or not self._pace.is_due:
+        if not self._sends or not self._throttle.is_due:
             return
         dynamic: list[StampedTransform] = []
         latched = False
@@ -93,7 +93,7 @@ class TfOut:
                 latched |= self._static.pop((edge.type, edge.dst), None) is not None
                 dynamic.append(transform)
         if dynamic or latched:
-            self._pace.take()
+            self._throttle.take()
         for begin in range(0, len(dynamic), _MOST_AT_ONCE):
             self._outlet.send_cdr(encode_transforms(dynamic[begin : begin + _MOST_AT_ONCE]))
         if latched:

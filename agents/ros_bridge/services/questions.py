@@ -14,7 +14,7 @@ import msgspec
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore
-from agents.ros_bridge.bridge.pace import Pace
+from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.mapping.names import BELIEF
 from agents.ros_bridge.mapping.stamps import to_header, to_seconds
@@ -66,7 +66,7 @@ class Questions:
     def __init__(self, core: BridgeCore, config: Send, bus: Transport, keys: Keys) -> None:
         self._core = core
         self._ended = EndedMissions(core, config.keep_missions)
-        self._pace = Pace(core.clock, config.beliefs_hz)
+        self._throttle = Throttle(core.clock, config.beliefs_hz)
         self._objects_found: dict[str, Any] = {}
         """The newest answer about objects"""
         namespace = config.services
@@ -126,7 +126,7 @@ class Questions:
 
         Looked up no more often than beliefs are published, however often it is asked.
         """
-        if self._pace.take():
+        if self._throttle.take():
             nodes = nodes_by_name(self._core.memory, (*THINGS, *SURFACES))
             found = [self._described(node) for node in nodes if is_present(node)]
             self._objects_found = {"success": True, "message": msgspec.json.encode(found).decode()}

@@ -78,7 +78,7 @@ class DdsPublisher:
         self._writer = None
 
 
-class _Arrivals(Listener):
+class _Arrivals(Listener):  # type: ignore[misc]
     """Counts, in threads of DDS, what is put into a reader: Cyclone DDS has no status for what is overwritten there.
 
     A publisher that leaves counts as a message as well, unless others of the topic stay.
@@ -159,7 +159,7 @@ class DdsSubscription:
     def _run(self) -> None:
         while (reader := self._reader) is not None:
             self._wait.wait(_FOREVER)
-            came, messages = -1, []
+            came, messages = -1, list[Any]()
             while self._reader is not None and (messages or came != self._arrivals.came):
                 came = self._arrivals.came
                 messages = [message for message in reader.take(N=_MOST_AT_ONCE) if getattr(message, "cdr", b"")]

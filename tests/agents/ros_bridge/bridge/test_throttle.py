@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from agents.ros_bridge.bridge.pace import Pace
+from agents.ros_bridge.bridge.throttle import Throttle
 from dsr import Pose
 from dsr.agent import Access, Agent
 from dsr.clock import ManualClock
@@ -21,7 +21,7 @@ from tests.agents.ros_bridge.robot import bridged
 @pytest.mark.parametrize(("period", "hz"), [(0.02, 10.0), (0.02, 30.0), (0.011, 50.0), (0.1, 7.0), (0.013, 1.0)])
 def test_on_the_average_it_is_as_often_as_wanted_and_never_more(period: float, hz: float) -> None:
     clock = ManualClock()
-    pace, taken = Pace(clock, hz), []
+    pace, taken = Throttle(clock, hz), []
     for _ in range(2000):
         if pace.take():
             taken.append(clock.monotonic())
@@ -34,7 +34,7 @@ def test_on_the_average_it_is_as_often_as_wanted_and_never_more(period: float, h
 
 def test_after_a_pause_there_is_no_burst() -> None:
     clock = ManualClock()
-    pace = Pace(clock, 10.0)
+    pace = Throttle(clock, 10.0)
     assert [pace.take() for _ in range(3)] == [True, False, False]
     clock.advance(60.0)
     assert pace.is_due
@@ -42,7 +42,7 @@ def test_after_a_pause_there_is_no_burst() -> None:
 
 
 def test_there_may_be_no_limit() -> None:
-    pace = Pace(ManualClock(), math.inf)
+    pace = Throttle(ManualClock(), math.inf)
     assert all(pace.take() for _ in range(100))
 
 

@@ -7,7 +7,7 @@ import math
 from dsr.clock import ROUNDING, Clock
 
 
-class Pace:
+class Throttle:
     """Lets something happen at most so often, on the average: what is a little early now and then is not left out.
 
     Args:
