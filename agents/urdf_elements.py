@@ -40,7 +40,7 @@ def parse_urdf(data: bytes, file: str, understand: Callable[[ET.Element], T]) ->
         if root.tag != "robot":
             raise ValueError(f"the outer element is <{root.tag}>, expected <robot>")
         if any("xacro}" in element.tag for element in root.iter()):
-            raise ValueError("it has xacro macros, in which links may hide; expand them first: xacro FILE > NEW_FILE")
+            raise ValueError("it has xacro macros, in which links may hide; expand them first: xacrodoc FILE -o NEW")
         return understand(root)
     except ET.ParseError as error:
         raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error

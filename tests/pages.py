@@ -50,12 +50,13 @@ QUICK = re.compile(
     r"|record (info|export) recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
     r"|save scene\.json|mission --list|bench --list|drivers list|new \w+|scenario (list|(check|truth) \S+)"
+    r"|robots (list|check \w+)"
     r"|security (init|add|show)(?!.*--renew) .*"
 )
 """Commands of `dsr` that end by themselves within about a second; all others are only parsed."""
 LOOKS = {"ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "what-if", "stamps"}
 """Quick commands that change nothing: running one of them once is enough."""
-ALONE = re.compile(r"(new|scenario|security|bench|drivers)\b.*")
+ALONE = re.compile(r"(new|scenario|security|bench|drivers|robots)\b.*")
 """Quick commands that need no running system."""
 _EXCERPT = 'name = "excerpt"\ntitle = "An excerpt"\nduration = 20.0\n'
 _CUP = '\n[[object]]\nname = "cup_1"\nmodel = "cup"\nknown = true\nposition = [0.30, 0.10, 0.045]\n'

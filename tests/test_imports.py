@@ -18,6 +18,7 @@ ONE_PLACE = {
     "ai_edge_litert": ("agents/hand_tracker/model/litert.py",),
     "mediapipe": ("agents/hand_tracker/model/tasks.py", "benchmarks/real/"),
     "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
+    "xacrodoc": ("agents/xacro_file.py",),
     "rosbags": ("agents/ros_bridge/", "benchmarks/real/"),
     "cyclonedds": ("agents/ros_bridge/link/dds/",),
     "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py", "agents/arm_controller/mesh_boxes.py"),
@@ -32,6 +33,7 @@ ONE_PLACE = {
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
+    "agents.arm_controller.arm_model",
     "agents.arm_controller.kinematics",
     "agents.arm_controller.urdf",
     "agents.camera_feed",
@@ -54,6 +56,7 @@ SHARED_BY_AGENTS = (
     "agents.stillness",
     "agents.urdf_elements",
     "agents.urdf_files",
+    "agents.xacro_file",
     "agents.viewer.camera_window",
 )
 """Modules within `agents` that all its packages may import."""

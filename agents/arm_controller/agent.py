@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from msgspec.structs import replace
 
 from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
@@ -12,7 +13,6 @@ from agents.arm_controller.figure import Figure
 from agents.arm_controller.grip import GripperControl
 from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
-from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
@@ -22,7 +22,6 @@ from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.trajectory import Trajectory
-from agents.arm_controller.urdf import Robot, fixed_pose, load_robot
 from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
@@ -85,14 +84,16 @@ class ArmController(Agent):
 
     def setup(self) -> None:
         """Make the drivers and put the robot into the graph. Raises `ConfigError`."""
+        self._model = self.config.load_arm(ETC.parent)
+        self._chain = self._model.chain
+        if not self.config.observe_joints:
+            self.config = replace(self.config, observe_joints=self._model.home)
         config = self.config
-        robot = load_robot(ETC.parent / config.urdf)
-        if robot.drawn_only:
-            names = ", ".join(robot.drawn_only)
+        if drawn_only := self._model.robot.drawn_only:
+            names = ", ".join(drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
-        self._chain = JointChain(robot.between(config.base_link, config.tool_link))
         self._check_config()
-        self._body = RobotNodes(self.memory, robot, config)
+        self._body = RobotNodes(self.memory, self._model, config)
         self._body.build()
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
         self._feeds: list[CameraFeed] = []
@@ -109,11 +110,11 @@ class ArmController(Agent):
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
         self._scene = ArmScene(self.memory)
-        gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
+        gripper_from_tool = self._model.palm_from_tool
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        manipulator = self._make_manipulator(robot)
+        manipulator = self._make_manipulator()
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
-        widest = robot.stroke(config.end_effector_link) or math.inf
+        widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
             self.memory,
             self._chain,
@@ -176,8 +177,10 @@ class ArmController(Agent):
         config, joints = self.config, len(self._chain)
         if not 0.0 < config.default_speed <= 1.0:
             raise ConfigError(f"default_speed {config.default_speed}: expected more than 0, at most 1")
-        if config.posture and len(config.posture) != joints:
-            raise ConfigError(f"posture of {len(config.posture)} positions: expected {joints} or none")
+        for name in ("posture", "observe_joints"):
+            given = len(getattr(config, name))
+            if given not in (0, joints):
+                raise ConfigError(f"{name} of {given} positions: expected {joints} or none")
 
     def _make_feeds(self) -> None:
         for node, camera in self.config.cameras.items():
@@ -185,9 +188,9 @@ class ArmController(Agent):
             driver = make_driver(camera.driver, self.bus, self.keys, **options)
             self._feeds.append(CameraFeed(self.memory, node, driver, self.log))
 
-    def _make_manipulator(self, robot: Robot) -> Manipulator:
+    def _make_manipulator(self) -> Manipulator:
         config = self.config
-        figure = Figure(robot, self._chain, config.base_link, config.end_effector_link, config.tool_link)
+        figure = Figure(self._model)
         rng = np.random.default_rng([self.seed, 1])
         return Manipulator(
             self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng

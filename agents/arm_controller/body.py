@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from agents.arm_controller.arm_model import ArmModel
 from agents.arm_controller.config import ArmControllerConfig, CameraConfig
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.shapes import bounds
-from agents.arm_controller.urdf import Joint, Robot
+from agents.arm_controller.urdf import Joint
 from dsr import Memory
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.transforms import Pose
@@ -55,21 +56,21 @@ class RobotNodes:
 
     Args:
         memory: where to.
-        robot: its description.
+        model: the robot and its arm.
         config: names, mounts and cameras. Raises `ConfigError` for links and parents that do not exist.
     """
 
-    def __init__(self, memory: Memory, robot: Robot, config: ArmControllerConfig) -> None:
+    def __init__(self, memory: Memory, model: ArmModel, config: ArmControllerConfig) -> None:
         self._memory = memory
         self._config = config
-        self._plan = _plan(robot, config)
+        self._chain = model.chain
+        self._plan = _plan(model, config)
         self._written: list[tuple[float, float]] = []  # position and stamp of each segment's edge
         self._moves = True  # as the joint values in the graph say
         self._opening = math.inf
         self._contact: bool | None = None
         self._forget()
-        joints = [segment.joint.name for segment in self._plan.segments]
-        self._joint_names = ",".join(joints)
+        self._joint_names = ",".join(model.chain.names)
 
     def write(self, joints: Joints) -> None:
         """Write one sample as a bundle: the moving edges with its stamp, and the measured attributes.
@@ -81,8 +82,9 @@ class RobotNodes:
             self.build()
         segments, stamp = self._plan.segments, joints.stamp
         moves = refreshed = False
+        positions = self._chain.all_positions(joints.positions).tolist()
         with memory.batch():
-            for index, (segment, position) in enumerate(zip(segments, joints.positions, strict=True)):
+            for index, (segment, position) in enumerate(zip(segments, positions, strict=True)):
                 last, at = self._written[index]
                 still = abs(position - last) <= STILL
                 if still and stamp - at < REFRESH:
@@ -128,13 +130,13 @@ class RobotNodes:
         return all(name in memory for name in plan.nodes) and all(memory.get_edge(*edge, "RT") for edge in edges)
 
 
-def _plan(robot: Robot, config: ArmControllerConfig) -> _Plan:
+def _plan(model: ArmModel, config: ArmControllerConfig) -> _Plan:
     plan = _Plan(nodes={"world": "world", config.robot: "robot", "body": "body", "mind": "mind", config.arm: "arm"})
     plan.mounts["world", config.robot] = config.mount.pose()
     plan.mounts[config.robot, config.arm] = config.arm_mount.pose()
     parent, fixed = config.arm, Pose.identity()
-    links = {config.arm: config.base_link}
-    for joint in robot.between(config.base_link, config.end_effector_link):
+    links = {config.arm: model.base}
+    for joint in model.robot.between(model.base, model.palm):
         if joint.moves:
             link = f"{config.arm}_link_{len(plan.segments) + 1}"
             plan.nodes[link] = "body"
@@ -145,29 +147,29 @@ def _plan(robot: Robot, config: ArmControllerConfig) -> _Plan:
             fixed = fixed @ joint.origin
     plan.nodes[config.gripper] = "gripper"
     plan.fixed[parent, config.gripper] = fixed
-    plan.bounds = _bounds(robot, config, links)
+    plan.bounds = _bounds(model, config, links)
     for name, camera in config.cameras.items():
-        parent, pose = _camera_mount(name, camera, robot, config, plan.nodes)
+        parent, pose = _camera_mount(name, camera, model, config, plan.nodes)
         plan.nodes[name] = "camera"
         plan.mounts[parent, name] = pose
     return plan
 
 
-def _bounds(robot: Robot, config: ArmControllerConfig, links: dict[str, str]) -> dict[str, tuple[float, ...]]:
+def _bounds(model: ArmModel, config: ArmControllerConfig, links: dict[str, str]) -> dict[str, tuple[float, ...]]:
     """Boxes around the link of each node and what is fixed to it; for the gripper around palm and open fingers."""
-    gripper = config.end_effector_link
-    boxes = {node: robot.rigid(link, without=gripper) for node, link in links.items()}
-    boxes[config.gripper] = (*robot.rigid(gripper), *robot.fingers(gripper, robot.stroke(gripper)))
+    robot, palm, gripper = model.robot, model.palm, model.gripper
+    boxes = {node: robot.rigid(link, without=palm) for node, link in links.items() if link != palm}
+    boxes[config.gripper] = (*robot.rigid(palm), *gripper.boxes(gripper.widest))
     return {node: box for node in boxes if (box := bounds(boxes[node])) is not None}
 
 
 def _camera_mount(
-    name: str, camera: CameraConfig, robot: Robot, config: ArmControllerConfig, nodes: dict[str, str]
+    name: str, camera: CameraConfig, model: ArmModel, config: ArmControllerConfig, nodes: dict[str, str]
 ) -> tuple[str, Pose]:
     """The node that carries a camera, and parent_from_camera."""
     if camera.link:
         pose = Pose.identity()
-        for joint in robot.between(config.end_effector_link, camera.link):
+        for joint in model.robot.between(model.palm, camera.link):
             if joint.moves:
                 raise ConfigError(
                     f"camera {name!r}: joint {joint.name!r} moves link {camera.link!r}; expected a fixed one"

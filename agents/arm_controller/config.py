@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from agents.arm_controller.arm_model import ArmModel, load_arm
 from agents.arm_controller.safety.separation import Separation
 from agents.arm_controller.safety.zones import Zone
 from dsr.errors import ConfigError
@@ -52,11 +54,16 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """Passed on to the driver."""
     urdf: str = "etc/robots/gen3.urdf"
     """Robot description; relative to the folder that holds `etc`."""
-    base_link: str = "base_link"
-    end_effector_link: str = "end_effector_link"
-    """The flange, node `gripper`."""
-    tool_link: str = "tool_link"
-    """Name of the link whose frame goes to `target_pose`."""
+    base_link: str = ""
+    """Link from which the arm hangs; the root if empty"""
+    end_effector_link: str = ""
+    """The flange, node `gripper`; found if empty: the link at which joints branch into fingers"""
+    tool_link: str = ""
+    """Name of the link whose frame goes to `target_pose`; found if empty: by usual names, such as `tool_link`"""
+    tool_mount: Mount | None = None
+    """Where the tool point is in the frame of `tool_link`: z out of the gripper, x from finger to finger"""
+    finger_joints: tuple[str, ...] = ()
+    """Names of the joints that drive the fingers; all that move below `end_effector_link` if empty"""
     robot: str = "robot"
     """Name of the robot's node."""
     arm: str = "arm"
@@ -73,8 +80,9 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """0 to 1 of the joint limits, where no `target_speed` is given."""
     posture: tuple[float, ...] = ()
     """rad, preferred joint positions where a `target_pose` leaves a choice; the present ones if empty."""
-    observe_joints: tuple[float, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.09, 1.5708)
-    """rad, where `observe` goes: the arm hides nothing from the camera there; also what skills prefer to be near to"""
+    observe_joints: tuple[float, ...] = ()
+    """rad, where `observe` goes: the arm hides nothing from the camera there; also what skills prefer to be near to. If
+    empty: the state `home` of the SRDF file beside the URDF file"""
     acceleration: float = 5.0
     """rad/s^2, the most of a joint in skills: what data sheets of arms of this size name for the large joints"""
     jerk: float = 100.0
@@ -96,3 +104,14 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """rad/s below which a joint stands still"""
     opening_tolerance: float = 0.0015
     """m, how close a reached gripper opening is"""
+
+    def load_arm(self, folder: Path) -> ArmModel:
+        """The arm in the file `urdf`, relative to `folder`, with what is named here. Raises `ConfigError`."""
+        return load_arm(
+            folder / self.urdf,
+            base=self.base_link,
+            palm=self.end_effector_link,
+            tool=self.tool_link,
+            tool_mount=None if self.tool_mount is None else self.tool_mount.pose(),
+            fingers=self.finger_joints,
+        )

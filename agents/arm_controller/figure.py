@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.arm_model import ArmModel
 from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.urdf import Robot, fixed_pose
+from agents.arm_controller.urdf import fixed_pose
 from dsr.errors import ConfigError
 from dsr.math3d.boxes import Array, Boxes, gaps
 
@@ -21,30 +21,26 @@ class Figure:
     """Collision boxes of one arm.
 
     Args:
-        robot: its description.
-        chain: from base to tool point.
-        base: link at which the chain begins.
-        end_effector: link that carries the fingers; the tool point is fixed to it.
-        tool: link of the tool point.
+        model: the arm and its gripper.
 
     Raises:
         ConfigError: for a link with a shape that is neither a part of the arm nor a finger.
     """
 
-    def __init__(self, robot: Robot, chain: JointChain, base: str, end_effector: str, tool: str) -> None:
-        self._robot = robot
+    def __init__(self, model: ArmModel) -> None:
+        robot, chain, palm = model.robot, model.chain, model.palm
         self._chain = chain
-        self._end_effector = end_effector
-        self.widest = robot.stroke(end_effector)
+        self._gripper = model.gripper
+        self.widest = model.gripper.widest
         """m, between the open fingers"""
-        self._tool_from_end = fixed_pose(robot.between(end_effector, tool)).inverse()
-        links = [base, *(joint.child for joint in chain.joints)]
-        _check_complete(robot, links, end_effector)
+        self._tool_from_palm = model.palm_from_tool.inverse()
+        links = [model.base, *(joint.child for joint in chain.moving)]
+        _check_complete(model, links)
         *arm, last = links
-        fixed = [(number, box) for number, link in enumerate(arm) for box in robot.rigid(link, without=end_effector)]
+        fixed = [(number, box) for number, link in enumerate(arm) for box in robot.rigid(link, without=palm)]
         self._links = [number for number, _ in fixed]
         self._fixed = [box for _, box in fixed]
-        tool_from_last = fixed_pose(robot.between(last, tool)).inverse()
+        tool_from_last = fixed_pose(robot.between(last, model.tool)).inverse()
         self._hand = [box.seen_from(tool_from_last) for box in robot.rigid(last)]
         self._tip = len(links)
         self.base_boxes = self._links.count(0)
@@ -53,13 +49,13 @@ class Figure:
     @property
     def reach(self) -> float:
         """How far the fingers reach beyond the tool point, along the tool's z axis, m; 0 without any."""
-        fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, 0.0)]
+        fingers = [box.seen_from(self._tool_from_palm) for box in self._gripper.boxes(0.0)]
         return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
 
     def gripper(self, opening: float) -> list[LinkBox]:
         """Boxes of all that is fixed to the tool, and of fingers `opening` m apart, in the tool's frame."""
-        fingers = self._robot.fingers(self._end_effector, opening)
-        return [*self._hand, *(box.seen_from(self._tool_from_end) for box in fingers)]
+        fingers = self._gripper.boxes(opening)
+        return [*self._hand, *(box.seen_from(self._tool_from_palm) for box in fingers)]
 
     def gripper_boxes(self, opening: float) -> int:
         """How many of the boxes are of the gripper: of all that is fixed to the tool, and of the fingers."""
@@ -95,13 +91,13 @@ class Figure:
         return np.asarray(hit.reshape(len(boxes.centers), -1).any(axis=1))
 
 
-def _check_complete(robot: Robot, links: Sequence[str], end_effector: str) -> None:
+def _check_complete(model: ArmModel, links: Sequence[str]) -> None:
     """No shape of the robot is left out: each is fixed to one of `links`, or to a finger."""
-    carriers = [*links, *(joint.child for joint in robot.sliding(end_effector))]
-    known = {other for link in carriers for other, _ in robot.fixed_to(link)}
+    robot = model.robot
+    known = {other for link in [*links, *model.gripper.links] for other, _ in robot.fixed_to(link)}
     lost = [link for link, boxes in robot.boxes.items() if boxes and link not in known]
     if lost:
         raise ConfigError(
             f"robot {robot.name!r}: link {lost[0]!r} has a collision shape, but is neither a part of the arm from "
-            f"{links[0]!r} on nor a finger that slides on {end_effector!r}; nobody would know where it is"
+            f"{model.base!r} on nor a finger that hangs from {model.palm!r}; nobody would know where it is"
         )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.arm_controller.urdf import Joint
-from dsr.errors import DsrError
+from dsr.errors import ConfigError, DsrError
 from dsr.math3d.batches import rotvecs, skew
 from dsr.math3d.transforms import Pose
 
@@ -66,14 +66,18 @@ class JointChain:
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
-        self.joints = tuple(joint for joint in joints if joint.moves)
+        self.moving = tuple(joint for joint in joints if joint.moves)
+        """All joints that move, from base to tip."""
+        self.joints = tuple(joint for joint in self.moving if joint.mimic is None)
+        """Those that have a position of their own: all but those that mimic one of them."""
         self.names = tuple(joint.name for joint in self.joints)
-        self.lower = np.array([joint.lower for joint in self.joints])
-        self.upper = np.array([joint.upper for joint in self.joints])
+        self.gears, self._offsets = _gears(self.moving, self.names)
+        """(k, n) velocities of all joints that move, per velocity of those with a position of their own"""
+        self.lower, self.upper = _ranges(self.moving, self.names)
         self.turning = np.isinf(self.lower)
         """Which joints are continuous"""
-        self._prismatic = np.array([joint.kind == "prismatic" for joint in self.joints])
-        self._axes = np.array([joint.axis for joint in self.joints]).reshape(-1, 3)
+        self._prismatic = np.array([joint.kind == "prismatic" for joint in self.moving])
+        self._axes = np.array([joint.axis for joint in self.moving]).reshape(-1, 3)
         self._skew = skew(self._axes)
         self._skew2 = self._skew @ self._skew
         self._origins, self._tip = _origins(joints)
@@ -81,12 +85,16 @@ class JointChain:
     def __len__(self) -> int:
         return len(self.joints)
 
+    def all_positions(self, positions: ArrayLike) -> Array:
+        """(k,) of all that move, also those that mimic others, for `positions` (n,)."""
+        return np.asarray(self.gears @ np.asarray(positions, dtype=np.float64) + self._offsets)
+
     def forward(self, positions: ArrayLike) -> Pose:
         """base_from_tip at joint `positions` (n,), rad or m."""
         return Pose.from_matrix(self._frames(_row(positions))[0, -1])
 
     def frames(self, positions: Array) -> Array:
-        """(m, n + 2, 4, 4) base_from_link of the base, each moving link and the tip at joint `positions` (m, n)."""
+        """(m, k + 2, 4, 4) base_from_link of the base, k moving links and the tip at joint `positions` (m, n)."""
         frames = self._frames(positions)
         base = np.broadcast_to(np.eye(4), (len(frames), 1, 4, 4))
         return np.concatenate([base, frames], axis=1)
@@ -182,9 +190,9 @@ class JointChain:
         return q, _errors(self._frames(q)[:, -1], target)
 
     def _frames(self, q: Array) -> Array:
-        """(m, n + 1, 4, 4) base_from_joint frame of each joint after its motion, and of the tip, for q (m, n)."""
-        motions = self._motions(q)
-        frames = np.empty((len(q), len(self) + 1, 4, 4))
+        """(m, k + 1, 4, 4) base_from_joint frame of each joint after its motion, and of the tip, for q (m, n)."""
+        motions = self._motions(q @ self.gears.T + self._offsets)
+        frames = np.empty((len(q), len(self.moving) + 1, 4, 4))
         frame = np.broadcast_to(np.eye(4), (len(q), 4, 4))
         for index, origin in enumerate(self._origins):
             frame = frame @ origin @ motions[:, index]
@@ -193,7 +201,7 @@ class JointChain:
         return frames
 
     def _motions(self, q: Array) -> Array:
-        """(m, n, 4, 4) transform of each joint by its position alone (rotations by Rodrigues' formula)."""
+        """(m, k, 4, 4) transform of each joint by its position (m, k) alone (rotations by Rodrigues' formula)."""
         angle = np.where(self._prismatic, 0.0, q)[..., None, None]
         motions = np.zeros((*q.shape, 4, 4))
         motions[..., :3, :3] = np.eye(3) + np.sin(angle) * self._skew + (1.0 - np.cos(angle)) * self._skew2
@@ -202,12 +210,13 @@ class JointChain:
         return motions
 
     def _jacobian(self, frames: Array) -> Array:
-        """(m, 6, n) of frames (m, n + 1, 4, 4)."""
+        """(m, 6, n) of frames (m, k + 1, 4, 4)."""
         axes = np.einsum("mnij,nj->mni", frames[:, :-1, :3, :3], self._axes)
         lever = frames[:, -1:, :3, 3] - frames[:, :-1, :3, 3]
         slides = self._prismatic[:, None]
         linear = np.where(slides, axes, np.cross(axes, lever))
-        return np.concatenate([linear, np.where(slides, 0.0, axes)], axis=2).transpose(0, 2, 1)
+        each = np.concatenate([linear, np.where(slides, 0.0, axes)], axis=2)  # (m, k, 6)
+        return np.asarray(each.transpose(0, 2, 1) @ self.gears)
 
 
 def _step(jacobian: Array, errors: Array, to_posture: Array) -> Array:
@@ -219,6 +228,36 @@ def _step(jacobian: Array, errors: Array, to_posture: Array) -> Array:
     rest = errors - np.einsum("mij,mj->mi", jacobian, drift)
     solved = np.linalg.solve(damped, rest[:, :, None])
     return drift + (transposed @ solved)[:, :, 0]
+
+
+def _gears(moving: Sequence[Joint], names: Sequence[str]) -> tuple[Array, Array]:
+    """(k, n) and (k,): positions of k joints that move are the matrix times those of n `names`, plus the offsets.
+
+    Raises `ConfigError` for a joint that mimics one that is not among them.
+    """
+    gears, offsets = np.zeros((len(moving), len(names))), np.zeros(len(moving))
+    for row, joint in enumerate(moving):
+        master = joint.name if joint.mimic is None else joint.mimic.joint
+        if master not in names:
+            raise ConfigError(f"joint {joint.name!r} mimics {master!r}, which is no joint on the way to the tool")
+        gears[row, names.index(master)] = 1.0 if joint.mimic is None else joint.mimic.multiplier
+        offsets[row] = 0.0 if joint.mimic is None else joint.mimic.offset
+    return gears, offsets
+
+
+def _ranges(moving: Sequence[Joint], names: Sequence[str]) -> tuple[Array, Array]:
+    """(n,) least and greatest positions of `names`: within their limits, and those of the joints that mimic them."""
+    lower, upper = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for joint in moving:
+        low, high = joint.lower, joint.upper
+        if joint.mimic is not None:
+            if not joint.mimic.multiplier:
+                continue
+            ends = ((end - joint.mimic.offset) / joint.mimic.multiplier for end in (low, high))
+            low, high = sorted(ends)
+        index = names.index(joint.name if joint.mimic is None else joint.mimic.joint)
+        lower[index], upper[index] = max(lower[index], low), min(upper[index], high)
+    return lower, upper
 
 
 def _origins(joints: Sequence[Joint]) -> tuple[list[Array], Array]:

@@ -31,6 +31,8 @@ _WORTH_IT = 0.9
 """Share of the volume: more slices are taken if less than this remains. Few boxes keep planning fast."""
 _THINNEST = 0.001
 """m, edge of a box around something flat: boxes without volume would meet nothing."""
+_SUBDIVISIONS = 2
+"""Of an icosahedron: its 162 corners are the directions in which outermost points are sought, one in 15 degrees."""
 
 Triangles = NDArray[np.int64]
 
@@ -100,14 +102,17 @@ def _turned(points: Array) -> Array:
     from scipy.spatial import ConvexHull, QhullError
     from trimesh import Trimesh
     from trimesh.bounds import oriented_bounds
+    from trimesh.creation import icosphere
 
+    directions = icosphere(subdivisions=_SUBDIVISIONS).vertices
+    outermost = points[np.unique((directions @ points.T).argmax(axis=1))]  # the search takes their square in time
     try:
-        hull = ConvexHull(points)
+        hull = ConvexHull(outermost)
     except QhullError:  # flat: its principal axes
         matrix = np.eye(4)
         matrix[:3, :3] = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
     else:  # of the hull of a surface that trimesh makes itself it would turn all normals, by a library of graphs
-        surface = SimpleNamespace(convex_hull=Trimesh(points[hull.vertices], _renumbered(hull), process=False))
+        surface = SimpleNamespace(convex_hull=Trimesh(outermost[hull.vertices], _renumbered(hull), process=False))
         matrix = oriented_bounds(surface, ordered=False)[0]  # type: ignore[no-untyped-call]
     matrix[2, :3] *= np.sign(np.linalg.det(matrix[:3, :3]))  # it may be mirrored
     return np.asarray(matrix)

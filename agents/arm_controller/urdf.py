@@ -9,14 +9,15 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, cast, get_args
 
 from agents.arm_controller.collisions import read_boxes
 from agents.arm_controller.shapes import LinkBox
-from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
+from agents.urdf_elements import attribute, number, origin, parse_urdf, vector
+from agents.xacro_file import read_robot
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3, from_rotvec
 from dsr.math3d.transforms import Pose
@@ -38,6 +39,20 @@ def fixed_pose(joints: Iterable[Joint]) -> Pose:
 
 
 @dataclass(frozen=True)
+class Mimic:
+    """Says that a joint follows another one."""
+
+    joint: str
+    multiplier: float
+    offset: float
+    """rad or m"""
+
+    def position(self, positions: Mapping[str, float]) -> float:
+        """Position (rad or m) of the joint, from those of others by name."""
+        return self.multiplier * positions[self.joint] + self.offset
+
+
+@dataclass(frozen=True)
 class Joint:
     """A joint between two links."""
 
@@ -54,6 +69,10 @@ class Joint:
     """rad or m; infinite for a continuous joint"""
     velocity: float
     """rad/s or m/s, the most; infinite if not given"""
+    effort: float = math.inf
+    """N m or N, the most; infinite if not given"""
+    mimic: Mimic | None = None
+    """Which joint it follows; None for one that is moved for itself"""
 
     @property
     def moves(self) -> bool:
@@ -121,20 +140,11 @@ class Robot:
                 for other, pose in self.fixed_to(joint.child, without=without):
                     yield other, joint.origin @ pose
 
-    def sliding(self, link: str) -> list[Joint]:
-        """The fingers' joints: those that slide on `link`."""
-        return [joint for joint in self.joints if joint.parent == link and joint.kind == "prismatic"]
-
-    def fingers(self, link: str, opening: float) -> tuple[LinkBox, ...]:
-        """Boxes of the links that slide on `link`, in its frame, where they share `opening` m evenly."""
-        sliding = self.sliding(link)
-        return tuple(
-            box.seen_from(joint.pose(opening / len(sliding))) for joint in sliding for box in self.rigid(joint.child)
-        )
-
-    def stroke(self, link: str) -> float:
-        """Widest opening (m) between the fingers that slide on `link`, or below it; 0 without any."""
-        return sum(joint.upper for joint in self.below(link) if joint.kind == "prismatic")
+    def with_frame(self, name: str, parent: str, pose: Pose) -> Robot:
+        """The same robot with a link without shape fixed to link `parent`, at `pose` (parent_from_link)."""
+        self.check_link(parent)
+        joint = Joint(f"{name}_joint", "fixed", parent, name, pose, _X_AXIS, -math.inf, math.inf, math.inf)
+        return replace(self, joints=(*self.joints, joint))
 
     def check_link(self, link: str) -> None:
         """Raise `ConfigError` unless there is a link of this name."""
@@ -143,8 +153,8 @@ class Robot:
 
 
 def load_robot(file: Path) -> Robot:
-    """The robot described in a URDF file. Raises `ConfigError`."""
-    return parse_robot(read_urdf(file), str(file))
+    """The robot described in a URDF or xacro file. Raises `ConfigError`."""
+    return parse_robot(read_robot(file), str(file))
 
 
 def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
@@ -154,6 +164,7 @@ def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
 
 def _robot(root: ET.Element, folder: Path) -> Robot:
     joints = tuple(_joint(element) for element in root.findall("joint"))
+    _check_mimics(joints)
     elements = [(attribute(element, "name"), element) for element in root.findall("link")]
     root_link = _root_link([name for name, _ in elements], joints)
     boxes = {name: read_boxes(element, folder) for name, element in elements}
@@ -202,8 +213,38 @@ def _joint(element: ET.Element) -> Joint:
         axis=_X_AXIS if kind == "fixed" else _axis(name, element.find("axis")),
         lower=lower,
         upper=upper,
-        velocity=math.inf if limit is None else number(limit, "velocity", math.inf),
+        velocity=_most(name, limit, "velocity"),
+        effort=_most(name, limit, "effort"),
+        mimic=_mimic(name, element.find("mimic")),
     )
+
+
+def _most(name: str, limit: ET.Element | None, what: str) -> float:
+    """The limit of a joint's velocity or effort; a 0, which would hold the joint still, counts as none."""
+    most = math.inf if limit is None else number(limit, what, math.inf)
+    if most < 0.0:
+        raise ValueError(f"joint {name!r}: {what} {most:g}; expected a positive number")
+    return most or math.inf
+
+
+def _mimic(name: str, element: ET.Element | None) -> Mimic | None:
+    if element is None:
+        return None
+    master = attribute(element, "joint")
+    if master == name:
+        raise ValueError(f"joint {name!r} mimics itself")
+    return Mimic(master, number(element, "multiplier", 1.0), number(element, "offset", 0.0))
+
+
+def _check_mimics(joints: tuple[Joint, ...]) -> None:
+    """Who mimics follows a joint that moves for itself."""
+    by_name = {joint.name: joint for joint in joints}
+    for joint in joints:
+        if joint.mimic is None:
+            continue
+        master = by_name.get(joint.mimic.joint)
+        if master is None or not master.moves or master.mimic is not None:
+            raise ValueError(f"joint {joint.name!r} mimics {joint.mimic.joint!r}; expected one that moves by itself")
 
 
 def _limits(name: str, kind: str, limit: ET.Element | None) -> tuple[float, float]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from agents.arm_controller.arm_model import ArmModel, load_arm
 from agents.joint_ramp import Ramp
-from agents.plant.bullet import Bullet
+from agents.plant.robot_file import load_body
 from agents.plant.world import STEP, World
 from dsr.errors import ConfigError, suggest
-from dsr.files.built_in import ETC
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
@@ -27,45 +28,59 @@ _HOLD_STRENGTH = 200.0  # N, of the constraint
 _TOUCH_STEPS = 6  # with both pads in contact before the gripper holds
 _LET_GO = 0.002  # m, by which the target must exceed the opening to let go
 _POSITION_GAIN = 0.3
+_USUAL_SPEED = 1.0
+"""rad/s or m/s, of a joint whose description gives no velocity: what slow arms do"""
+_USUAL_EFFORT = 100.0
+"""N m or N, of a joint whose description gives no effort: as much as arms of 5 kg need at the shoulder"""
 
 
 class SimulatedArm:
-    """An arm of `etc/robots` at the world's origin, with two prismatic fingers.
+    """An arm with two fingers, or two groups of them on either side.
 
     Args:
         world: where it stands, and whose objects it can hold.
-        model: name of the URDF file, without `.urdf`.
-        start: rad, joint positions; cut to the joints' limits.
+        file: its description (URDF).
+        start: rad or m, joint positions; cut to the joints' limits. Its home posture if empty.
+        base: world_from_base
 
     Raises:
-        ConfigError: for an unknown model, one that the physics engine cannot load, one without two fingers, or a wrong
-            number of positions.
+        ConfigError: for a description that cannot be read or that the physics engine cannot load, one without two
+            fingers, or a wrong number of positions.
     """
 
-    def __init__(self, world: World, model: str, start: Sequence[float]) -> None:
+    def __init__(self, world: World, file: Path, start: Sequence[float] = (), base: Pose | None = None) -> None:
         self._world = world
         self._bullet = world.bullet
-        self.body = _load(self._bullet, model)
-        """The physics engine's number of the robot."""
-        joints = [self._bullet.getJointInfo(self.body, i) for i in range(self._bullet.getNumJoints(self.body))]
-        self._links = {info[12].decode(): info[0] for info in joints}
-        moving = [info for info in joints if info[2] == pybullet.JOINT_REVOLUTE]
-        fingers = [info for info in joints if info[2] == pybullet.JOINT_PRISMATIC]
-        if len(fingers) != 2 or len(moving) != len(start):
+        self.model = load_arm(file)
+        """Its joints and fingers."""
+        chain, gripper = self.model.chain, self.model.gripper
+        start = start or self.model.home
+        sides = gripper.sides()
+        if not start:
+            raise ConfigError("needs joint positions to start at, or the state `home` in an SRDF file", file=str(file))
+        if not all(sides) or len(chain) != len(start):
             raise ConfigError(
-                f"robot {model!r} has {len(moving)} joints and {len(fingers)} fingers; "
-                f"expected {len(start)} joints as in the start pose, and 2 fingers"
+                f"the robot has {len(chain)} joints and fingers on {sum(map(bool, sides))} sides; "
+                f"expected {len(start)} joints as in the start pose, and fingers on 2 sides",
+                file=str(file),
             )
-        self.names = tuple(info[1].decode() for info in moving)
-        self._joints = [info[0] for info in moving]
-        self._limits = [(info[8], info[9]) if info[8] < info[9] else (-math.inf, math.inf) for info in moving]
-        self._forces = [info[10] for info in moving]
-        self._fingers = [info[0] for info in fingers]
-        self._finger_speed = min(info[11] for info in fingers)
-        self._palm = fingers[0][16]
+        self.body = load_body(self._bullet, file, base or Pose.identity())
+        """The physics engine's number of the robot."""
+        infos = [self._bullet.getJointInfo(self.body, i) for i in range(self._bullet.getNumJoints(self.body))]
+        self._links = {info[12].decode(): info[0] for info in infos}
+        numbers = {info[1].decode(): info[0] for info in infos}
+        self._free = [info[0] for info in infos if info[3] > -1]
+        self.names = chain.names
+        self._joints = [numbers[joint.name] for joint in chain.moving]
+        self._own = [numbers[name] for name in chain.names]
+        self._forces = [_given(joint.effort, _USUAL_EFFORT) for joint in chain.moving]
+        self._fingers = [numbers[name] for name in gripper.names]
+        self._finger_limits = _finger_limits(self.model)
+        self._sides = [[self._links[link] for link in side] for side in sides]
+        self._palm = self._links.get(self.model.palm, -1)
         start = self._within_limits(start)
-        self._ramp = Ramp(start, [info[11] for info in moving], STEP)
-        self.widest = 2 * min(info[9] for info in fingers)
+        self._ramp = Ramp(start, [_given(joint.velocity, _USUAL_SPEED) for joint in chain.joints], STEP)
+        self.widest = gripper.widest
         """m, the largest opening"""
         self._target_opening = self.widest
         self._touching = 0
@@ -78,23 +93,25 @@ class SimulatedArm:
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """Measured joint positions, rad."""
-        return tuple(state[0] for state in self._bullet.getJointStates(self.body, self._joints))
+        """Measured joint positions, rad or m."""
+        return tuple(state[0] for state in self._bullet.getJointStates(self.body, self._own))
 
     @property
     def velocities(self) -> tuple[float, ...]:
-        """rad/s, measured."""
-        return tuple(state[1] for state in self._bullet.getJointStates(self.body, self._joints))
+        """rad/s or m/s, measured."""
+        return tuple(state[1] for state in self._bullet.getJointStates(self.body, self._own))
 
     @property
     def opening(self) -> float:
         """Measured distance between the pads, m."""
-        return float(sum(state[0] for state in self._bullet.getJointStates(self.body, self._fingers)))
+        states = self._bullet.getJointStates(self.body, self._fingers)
+        gripper = self.model.gripper
+        return gripper.opening({name: state[0] for name, state in zip(gripper.names, states, strict=True)})
 
     @property
     def contact(self) -> bool:
         """Both pads touch something."""
-        return all(self._touched(finger) for finger in self._fingers)
+        return all(map(self._touched, self._sides))
 
     @property
     def is_driven(self) -> bool:
@@ -129,7 +146,7 @@ class SimulatedArm:
     def stop(self) -> None:
         """Come to rest within the limits of the joints; fingers that touch something go on pressing."""
         self._ramp.stop(self.positions, self.velocities)
-        if self._held is None and not any(map(self._touched, self._fingers)):
+        if self._held is None and not any(map(self._touched, self._sides)):
             self._target_opening = self.opening
 
     def let_go(self) -> None:
@@ -159,37 +176,44 @@ class SimulatedArm:
         return self._bullet.link_pose(self.body, self._links[name])
 
     def jacobian(self, link: str) -> NDArray[np.float64]:
-        """(6, n) of the link's frame at the present joint positions: world m, then rad, per rad."""
-        chain = [*self._joints, *self._fingers]
-        where = [state[0] for state in self._bullet.getJointStates(self.body, sorted(chain))]
+        """(6, n) of the link's frame at the present joint positions: world m, then rad, per rad or m."""
+        where = [state[0] for state in self._bullet.getJointStates(self.body, self._free)]
         zeros = [0.0] * len(where)
         state = self._bullet.getLinkState(self.body, self._links[link])
         linear, angular = self._bullet.calculateJacobian(
             self.body, self._links[link], Pose(state[2], state[3]).inverse().t, where, zeros, zeros
         )
-        columns = [sorted(chain).index(joint) for joint in self._joints]
-        return np.vstack([linear, angular])[:, columns]
+        columns = [self._free.index(joint) for joint in self._joints]
+        return np.asarray(np.vstack([linear, angular])[:, columns] @ self.model.chain.gears)
 
     def camera_pose(self) -> Pose:
         """world_from_camera of the wrist camera's optical frame."""
         return self.link_pose(CAMERA_LINK)
 
+    @property
+    def has_camera(self) -> bool:
+        """Whether it carries a camera at the wrist."""
+        return CAMERA_LINK in self._links
+
     def _within_limits(self, positions: Sequence[float]) -> list[float]:
-        return [min(max(q, low), high) for q, (low, high) in zip(positions, self._limits, strict=True)]
+        chain = self.model.chain
+        cut: list[float] = np.clip(positions, chain.lower, chain.upper).tolist()
+        return cut
 
     def _reset(self, start: Sequence[float]) -> None:
-        for joint, position in zip(self._joints, start, strict=True):
+        for joint, position in zip(self._joints, self.model.chain.all_positions(start), strict=True):
             self._bullet.resetJointState(self.body, joint, position)
-        for finger in self._fingers:
-            self._bullet.resetJointState(self.body, finger, self.widest / 2)
+        for finger, position in zip(self._fingers, self.model.gripper.positions(self.widest).values(), strict=True):
+            self._bullet.resetJointState(self.body, finger, position)
 
     def _drive_joints(self) -> None:
+        chain = self.model.chain
         self._bullet.setJointMotorControlArray(
             self.body,
             self._joints,
             pybullet.POSITION_CONTROL,
-            targetPositions=self._ramp.positions.tolist(),
-            targetVelocities=self._ramp.velocities.tolist(),
+            targetPositions=chain.all_positions(self._ramp.positions).tolist(),
+            targetVelocities=(chain.gears @ self._ramp.velocities).tolist(),
             forces=self._forces,
             positionGains=[_POSITION_GAIN] * len(self._joints),
         )
@@ -199,23 +223,26 @@ class SimulatedArm:
         if wanted == self._fingers_told:
             return
         self._fingers_told = wanted
-        for finger in self._fingers:
+        positions = self.model.gripper.positions(wanted[0])
+        for finger, name in zip(self._fingers, self.model.gripper.names, strict=True):
+            speed, lever = self._finger_limits[name]
             self._bullet.setJointMotorControl2(
                 self.body,
                 finger,
                 pybullet.POSITION_CONTROL,
-                targetPosition=wanted[0] / 2,
-                force=wanted[1],
-                maxVelocity=self._finger_speed,
+                targetPosition=positions[name],
+                force=wanted[1] * lever,
+                maxVelocity=speed,
             )
 
-    def _touched(self, finger: int) -> set[int]:
-        """Bodies that the finger touches."""
-        return {contact[2] for contact in self._bullet.getContactPoints(bodyA=self.body, linkIndexA=finger)}
+    def _touched(self, links: Sequence[int]) -> set[int]:
+        """Bodies that the fingers of a side touch."""
+        points = [self._bullet.getContactPoints(bodyA=self.body, linkIndexA=link) for link in links]
+        return {contact[2] for found in points for contact in found} - {self.body}
 
     def _try_to_hold(self) -> None:
         """Count the steps for which both pads have touched one object; after enough, fix it to the palm."""
-        left, right = map(self._touched, self._fingers)
+        left, right = map(self._touched, self._sides)
         names = [name for body in sorted(left & right) if (name := self._world.name_of(body)) is not None]
         self._touching = self._touching + 1 if names else 0
         if self._touching >= _TOUCH_STEPS:
@@ -239,21 +266,22 @@ class SimulatedArm:
         self._constraint, self._held = constraint, name
 
 
-def _load(bullet: Bullet, model: str) -> int:
-    known = {file.stem: file for file in ETC.glob("robots/*.urdf")}
-    if model not in known:
-        raise ConfigError(f"unknown robot model {model!r}; {suggest(model, known)}")
-    flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-    try:
-        body: int = bullet.loadURDF(str(known[model]), useFixedBase=True, flags=flags)
-    except pybullet.error as error:
-        reason = "the physics engine cannot load it; is a mesh missing?"
-        raise ConfigError(reason, file=str(known[model])) from error
-    return body
+def _given(limit: float, usual: float) -> float:
+    return limit if math.isfinite(limit) else usual
 
 
-TOOL_LINK = "tool_link"
-"""Link of the URDF whose place the error is about."""
+def _finger_limits(model: ArmModel) -> dict[str, tuple[float, float]]:
+    """Speed (rad/s or m/s) of each joint of the fingers, so that all arrive at once, and m of torque for each force."""
+    gripper, joints = model.gripper, {joint.name: joint for joint in model.robot.joints}
+    closed, wide = gripper.positions(0.0), gripper.positions(gripper.widest)
+    ways = {name: abs(wide[name] - closed[name]) for name in gripper.names}
+    seconds = max(way / _given(joints[name].velocity, _USUAL_SPEED) for name, way in ways.items())
+    return {
+        name: (way / seconds, 1.0 if joints[name].kind == "prismatic" else gripper.lever(joints[name]))
+        for name, way in ways.items()
+    }
+
+
 _DAMPING = 1e-3  # m, keeps the joints' errors small near a singularity
 
 
@@ -263,7 +291,7 @@ def displaced(arm: SimulatedArm, translation: Vector3) -> tuple[float, ...]:
     One step of damped least squares with the tool's Jacobian (Buss and Kim 2005): right to first order, that is to
     about 0.6 mm for 15 mm.
     """
-    jacobian = arm.jacobian(TOOL_LINK)
+    jacobian = arm.jacobian(arm.model.tool)
     square = jacobian @ jacobian.T + _DAMPING**2 * np.eye(6)
     change = jacobian.T @ np.linalg.solve(square, np.array([*translation, 0.0, 0.0, 0.0]))
     return tuple((np.array(arm.positions) + change).tolist())

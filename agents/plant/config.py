@@ -18,6 +18,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
 
     scenario: str = ""
     """Path of a scenario file, or the name of a built-in one."""
+    robot: str = ""
+    """Name of a robot in `etc/robots` or path of a URDF file, in place of the scenario's"""
     untagged: bool = False
     """Whether its boxes and cylinders have no tags."""
     sensor: SensorKind = "pixels"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
@@ -26,7 +27,8 @@ from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import STEP, World
-from agents.scenario.format.scenario import CameraSpec, Scenario, start_poses
+from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, start_poses
+from agents.urdf_files import find_robot
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -137,8 +139,7 @@ class Reality:
             resources.callback(self._renderer.close)
         self.world = World(bullet, scenario.table, start_poses(scenario, layout))
         self.world.settle()
-        robot = scenario.robot
-        self.arm = SimulatedArm(self.world, robot.model, robot.start) if robot.exists else NoArm()
+        self.arm = _make_arm(self.world, scenario.robot, config) if scenario.robot.exists else NoArm()
         self._guard = ArmGuard(self.arm, config.deadman, STEP) if isinstance(self.arm, SimulatedArm) else None
         cameras = self._make_cameras(scenario, config, {"overhead": overhead, "wrist": wrist, "fixed": fixed})
         self.camera = cameras[scenario.camera_name]
@@ -160,7 +161,7 @@ class Reality:
         ideal = Intrinsics.from_fov(config.width, config.height, config.fov)
         intrinsics = replace(ideal, distortion=config.distortion)
         mounts: dict[str, Callable[[], Pose]] = {"overhead": lambda: overhead}
-        if isinstance(self.arm, SimulatedArm):
+        if isinstance(self.arm, SimulatedArm) and self.arm.has_camera:
             mounts["wrist"] = self.arm.camera_pose
         if isinstance(scenario.camera, CameraSpec):
             fixed = scenario.camera.pose
@@ -169,6 +170,14 @@ class Reality:
             name: SimulatedCamera(name, intrinsics, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
             for name, mount in mounts.items()
         }
+
+
+def _make_arm(world: World, robot: RobotSpec, config: PlantConfig) -> SimulatedArm:
+    """The arm of the scenario, or the one that the configuration names, which begins at its home posture."""
+    if config.robot:
+        return SimulatedArm(world, find_robot(config.robot, Path()), base=robot.base)
+    folder = Path(config.scenario).parent
+    return SimulatedArm(world, find_robot(robot.model, folder), robot.chosen_start, robot.base)
 
 
 def _points(points: NDArray[np.float64]) -> tuple[Point, ...]:

@@ -166,6 +166,9 @@ def run(
     policy: Annotated[
         PolicyChoice | None, typer.Option(help="How surprises are explained, or `published`; default: the system's.")
     ] = None,
+    robot: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="An arm of `etc/robots`, or a URDF file, in place of its own.")
+    ] = "",
     hands: Hands = None,
     untagged: UntaggedOption = False,
     view: View = None,
@@ -186,6 +189,7 @@ def run(
     options = {
         "seed": seed,
         "sensor": sensor.value,
+        "robot": robot,
         "policy": policy and policy.value,
         "hands": hands and hands.value,
         "untagged": untagged,

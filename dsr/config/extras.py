@@ -21,6 +21,7 @@ EXTRAS = {
     "pyrealsense2": "realsense",
     "rosbags": "ros", "xxhash": "ros",
     "cyclonedds": "ros-dds",
+    "xacrodoc": "xacro",
 }  # fmt: skip
 """The extra that brings each optional module."""
 

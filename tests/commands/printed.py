@@ -280,6 +280,8 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "ros list": _ros_list,
     "drivers list": _call("drivers", "list"),
     "hands try": _hands_try,
+    "robots list": _call("robots", "list"),
+    "robots check": _call("robots", "check", "open_manipulator_p"),
     "soak": _soak,
 }
 """Commands by what one types after `dsr`, with how to have them print."""

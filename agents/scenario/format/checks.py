@@ -48,7 +48,7 @@ from agents.scenario.format.mentions import (
     check_plans,
     check_reach,
 )
-from agents.scenario.format.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
+from agents.scenario.format.model import GEN3, CameraSpec, ObjectSpec, RobotSpec, Scenario
 from agents.scenario.format.motion import check_change, check_motion
 from agents.scenario.format.naming import GROUND, of_own_system, taken_names
 from dsr.config.toml_lines import Path
@@ -99,7 +99,7 @@ def _found(checks: Iterable[Callable[[], None]]) -> list[InconsistencyError]:
 
 
 def _check_robot(scenario: Scenario, etc: FilePath | None) -> None:
-    if etc is not None and scenario.robot.exists:
+    if etc is not None and scenario.robot.exists and not FilePath(scenario.robot.model).suffix:
         _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
 
 
@@ -154,9 +154,7 @@ def _check_settings(scenario: Scenario) -> None:
     low, high = scenario.sensor.depth_bias
     require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
     model, start, default = scenario.robot.model, scenario.robot.start, RobotSpec().start
-    needs_start = model not in ("gen3", NO_ROBOT) and start == default
-    require(not needs_start, ("robot",), f"robot {model!r} needs `start`: its joint positions in rad")
-    fits = model != "gen3" or len(start) == len(default)
+    fits = model != GEN3 or len(start) == len(default)
     require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
 
 

@@ -68,7 +68,7 @@ def _surroundings(scenario: Scenario, robots: FilePath | None) -> Iterator[tuple
     yield from (("the table", TABLE), ("the floor", FLOOR), ("tags and all that is grey", GREY))
     if any(getattr(event, "hand", None) is not None for event in scenario.events):
         yield from (("hands", SKIN), ("sleeves", SLEEVE))
-    if robots is not None and scenario.robot.exists:
+    if robots is not None and scenario.robot.exists and not FilePath(scenario.robot.model).suffix:
         file = robots / f"{scenario.robot.model}.urdf"
         for color in parse_urdf(read_urdf(file), str(file), _robot_colors):
             yield "the arm", color

@@ -16,6 +16,8 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose, looking_at
 from dsr.vocabulary import tags
 
+GEN3 = "gen3"
+"""The model of the robot of most scenarios."""
 NO_ROBOT = "none"
 """The model of a robot that is not there."""
 
@@ -31,10 +33,24 @@ class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class RobotSpec(Section, frozen=True, kw_only=True):
     """The arm."""
 
-    model: str = "gen3"
-    """`etc/robots/<model>.urdf`; `"none"`: there is no arm"""
+    model: str = GEN3
+    """`etc/robots/<model>.urdf`, or the path of a URDF file beside the scenario file; `"none"`: there is no arm"""
     start: tuple[Radians, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.1, 1.5708)
-    """rad, joint positions at the start; default: the observe pose of the Gen3"""
+    """rad, joint positions at the start; default: the observe pose of the Gen3, and the home posture of other models"""
+    position: Vector3 = (0.0, 0.0, 0.0)
+    """m, of the foot of the arm, world"""
+    yaw: Radians = 0.0
+    """rad, by which the arm is turned about the vertical"""
+
+    @property
+    def chosen_start(self) -> tuple[float, ...]:
+        """Joint positions (rad) at the start; empty for the home posture of the model."""
+        return () if self.model != GEN3 and self.start == RobotSpec().start else self.start
+
+    @property
+    def base(self) -> Pose:
+        """world_from_base"""
+        return Pose.from_rotvec(self.position, (0.0, 0.0, self.yaw))
 
     @property
     def exists(self) -> bool:

@@ -7,9 +7,11 @@ from typing import Any, Literal
 
 import msgspec
 
+from agents.arm_controller.arm_model import load_arm
 from agents.scenario.format.events import Kill
-from agents.scenario.format.model import Scenario
+from agents.scenario.format.model import RobotSpec, Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
+from agents.urdf_files import find_robot
 from dsr.config.extras import check_installed
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
@@ -26,6 +28,8 @@ HandFinder = Literal["model", "colour"]
 """Find hands in images by the real model, or by the colour of skin."""
 PLANT = "plant"
 """Name of the agent that plays the simulated reality."""
+ARM = "arm_controller"
+"""Name of the agent that moves the arm."""
 ESTIMATOR = "scene_estimator"
 """Name of the agent that recognises objects."""
 MISSION = "mission"
@@ -42,6 +46,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """The scenario's file; agents read it again."""
     seed: int = 0
     sensor: Sensor = "pixels"
+    robot: str = ""
+    """Name of a robot in `etc/robots`, or path of a URDF file, in place of the scenario's."""
     policy: Policy | None = None
     """Name of the method that explains surprises; None for the simulation handler's own choice."""
     hands: HandFinder | None = None
@@ -86,6 +92,8 @@ def staged_system(run: Run) -> System:
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)
+    if ARM in _names(system) and (run.robot or _is_other_robot(run.scenario.robot)):
+        system = _with_robot(system, run)
     system = system.apart(*_names(system).intersection(_killed(run.scenario)))
     _check_hands(run, system)
     if "recorder" in _names(system):
@@ -132,13 +140,43 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
             else {}
         ),
         **({ESTIMATOR: {"blocks": True}} if run.untagged else {}),
-        PLANT: {"scenario": str(run.file), "sensor": run.sensor, "untagged": run.untagged},
+        PLANT: {"scenario": str(run.file), "sensor": run.sensor, "untagged": run.untagged, "robot": _robot_file(run)},
         HAND_TRACKER: {} if run.hands is None else {"finder": run.hands},
         "scene_setup": {"scenario": str(run.file), "untagged": run.untagged},
         "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
         "viewer": {"folder": folder, "spawn": run.window, "awaits_start": True},
     }
+
+
+def _is_other_robot(robot: RobotSpec) -> bool:
+    """Whether the scenario has another arm than the systems that come along, or has it elsewhere."""
+    plain = RobotSpec()
+    return robot.exists and (robot.model, robot.position, robot.yaw) != (plain.model, plain.position, plain.yaw)
+
+
+def _robot_file(run: Run) -> str:
+    """The file of the robot that takes the place of the scenario's; empty for none. Raises `ConfigError`."""
+    return str(find_robot(run.robot, Path()).resolve()) if run.robot else ""
+
+
+def _with_robot(system: System, run: Run) -> System:
+    """The system whose arm controller knows the description and place of the arm that the plant has.
+
+    Links, home posture and fingers are those of the description; a camera on a link that it lacks is not there.
+    """
+    robot = run.scenario.robot
+    file = Path(_robot_file(run)) if run.robot else find_robot(robot.model, run.file.parent).resolve()
+    links = load_arm(file).robot.parents
+    cameras = system.agent(ARM).config.get("cameras", {})
+    return system.with_config(
+        ARM,
+        urdf=str(file),
+        mount={"translation": robot.position, "rotation": robot.base.q},
+        observe_joints=(),
+        posture=(),
+        cameras={name: camera for name, camera in cameras.items() if camera.get("link", "") in ("", *links)},
+    )
 
 
 def _policy_settings(policy: Policy | None) -> dict[str, dict[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.arm_model import arm_model, load_arm
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
@@ -23,10 +23,7 @@ OPEN = Load(0.085)
 
 @pytest.fixture(scope="module")
 def figure() -> Figure:
-    robot = load_robot(GEN3)
-    return Figure(
-        robot, JointChain(robot.between("base_link", "tool_link")), "base_link", "end_effector_link", "tool_link"
-    )
+    return Figure(arm_model(load_robot(GEN3)))
 
 
 def test_fingers_are_beside_the_tool_point_at_their_opening(figure: Figure, tool: JointChain) -> None:
@@ -47,7 +44,7 @@ def test_what_is_held_moves_with_the_tool(figure: Figure, tool: JointChain) -> N
 
 def test_a_folded_arm_meets_itself_and_a_usual_one_does_not(figure: Figure) -> None:
     folded = (0.0, 2.2, 0.0, 2.57, 0.0, 2.09, 0.0)
-    rows = np.array([HOME, ArmControllerConfig().observe_joints, folded])
+    rows = np.array([HOME, load_arm(GEN3).home, folded])
     assert figure.meets_itself(figure.boxes(rows, 0.085), 0.0).tolist() == [False, False, True]
     free = Obstacles(figure, [], Pose.identity())
     assert free.blocking(np.linspace(HOME, folded, 40), OPEN, 0) == ITSELF
@@ -80,7 +77,7 @@ def test_things_are_where_the_arm_stands(figure: Figure, tool: JointChain) -> No
 
 def test_at_the_observe_pose_the_overhead_camera_sees_the_whole_table(figure: Figure) -> None:
     """Rays from the camera to everything up to 0.25 m above the place where things are put."""
-    boxes = figure.boxes(np.array([ArmControllerConfig().observe_joints]), 0.085)
+    boxes = figure.boxes(np.array([load_arm(GEN3).home]), 0.085)
     grid = np.meshgrid(np.linspace(0.15, 0.55, 17), np.linspace(-0.25, 0.25, 21), np.linspace(0.0, 0.25, 6))
     assert not hidden(boxes, np.stack([part.ravel() for part in grid], axis=1)).any()
     above_table = figure.boxes(np.array([(0.0, 0.9, np.pi, -1.86, 0.0, -1.75, np.pi / 2)]), 0.085)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agents.arm_controller.arm_model import arm_model
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.grasps import LEAST_HOLD, Grasp, GraspError, grasps
-from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import GRIPPER_MARGIN
 from agents.arm_controller.room import Room
 from agents.arm_controller.scene import Obstacle
@@ -22,10 +22,7 @@ WIDEST = 0.085
 
 @pytest.fixture(scope="module")
 def figure() -> Figure:
-    robot = load_robot(GEN3)
-    return Figure(
-        robot, JointChain(robot.between("base_link", "tool_link")), "base_link", "end_effector_link", "tool_link"
-    )
+    return Figure(arm_model(load_robot(GEN3)))
 
 
 def box(wide: float, high: float, *, sunk: float = 0.0, deep: float | None = None) -> Obstacle:

@@ -12,6 +12,7 @@ import pytest
 
 from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.urdf import load_robot, parse_robot
+from dsr.errors import ConfigError
 from dsr.math3d import transforms
 from dsr.math3d.transforms import Pose
 
@@ -34,6 +35,19 @@ GANTRY = b"""<robot name="gantry"><link name="base"/><link name="x"/><link name=
   <joint name="flange" type="fixed"><parent link="c"/><child link="tip"/><origin xyz="0.1 0 0" rpy="0 1 0"/></joint>
 </robot>"""
 
+PALLETISER = b"""<robot name="palletiser"><link name="base"/><link name="turret"/><link name="lower"/>
+  <link name="upper"/>
+  <link name="level"/><link name="tip"/>
+  <joint name="yaw" type="continuous"><parent link="base"/><child link="turret"/><axis xyz="0 0 1"/></joint>
+  <joint name="lean" type="revolute"><parent link="turret"/><child link="lower"/><origin xyz="0.1 0 0.3"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="2"/></joint>
+  <joint name="reach" type="revolute"><parent link="lower"/><child link="upper"/><origin xyz="0 0 0.5"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2"/><mimic joint="lean" multiplier="-1.5" offset="0.4"/></joint>
+  <joint name="wrist" type="continuous"><parent link="upper"/><child link="level"/><origin xyz="0.6 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="flange" type="fixed"><parent link="level"/><child link="tip"/><origin xyz="0.1 0 0"/></joint>
+</robot>"""
+
 
 def panda() -> JointChain:
     package = find_spec("pybullet_data")
@@ -46,6 +60,7 @@ def panda() -> JointChain:
 CHAINS = {
     "gen3": lambda: JointChain(load_robot(ETC / "robots" / "gen3.urdf").between("base_link", "tool_link")),
     "gantry": lambda: JointChain(parse_robot(GANTRY).between("base", "tip")),
+    "palletiser": lambda: JointChain(parse_robot(PALLETISER).between("base", "tip")),
     "panda": panda,
 }
 
@@ -91,6 +106,21 @@ def test_forward_is_the_product_of_the_joints() -> None:
     for joint in joints:
         product = product @ joint.pose(q.get(joint.name, 0.0))
     assert gen3("tool_link").forward(list(q.values())).distance(product) == pytest.approx((0, 0), abs=1e-7)
+
+
+def test_a_joint_that_mimics_another_moves_with_it_and_within_both_limits() -> None:
+    chain = CHAINS["palletiser"]()
+    assert chain.names == ("yaw", "lean", "wrist")
+    assert chain.all_positions((0.0, 0.2, 0.0)) == pytest.approx((0.0, 0.2, 0.1, 0.0))
+    assert (chain.lower[1], chain.upper[1]) == pytest.approx((-1.0, 1.6))
+    with pytest.raises(ConfigError, match="'reach' mimics 'lean', which is no joint on the way"):
+        JointChain(parse_robot(PALLETISER).between("lower", "tip"))
+
+
+@pytest.mark.parametrize("master", ["wrist2", "reach", "flange"])
+def test_a_joint_mimics_one_that_moves_by_itself(master: str) -> None:
+    with pytest.raises(ConfigError, match="'reach' mimics"):
+        parse_robot(PALLETISER.replace(b'mimic joint="lean"', f'mimic joint="{master}"'.encode()))
 
 
 def rng(seed: int = 0) -> np.random.Generator:

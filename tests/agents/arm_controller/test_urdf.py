@@ -7,9 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
+import trimesh
 
+from agents.arm_controller.arm_model import arm_model
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
@@ -87,10 +88,6 @@ def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
     assert [box.half for box in palm] == [(0.0375, 0.0375, 0.03), (0.0625, 0.015, 0.01)]
     assert len(robot.rigid("link_7")) == len(robot.boxes["link_7"]) + len(palm)
     assert len(robot.rigid("link_7", without="end_effector_link")) == len(robot.boxes["link_7"])
-    assert robot.stroke("end_effector_link") == 0.085 and robot.stroke("base_link") == 0.085
-    assert bounds(robot.fingers("end_effector_link", 0.04)) == pytest.approx(
-        (-0.036, -0.011, 0.08, 0.036, 0.011, 0.135)
-    )
     assert bounds(()) is None
 
 
@@ -133,15 +130,58 @@ def test_macros_are_not_passed_over() -> None:
         parse_robot(text, "arm.urdf")
 
 
+MACROS = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:include filename="beside.xacro"/><xacro:include filename="$(find parts)/links.xacro"/>
+  <xacro:arg name="length" default="0.2"/><link name="base"/>
+  <xacro:bar name="bar" parent="base" length="${2 * $(arg length)}"/>{}</robot>"""
+BAR = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="bar" params="name parent length">
+  <link name="${name}"><collision><geometry><mesh filename="package://parts/bar.stl" scale="${length} 1 1"/></geometry>
+  </collision></link><joint name="${name}_joint" type="continuous"><parent link="${parent}"/><child link="${name}"/>
+  </joint></xacro:macro></robot>"""
+
+
+@pytest.fixture
+def macros(tmp_path: Path) -> Path:
+    """A description that includes a file beside it, and one of a package with a mesh."""
+    (tmp_path / "arm" / "urdf").mkdir(parents=True)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "links.xacro").write_text(BAR)
+    trimesh.creation.box((1.0, 0.1, 0.1)).export(tmp_path / "parts" / "bar.stl")
+    (tmp_path / "arm" / "urdf" / "beside.xacro").write_text("<robot/>")
+    file = tmp_path / "arm" / "urdf" / "arm.urdf.xacro"
+    file.write_text(MACROS.replace("{}", ""))
+    return file
+
+
+def test_macros_are_expanded_with_their_packages(macros: Path) -> None:
+    robot = load_robot(macros)
+    assert [joint.name for joint in robot.joints] == ["bar_joint"]
+    assert sorted(robot.boxes["bar"][0].size) == pytest.approx((0.1, 0.1, 0.4))
+
+
+@pytest.mark.parametrize(
+    ("macro", "reason"),
+    [
+        ('<xacro:include filename="$(find gone)/a.xacro"/>', "cannot be expanded: there is no package 'gone'"),
+        ("<xacro:gone/>", "its macros cannot be expanded: .*gone"),
+        ('<link name="${1 / 0}"/>', "its macros cannot be expanded: .*division by zero"),
+    ],
+)
+def test_macros_that_cannot_be_expanded_are_an_error(macro: str, reason: str, macros: Path) -> None:
+    macros.write_text(MACROS.replace("{}", macro))
+    with pytest.raises(ConfigError, match=reason) as error:
+        load_robot(macros)
+    assert str(error.value).startswith(str(macros))
+
+
 def test_a_shape_that_hangs_beside_the_arm_is_refused() -> None:
-    """Such as a knuckle that turns on the gripper, or a second arm: the planner would not know where it is."""
+    """Such as a second arm: the planner would not know where it is."""
     added = b"""<link name="knuckle"><collision><geometry><sphere radius="0.01"/></geometry></collision></link>
-      <joint name="bend" type="revolute"><parent link="end_effector_link"/><child link="knuckle"/>
+      <joint name="bend" type="revolute"><parent link="link_3"/><child link="knuckle"/>
       <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1"/></joint></robot>"""
     robot = parse_robot(GEN3.read_bytes().replace(b"</robot>", added))
-    chain = JointChain(robot.between("base_link", "tool_link"))
     with pytest.raises(ConfigError, match="link 'knuckle' has a collision shape, but is neither a part of the arm"):
-        Figure(robot, chain, "base_link", "end_effector_link", "tool_link")
+        Figure(arm_model(robot, palm="end_effector_link"))
 
 
 def test_endless_rows_of_links_are_refused() -> None:

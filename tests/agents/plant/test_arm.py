@@ -13,6 +13,7 @@ from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, RobotSpec
 from dsr.errors import ConfigError
+from dsr.files.built_in import ETC
 from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]
@@ -152,12 +153,11 @@ def test_closing_on_nothing_holds_nothing(make_reality: MakeReality, play: Play)
     assert reality.arm.opening == pytest.approx(0.0, abs=1e-3)
 
 
-def test_unknown_model_and_wrong_start_are_refused(make_world: Callable[..., World]) -> None:
-    world = make_world()
-    with pytest.raises(ConfigError, match=r"unknown robot model 'gen4'; valid: gen3"):
-        SimulatedArm(world, "gen4", ABOVE)
-    with pytest.raises(ConfigError, match="has 7 joints and 2 fingers; expected 6 joints"):
-        SimulatedArm(world, "gen3", ABOVE[:6])
+def test_unknown_model_and_wrong_start_are_refused(make_reality: MakeReality, make_world: Callable[..., World]) -> None:
+    with pytest.raises(ConfigError, match=r"unknown robot model 'gen4'; valid: gen3, .*, or the path of"):
+        make_reality(robot=RobotSpec(model="gen4"))
+    with pytest.raises(ConfigError, match="has 7 joints and fingers on 2 sides; expected 6 joints"):
+        SimulatedArm(make_world(), ETC / "robots" / "gen3.urdf", ABOVE[:6])
 
 
 def test_wrist_camera_moves_with_the_arm(make_reality: MakeReality, play: Play) -> None:
