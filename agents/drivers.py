@@ -251,6 +251,10 @@ class CameraEntry(msgspec.Struct, frozen=True):
     """Whether its pictures come over the network of a running graph"""
 
 
+class ArmEntry(CameraEntry, frozen=True):
+    """What `dsr drivers` knows of a driver of arms: `driver` is an `ArmDriver`, and `gives` joints."""
+
+
 def camera_entry(name: str) -> CameraEntry:
     """The entry of the driver of that name. Raises `ConfigError` if there is none."""
     entry = load(DRIVERS, name, "driver")

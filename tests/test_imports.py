@@ -26,7 +26,8 @@ ONE_PLACE = {
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
     "pyrealsense2": ("agents/cameras/realsense.py",),
-    "ruckig": ("agents/plant/ramp.py",),
+    "dynamixel_sdk": ("agents/dynamixel/servos.py",),
+    "ruckig": ("agents/joint_ramp.py",),
     "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
@@ -41,6 +42,7 @@ SHARED_BY_AGENTS = (
     "agents.hand_tracker.config",
     "agents.hand_tracker.model.loading",
     "agents.inbox",
+    "agents.joint_ramp",
     "agents.intrinsics_file",
     "agents.object_models",
     "agents.pairing",

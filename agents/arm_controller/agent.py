@@ -39,7 +39,7 @@ START_UP = 10.0
 """s that the device may take until its first sample."""
 SILENCE = 0.5
 """s without a new sample after which the driver of a slow device counts as gone, too"""
-SLOWER = 1.5
+SLOWER = 1.4
 """Share of the longest interval between samples of late that a silence may last: a robot at 20 Hz is not gone"""
 LATE = 0.02
 """s, all that one tick can add to a silence: several ticks find no sample before the driver counts as gone. Where this

@@ -1,4 +1,4 @@
-"""The command `dsr drivers`: which cameras can be used here, and whether one works."""
+"""The command `dsr drivers`: which cameras and arms can be used here, and whether one works."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import msgspec
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from agents.cameras.arm_trial import STEP, ArmFindings, ArmTrial
 from agents.cameras.trial import CameraFindings, Trial, picture_of
-from agents.drivers import CameraDriver, CameraEntry, camera_entry, make_driver
+from agents.drivers import ArmDriver, ArmEntry, CameraDriver, CameraEntry, camera_entry, make_driver
 from dsr.cli.common import (
     GraphOption,
     JsonOption,
@@ -47,14 +48,18 @@ _PERIOD = 0.004
 """s between two looks at a camera: no picture of one at 200 Hz is missed"""
 _WATCHED = 5.0
 """s for which a camera is watched where nobody sees it live: a hundred pictures, and one attempt to open it again"""
+_READ = 2.0
+"""s for which the joints of an arm are read: a hundred samples at 50 Hz"""
 _PICTURES = (".png", ".jpg", ".jpeg")
 
-app = typer.Typer(name="drivers", no_args_is_help=True, help="Cameras: which can be used here, and whether one works.")
+_HELP = "Cameras and arms: which can be used here, and whether one works."
+
+app = typer.Typer(name="drivers", no_args_is_help=True, help=_HELP)
 
 
 @app.callback()
 def drivers() -> None:
-    """Cameras: which can be used here, and whether one works."""
+    """Cameras and arms: which can be used here, and whether one works."""
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -71,7 +76,7 @@ class Row(msgspec.Struct, frozen=True):
 
 @app.command("list")
 def list_drivers(as_json: JsonOption = False) -> None:
-    """List the drivers of cameras: what each needs, and what of that is missing here.
+    """List the drivers of cameras and arms: what each needs, and what of that is missing here.
 
     Packages add drivers of their own in the entry point group dsr.drivers. Try one: dsr drivers try NAME
     """
@@ -104,17 +109,24 @@ def try_driver(
     view: Annotated[
         bool | None, typer.Option("--view/--no-view", help="Show it live; default: if there is a display.")
     ] = None,
+    move: Annotated[
+        bool, typer.Option("--move", help="Of an arm: also move each joint a little and back; asks before.")
+    ] = False,
     graph: GraphOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Try a camera: show it live, and tell rates, resolution, depth, intrinsics and what is missing.
+    """Try a camera: show it live, and tell rates, resolution, depth, intrinsics and what is missing. Or try an arm:
+    read its joints without moving it.
 
-    No graph needs to run, but for pictures that come over one (plant). The exit code is 1 if no picture comes.
+    No graph needs to run, but for pictures that come over one (plant). The exit code is 1 if no picture comes, or if
+    something is wrong with the arm.
 
     For example: dsr drivers try webcam device=2 fov=60
     """
     entry = None if ":" in name else camera_entry(name)
     given = dict(map(_option, options or ()))
+    if move and entry is not None and not isinstance(entry, ArmEntry):
+        raise ConfigError(f"--move: {name!r} is no arm")
     if save is not None:
         check_installed(["cv2"], "--save")
         if save.suffix.lower() not in _PICTURES:
@@ -126,8 +138,11 @@ def try_driver(
     stop = threading.Event()
     with contextlib.ExitStack() as resources:
         bus, keys = resources.enter_context(_network(entry, graph))
-        driver: CameraDriver = make_driver(name, bus, keys, **given)
+        driver: Any = make_driver(name, bus, keys, **given)
         resources.enter_context(closing(driver))
+        if isinstance(entry, ArmEntry) or hasattr(driver, "move_joints"):
+            resources.enter_context(set_on_signals(stop))
+            _try_arm(name, driver, stop, seconds or _READ, move, as_json)
         window = resources.enter_context(_window(name)) if live else None
         resources.enter_context(set_on_signals(stop))
         for_people(as_json).print(f"watching {shown(name)}; Ctrl-C ends it")
@@ -181,6 +196,40 @@ def _window(name: str) -> Any:
     from agents.viewer.camera_window import CameraWindow
 
     return CameraWindow(name)
+
+
+def _try_arm(
+    name: str, driver: ArmDriver, stop: threading.Event, seconds: float, move: bool, as_json: bool
+) -> NoReturn:
+    """Read the joints of an arm, move it if that is wanted and allowed, and tell. Ends the command."""
+    people, trial = for_people(as_json), ArmTrial(driver)
+    people.print(f"reading {shown(name)}; Ctrl-C ends it")
+    trial.watch(seconds, stop)
+    if move and trial.findings().samples:
+        question = f"each joint will move by {STEP} rad and back, one after the other; is there room?"
+        if typer.confirm(question, err=as_json):
+            trial.move(stop)
+    findings = trial.findings()
+    if as_json:
+        print_json(findings)
+    else:
+        _show_arm(findings)
+    raise typer.Exit(0 if findings.is_good else 1)
+
+
+def _show_arm(found: ArmFindings) -> None:
+    if not found.samples:
+        console.print(f"[bold red]no sample came[/]: {shown(found.trouble) or 'nothing was said'}", soft_wrap=True)
+        return
+    rate = "" if found.rate_hz is None else f", {found.rate_hz:.1f} a second"
+    console.print(f"samples     {found.samples}{rate}", highlight=False)
+    for joint, position in found.positions.items():
+        moved = f", moved, and was {found.moved[joint]:.4f} rad off" if joint in found.moved else ""
+        console.print(f"joint       {shown(joint)} at {position:.4f} rad{moved}", highlight=False, soft_wrap=True)
+    counts = ", ".join(f"{what} {number}" for what, number in sorted(found.counts.items()))
+    console.print(f"counted     {shown(counts) or 'nothing went wrong'}", highlight=False, soft_wrap=True)
+    if found.trouble:
+        console.print(f"[yellow]![/] {shown(found.trouble)}", soft_wrap=True)
 
 
 def _watch(driver: CameraDriver, window: Any, stop: threading.Event, seconds: float | None) -> Trial:

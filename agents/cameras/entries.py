@@ -8,7 +8,7 @@ import sys
 
 from agents.cameras.realsense import what_is_missing
 from agents.cameras.webcam import NO_PERMISSION, devices
-from agents.drivers import CameraEntry
+from agents.drivers import ArmEntry, CameraEntry
 from dsr.config.extras import missing_extra
 
 
@@ -71,6 +71,24 @@ BAG = CameraEntry(
     missing=lambda: absent("rosbags", "xxhash", "cv2"),
     extra="ros",
     example=("bag=my_bag",),
+)
+DYNAMIXEL = ArmEntry(
+    driver="agents.dynamixel:DynamixelArm",
+    what="an arm of Dynamixel servos (protocol 2.0)",
+    gives="joints",
+    needs="the serial line to the servos",
+    missing=lambda: absent("dynamixel_sdk", "ruckig"),
+    extra="dynamixel",
+    example=("port=/dev/ttyUSB0", 'joints=["joint1","joint2"]'),
+)
+ROS_ARM = ArmEntry(
+    driver="agents.ros_bridge:RosArm",
+    what="an arm of a robot that speaks ROS 2",
+    gives="joints",
+    needs="JointState, a FollowJointTrajectory controller, and the router of rmw_zenoh",
+    missing=lambda: absent("rosbags", "xxhash"),
+    extra="ros",
+    example=('joints=["joint_1","joint_2"]',),
 )
 RECORDING = CameraEntry(
     driver="agents.cameras:RecordedCamera",

@@ -224,4 +224,5 @@ def in_world(hand: SeenHand, world_from_camera: Pose, stamp: float) -> SeenHand:
     tips = {finger: world_from_camera.apply(tip[None])[0] for finger, tip in hand.tips.items()}
     turn = world_from_camera.rotation_matrix
     covariance = None if hand.turn_covariance is None else turn @ hand.turn_covariance @ turn.T
-    return hand._replace(palm=palm, tips=tips, turn_covariance=covariance)
+    outlined = tuple(tip._replace(point=world_from_camera.apply(tip.point[None])[0]) for tip in hand.outlined)
+    return hand._replace(palm=palm, tips=tips, turn_covariance=covariance, outlined=outlined)

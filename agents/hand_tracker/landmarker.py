@@ -1,4 +1,8 @@
-"""The real model as a finder of hands: its landmarks in the image, made points in space by the depth image."""
+"""The real model as a finder of hands: its landmarks in the image, made points in space by the depth image.
+
+The model guesses where hidden fingertips are, and depth there is that of the hand before them. So fingertips that the
+outline of the skin shows near the model's are told beside these.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,8 @@ from agents.frame_images import Depth
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
 from agents.hand_tracker.model.found import FoundHand, Landmarker
-from agents.hand_tracker.sighting import LANDMARKS, TIPS, SeenHand, Side, Source, hand_of_landmarks
+from agents.hand_tracker.sighting import LANDMARKS, TIPS, OutlinedTip, SeenHand, Side, Source, hand_of_landmarks
+from agents.hand_tracker.skin import SkinFinder
 from dsr.images.blobs import Frame
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -19,6 +24,10 @@ SIGMA = 0.005
 """m, standard deviation of each coordinate of a landmark with depth"""
 _MOST_OFF = 0.03
 """m, how far the depth at a landmark may be from where the hand's shape says, for it to be that landmark's."""
+_WRIST, _MIDDLE_KNUCKLE = 0, 9
+"""Landmarks between which the palm's length is measured"""
+_SAME_TIP = 0.5
+"""Of the palm's length in the image, how far a fingertip of the outline may be from all that the model has: 45 mm"""
 
 
 class ModelFinder:
@@ -34,18 +43,23 @@ class ModelFinder:
     def __init__(self, config: HandTrackerConfig, landmarker: Landmarker) -> None:
         self._config = config
         self._landmarker = landmarker
+        self._skin = SkinFinder(config)
         self._milliseconds = -1
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
-        """The hands in a frame; `table` is not needed. Raises `WireError` for an unusable frame, or `FAILURES`."""
+        """The hands in a frame; the `table` keeps its wood from being skin. Raises `WireError`, or `FAILURES`."""
         color, depth, intrinsics = images_with_depth(frame)
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         found = []
-        for hand in self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds):
+        hands = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
+        outlined = [tip for hand in self._skin.find(frame, table) for tip in hand.tips.values()] if hands else []
+        for hand in hands:
             pixels = hand.landmarks[:, :2] - 0.5
             points, seen = self._in_space(pixels, hand.shape, depth, intrinsics)
             there = hand_of_landmarks(points, seen, self._side(hand), SIGMA)
-            found += [] if there is None else [there]
+            if there is not None:
+                tips = _outlined(np.array(outlined), intrinsics, pixels) if outlined else ()
+                found.append(there._replace(outlined=tips))
         return found
 
     def close(self) -> None:
@@ -89,3 +103,11 @@ class ModelFinder:
         in_image = np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).sum()
         in_space = np.linalg.norm(shape[:, :2] - shape[:, :2].mean(axis=0), axis=1).sum()
         return float(in_image / max(in_space, 1e-6))
+
+
+def _outlined(tips: Array, intrinsics: Intrinsics, pixels: Array) -> tuple[OutlinedTip, ...]:
+    """Those of the outline's fingertips (n, 3) m that are near a fingertip of the landmarks at `pixels` (21, 2)."""
+    most = _SAME_TIP * float(np.linalg.norm(pixels[_MIDDLE_KNUCKLE] - pixels[_WRIST]))
+    apart = np.linalg.norm(intrinsics.project(tips)[:, None] - pixels[None, list(TIPS)], axis=2)
+    across = apart * (tips[:, 2:] / intrinsics.fx)
+    return tuple(OutlinedTip(tip, away) for tip, away, px in zip(tips, across, apart, strict=True) if px.min() <= most)

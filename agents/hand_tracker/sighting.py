@@ -34,6 +34,15 @@ _LEAST_SPREAD = 1e-4  # m, below which landmarks do not tell an orientation
 _MOST_TURN = 1.0  # rad, standard deviation of a rotation of which nothing is known
 
 
+class OutlinedTip(NamedTuple):
+    """A fingertip that the outline of a hand shows, without the name of its finger."""
+
+    point: Array
+    """(3,) m, its centre"""
+    across: Array
+    """(5,) m, how far across the view it is from each finger's tip as the landmarks have it"""
+
+
 class SeenHand(NamedTuple):
     """One hand in one frame, in the camera's optical frame."""
 
@@ -51,6 +60,8 @@ class SeenHand(NamedTuple):
     """m, standard deviation of each coordinate of the palm's centre, where that is more than landmarks would give it"""
     is_whole: bool = True
     """Whether this is a hand for certain, not perhaps a part of one that something cuts in two."""
+    outlined: tuple[OutlinedTip, ...] = ()
+    """Fingertips that were seen beside the labelled ones, and better: some of these may be hidden, and guessed"""
 
 
 class Finder(Protocol):

@@ -112,6 +112,10 @@ class Fingertip:
         """s"""
         self.in_palm: Array = palm.inverse().apply(filter_.point[None])[0]
         """(3,) m, where it was when it was last seen"""
+        self.outlined: Array = filter_.point
+        """(3,) m, where it was when the outline of the hand last showed it"""
+        self.outlined_at = -math.inf
+        """s, when that was"""
 
 
 class HandTrack:
@@ -169,8 +173,14 @@ class HandTrack:
         self.source, self.sigma, self.palm_sigma = source, hand.sigma, hand.palm_sigma
         if hand.side != "unknown":
             self.side = hand.side
-        tips = hand.tips if hand.is_labelled else self._labelled(hand)
-        self._update_tips(tips, stamp)
+        if not hand.is_labelled:
+            self._update_tips(self._labelled(hand), stamp)
+            return
+        outlined = self._outlined(hand)
+        is_outlined = any(self._was_outlined(finger, stamp) for finger in self.tips)
+        self._update_tips(outlined if outlined or is_outlined else hand.tips, stamp)
+        for finger, point in outlined.items():
+            self.tips[finger].outlined, self.tips[finger].outlined_at = point, stamp
 
     def _update_turn(self, hand: SeenHand) -> None:
         """Take in how the palm is turned; the first sight that tells anything of that is not smoothed with guesses."""
@@ -196,6 +206,24 @@ class HandTrack:
                 known.filter.shift(palm.apply(known.in_palm[None])[0], stamp)
             if stamp - known.last_seen > self._config.finger_retention:
                 del self.tips[finger]
+
+    def _outlined(self, hand: SeenHand) -> dict[int, Array]:
+        """The fingers of the outline's fingertips: those that were there before, or to which the landmarks are near."""
+        if not hand.outlined:
+            return {}
+        points, stamp = np.array([tip.point for tip in hand.outlined]), hand.palm.stamp
+        distances = np.array([tip.across for tip in hand.outlined]).T
+        for finger in range(FINGERS):
+            if self._was_outlined(finger, stamp):
+                known = self.tips[finger]
+                expected = known.outlined + (stamp - known.outlined_at) * self._point.velocity
+                distances[finger] = np.linalg.norm(points - expected, axis=1)
+        pairs = zip(*linear_sum_assignment(np.minimum(distances, 2 * _TIP_GATE)), strict=True)
+        return {int(finger): points[index] for finger, index in pairs if distances[finger, index] <= _TIP_GATE}
+
+    def _was_outlined(self, finger: int, stamp: float) -> bool:
+        """Whether the outline showed a finger just now: where the landmarks take fingers to be is a guess then."""
+        return finger in self.tips and stamp - self.tips[finger].outlined_at <= self._config.max_age
 
     def _labelled(self, hand: SeenHand) -> dict[int, Array]:
         """Fingertips that do not tell their finger: those that were there before go on, others take free numbers."""

@@ -9,8 +9,8 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from agents.joint_ramp import Ramp
 from agents.plant.bullet import Bullet
-from agents.plant.ramp import Ramp
 from agents.plant.world import STEP, World
 from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC

@@ -12,7 +12,8 @@ DISTRIBUTION = "dsr-memory"
 EXTRAS = {
     "cryptography": "cli", "lz4": "cli", "mcap": "cli", "rich": "cli", "typer": "cli", "zstandard": "cli",
     "collada": "sim", "cv2": "sim", "psutil": "sim", "pybullet": "sim", "pybullet_data": "sim", "scipy": "sim",
-    "trimesh": "sim",
+    "ruckig": "sim", "trimesh": "sim",
+    "dynamixel_sdk": "dynamixel",
     "rerun": "view",
     "up_fast_downward": "planning",
     "ai_edge_litert": "hands",

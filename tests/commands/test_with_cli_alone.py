@@ -41,7 +41,7 @@ def test_drivers_are_listed_and_those_that_cannot_be_tried_say_why(tmp_path: Pat
     done = run("drivers", "list", "--json")
     assert done.returncode == 0, done.stderr
     rows = {row["name"]: row for row in json.loads(done.stdout)}
-    needs = {"video": "sim", "realsense": "realsense", "ros": "ros"}
+    needs = {"video": "sim", "realsense": "realsense", "ros": "ros", "dynamixel": "dynamixel"}
     for name, extra in needs.items():
         assert rows[name]["extra"] == extra and f"pip install 'dsr-memory[{extra}]'" in rows[name]["missing"][0]
         done = run("drivers", "try", name, *(["file=a.mp4"] if name == "video" else []))

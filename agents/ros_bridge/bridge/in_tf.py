@@ -243,7 +243,7 @@ class TfIn:
                 self._write(frame, pose, now, monotonic)
             return
         for frame, pose in moved:
-            frame.shown, frame.written = pose, now
+            frame.shown, frame.written = pose, self._written(frame, now)
         self._core.tally.count("edges written", len(moved))
 
     def _write(self, frame: _Frame, pose: Pose, now: float, monotonic: float) -> None:
@@ -264,8 +264,13 @@ class TfIn:
             self._core.tally.tell("not written", child, f"frame {child!r} was not written: {error}")
             self._put_off(frame, pose, monotonic)
         else:
-            frame.shown, frame.written = pose, now
+            frame.shown, frame.written = pose, self._written(frame, now)
             self._core.tally.count("edges written")
+
+    def _written(self, frame: _Frame, now: float) -> float:
+        """The time (s) that counts as that of a write: what came a little late makes the next one wait no longer."""
+        is_on_time = 0.0 <= now - frame.written < 2.0 * self._period
+        return frame.written + self._period if is_on_time else now
 
     def _put_off(self, frame: _Frame, pose: Pose, monotonic: float) -> None:
         """Try this pose again later, or a newer one if that comes: of a static transform there may be no other."""

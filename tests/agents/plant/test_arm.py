@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from agents.joint_ramp import ACCELERATION, JERK
 from agents.plant.arm import SimulatedArm
-from agents.plant.ramp import ACCELERATION, JERK
 from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, RobotSpec

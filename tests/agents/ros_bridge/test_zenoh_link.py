@@ -360,7 +360,7 @@ def test_close_leaves_nothing(router: Router, topic: str) -> None:
     link.serve(f"{topic}_service", TRIGGER, lambda request: request)
     link.close()
     link.close()
-    assert set(threading.enumerate()) == before
+    eventually(lambda: set(threading.enumerate()) <= before)  # Zenoh's own thread of callbacks ends a moment later
     with pytest.raises(RosLinkError, match="closed"):
         link.publisher(Topic(topic, STRING))
 

@@ -1,4 +1,4 @@
-"""The commanded positions of the simulated joints: smooth ways to targets, trajectories, and stops within the limits.
+"""Commanded positions of joints: smooth ways to targets, trajectories, and stops within the limits, step by step.
 
 `ruckig` makes the motions: the fastest ones within limits of velocity, acceleration and jerk (L. Berscheid, T. Kroeger,
 "Jerk-limited Real-time Trajectory Generation with Arbitrary Target States", RSS 2021).

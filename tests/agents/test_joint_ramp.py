@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.plant.ramp import ACCELERATION, CATCH_UP, JERK, Ramp
+from agents.joint_ramp import ACCELERATION, CATCH_UP, JERK, Ramp
 
 STEP = 1 / 240
 LIMITS = (1.4, 0.5)

@@ -1,0 +1,173 @@
+"""The driver of Dynamixel servos against an emulator on a pseudo-terminal: motions, and all that goes wrong."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from agents.dynamixel import DynamixelArm
+from agents.dynamixel.arm import DEADMAN
+from agents.dynamixel.servos import SERIES
+from dsr.clock import WALL_CLOCK, ManualClock
+from dsr.errors import ConfigError
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
+from dsr.vocabulary.halting import HaltOrder, send_order
+from tests.agents.dynamixel.emulator import Emulator, Servo
+
+NAMES = ("joint1", "joint2", "joint3", "joint4", "joint5", "joint6")
+PULSES = (1_003_846, 1_003_846, 1_003_846, 1_003_846, 607_500, 607_500)
+"""Of the Open Manipulator-P: four PH54, two PH42."""
+START = (0.1, -0.2, 0.3, -0.4, 0.5, -0.6)
+THERE = (0.3, 0.0, 0.3, -0.2, 0.5, -0.3)
+PATIENCE = 20.0
+
+
+@pytest.fixture
+def line() -> Iterator[Emulator]:
+    servos = {n: Servo(SERIES["P"], PULSES[n - 1], START[n - 1]) for n in range(1, 7)}
+    with Emulator(servos) as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def network() -> LocalNetwork:
+    return LocalNetwork(ManualClock())
+
+
+@pytest.fixture
+def arm(line: Emulator, network: LocalNetwork) -> Iterator[DynamixelArm]:
+    driver = DynamixelArm(network.connect("arm"), Keys("g"), port=line.port, joints=NAMES, pulses=PULSES, speed=1.0)
+    until(driver.state)
+    yield driver
+    driver.close()
+
+
+def until(condition: Callable[[], Any], arm: DynamixelArm | None = None) -> Any:
+    """Wait; with an arm, as its living controller."""
+    end = WALL_CLOCK.monotonic() + PATIENCE
+    while not (found := condition()):
+        assert WALL_CLOCK.monotonic() < end, "nothing came of it"
+        if arm is not None:
+            arm.keep_alive()
+        WALL_CLOCK.wait(threading.Event(), 0.005)
+    return found
+
+
+def is_at(arm: DynamixelArm, place: tuple[float, ...]) -> bool:
+    state = arm.state()
+    return state is not None and state.positions == pytest.approx(place, abs=2e-3)
+
+
+def rests(arm: DynamixelArm) -> bool:
+    return arm._ramp is not None and arm._ramp.is_resting
+
+
+def test_joints_are_read_and_nothing_is_written(arm: DynamixelArm, line: Emulator) -> None:
+    state = arm.state()
+    assert state is not None and state.names == NAMES
+    assert state.positions == pytest.approx(START, abs=1e-5)
+    WALL_CLOCK.wait(threading.Event(), 0.2)
+    assert line.writes == 0 and arm.trouble == ""
+
+
+def test_servos_of_the_x_series_have_other_registers() -> None:
+    servos = {3: Servo(SERIES["X"], 4096, 0.7)}
+    with Emulator(servos) as line:
+        bus = LocalNetwork(ManualClock()).connect("arm")
+        arm = DynamixelArm(bus, Keys("g"), port=line.port, joints=["a"], ids=[3], series="X", pulses=[4096])
+        state = until(arm.state)
+        assert state.positions == pytest.approx((0.7,), abs=2e-3)
+        arm.move_joints((0.2,))
+        until(lambda: is_at(arm, (0.2,)), arm)
+        arm.close()
+
+
+@pytest.mark.parametrize("how", ["move_joints", "follow"])
+def test_the_arm_goes_where_it_is_sent(arm: DynamixelArm, how: str) -> None:
+    if how == "move_joints":
+        arm.move_joints(THERE, 0.8)
+    else:
+        arm.follow((0.0, 0.5), (START, THERE))
+    until(lambda: is_at(arm, THERE), arm)
+    assert arm.trouble == ""
+
+
+def test_lost_corrupt_and_late_answers_delay_nothing_but_samples(arm: DynamixelArm, line: Emulator) -> None:
+    line.loss, line.corruption, line.delay = 0.02, 0.02, 0.0005
+    arm.move_joints(THERE, 0.8)
+    until(lambda: is_at(arm, THERE), arm)
+    until(lambda: arm.counts.get("cycles without an answer"), arm)
+    line.loss = line.corruption = line.delay = 0.0
+    until(lambda: arm.trouble == "", arm)
+
+
+def test_a_servo_that_does_not_answer_is_told_and_no_sample_comes(arm: DynamixelArm, line: Emulator) -> None:
+    line.servos[4].silent = True
+    until(lambda: "no joints of the servos" in arm.trouble)
+    last = arm.state()
+    WALL_CLOCK.wait(threading.Event(), 0.2)
+    assert arm.state() == last
+
+
+def test_an_overheated_servo_stops_the_arm_and_is_named(arm: DynamixelArm, line: Emulator) -> None:
+    arm.move_joints((1.5, *THERE[1:]), 0.5)
+    until(lambda: not is_at(arm, START), arm)
+    line.servos[2].heat()
+    until(lambda: arm.state() and arm.state().fault == "servo 2 (joint2): overheated", arm)  # type: ignore[union-attr]
+    until(lambda: rests(arm), arm)
+    assert line.servos[1].position < 1.4
+
+
+def test_a_stalled_servo_stops_the_arm_and_is_named(arm: DynamixelArm, line: Emulator) -> None:
+    line.servos[1].stalled = True
+    arm.move_joints((1.5, *THERE[1:]), 0.5)
+    until(lambda: "joint1 does not follow" in arm.trouble, arm)
+    until(lambda: rests(arm), arm)
+    assert arm._ramp is not None and arm._ramp.positions[0] < 1.0
+
+
+def test_an_arm_whose_controller_gives_no_sign_of_life_stops(arm: DynamixelArm, line: Emulator) -> None:
+    arm.move_joints((2.0, *START[1:]), 0.5)
+    until(lambda: rests(arm))
+    assert "no sign of life of the arm's controller" in arm.trouble
+    assert line.servos[1].position < 1.9
+
+
+def test_servos_stop_by_themselves_when_the_process_of_the_driver_is_gone(arm: DynamixelArm, line: Emulator) -> None:
+    arm.move_joints((2.0, *START[1:]), 0.5)
+    until(lambda: not is_at(arm, START), arm)
+    arm._over.set()
+    until(lambda: line.servos[1].memory[SERIES["P"].watchdog] == 0xFF)
+    here = line.servos[1].position
+    WALL_CLOCK.wait(threading.Event(), 2 * DEADMAN)
+    assert line.servos[1].position == here < 1.9
+
+
+def test_an_emergency_stop_is_obeyed_by_the_driver_alone(arm: DynamixelArm, network: LocalNetwork) -> None:
+    arm.move_joints((2.0, *START[1:]), 0.5)
+    until(lambda: not is_at(arm, START), arm)
+    send_order(network.connect("somebody"), Keys("g"), HaltOrder("1", True, "anna", "a hand"))
+    network.deliver()
+    until(lambda: rests(arm), arm)
+    state = until(lambda: found if (found := arm.state()) and found.fault else None, arm)
+    assert state.fault == "halted by anna: a hand" and state.positions[0] < 1.9
+    arm.move_joints(START)
+    assert arm.counts["motions refused"] == 1 and rests(arm)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"joints": []}, "needs `joints`"),
+        ({"joints": NAMES, "ids": [1, 2]}, "as many `ids`"),
+        ({"joints": NAMES, "series": "Q"}, "series 'Q'"),
+        ({"joints": NAMES, "port": "/dev/no-such-line"}, "'/dev/no-such-line' cannot be opened"),
+    ],
+)
+def test_options_that_fit_no_arm_are_wrong_input(network: LocalNetwork, options: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        DynamixelArm(network.connect("arm"), Keys("g"), **{"port": "/dev/null", **options})
