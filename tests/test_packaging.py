@@ -29,7 +29,7 @@ PACKAGES = {"dsr", "agents", "simulation_handler", "surprise", "planner", "bench
 SOURCES = (*PACKAGES, "etc", "docs", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE")
 MODULES = {
     "ai_edge_litert": "ai-edge-litert", "collada": "pycollada", "cv2": "opencv-python-headless",
-    "pybullet_data": "pybullet", "rerun": "rerun-sdk", "up_fast_downward": "up-fast-downward",
+    "dynamixel_sdk": "dynamixel-sdk", "pybullet_data": "pybullet", "rerun": "rerun-sdk", "up_fast_downward": "up-fast-downward",
 }  # fmt: skip
 """The distributions of modules that have another name."""
 ALONE = """
@@ -191,7 +191,9 @@ def test_another_package_of_the_same_name_is_told_apart(install: Callable[..., R
 def test_extras_are_those_of_the_project() -> None:
     declared = {
         canonicalize_name(Requirement(text).name): extra
-        for extra in ("cli", "sim", "view", "planning", "hands", "mediapipe", "realsense", "ros", "ros-dds")
+        for extra in (
+            "cli", "sim", "view", "planning", "hands", "mediapipe", "dynamixel", "realsense", "ros", "ros-dds", "xacro",
+        )
         for text in PROJECT["optional-dependencies"][extra]
     }
     assert all(declared[MODULES.get(module, module)] == extra for module, extra in EXTRAS.items())
