@@ -29,7 +29,8 @@ PACKAGES = {"dsr", "agents", "simulation_handler", "surprise", "planner", "bench
 SOURCES = (*PACKAGES, "etc", "docs", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE")
 MODULES = {
     "ai_edge_litert": "ai-edge-litert", "collada": "pycollada", "cv2": "opencv-python-headless",
-    "dynamixel_sdk": "dynamixel-sdk", "pybullet_data": "pybullet", "rerun": "rerun-sdk", "up_fast_downward": "up-fast-downward",
+    "dynamixel_sdk": "dynamixel-sdk", "pybullet_data": "pybullet", "rerun": "rerun-sdk",
+    "up_fast_downward": "up-fast-downward",
 }  # fmt: skip
 """The distributions of modules that have another name."""
 ALONE = """
