@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agents.arm_controller.arm_model import load_arm
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import Load, Obstacles
 from agents.arm_controller.safety.zones import EDGE, Zone, Zones
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.trajectory import PERIOD
-from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.errors import ConfigError
 from tests.agents.arm_controller.conftest import DOWN, GEN3, HOME, Table
@@ -72,12 +71,10 @@ def test_paths_go_around_zones_and_every_trajectory_keeps_the_limits(table: Tabl
     ):
         table.arm.obstacle = 0.0 if skill == "move" else 0.04
         assert table.act(skill, **more)[0] in ("done", "failed")
-    config, robot = ArmControllerConfig(), load_robot(GEN3)
-    chain = JointChain(robot.between("base_link", "tool_link"))
-    fastest = np.array([joint.velocity for joint in chain.joints]) * config.default_speed
-    figure = Figure(robot, chain, "base_link", "end_effector_link", "tool_link")
+    config, model = ArmControllerConfig(), load_arm(GEN3)
+    fastest = np.array([joint.velocity for joint in model.chain.joints]) * config.default_speed
     zones = Zones(None, {"cupboard": Zone(**BESIDE)}, ArmScene(table.memory))
-    obstacles = Obstacles(figure, zones.forbidden(), Pose())
+    obstacles = Obstacles(Figure(model), zones.forbidden(), Pose())
     assert len(commanded(table)) >= 4
     for times, rows in commanded(table):
         velocities = np.diff(rows, axis=0, prepend=rows[:1], append=rows[-1:]) / PERIOD

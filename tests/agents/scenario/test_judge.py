@@ -299,7 +299,7 @@ def test_a_result_refuses_numbers_that_json_does_not_know(tmp_path: Path):
     write_result(make(0.5), tmp_path / "deep" / "result.json")
     written = json.loads((tmp_path / "deep" / "result.json").read_text())
     assert written["metrics"] == {"a_m": 0.5}
-    assert list(written)[:6] == ["scenario", "seed", "mode", "sensor", "policy", "passed"]
+    assert list(written)[:7] == ["scenario", "seed", "mode", "sensor", "policy", "hands", "passed"]
 
 
 class Rig:

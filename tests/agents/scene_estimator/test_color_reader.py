@@ -19,6 +19,7 @@ from agents.scene_estimator.segmentation import ColorImage
 from agents.scene_estimator.turning import nearest_alike
 from benchmarks.color_scene import AWAY, ColorScene, looking_at
 from dsr import Pose
+from dsr.errors import WireError
 from dsr.math3d.shapes import to_numbers
 
 from .conftest import AGE, PERIOD, Bench
@@ -201,10 +202,13 @@ def test_no_depth_and_nothing_to_see_is_no_sighting(scene: ColorScene) -> None:
     frame = scene.frame(camera)
     colored = msgspec.structs.replace(frame, arrays={"color": frame.arrays["color"]})
     assert ColorReader(NO_BIAS).read(colored, scene.known, camera) == []
-    for depth in (np.nan, 0.0, 1e30, -1.0):
+    for depth in (np.nan, 0.0, -1.0):
         nonsense = np.full_like(frame.arrays["depth"], depth)
         odd = msgspec.structs.replace(frame, arrays={**frame.arrays, "depth": nonsense})
         assert ColorReader(NO_BIAS).read(odd, scene.known, camera) == []
+    endless = msgspec.structs.replace(frame, arrays={**frame.arrays, "depth": np.full_like(nonsense, 1e30)})
+    with pytest.raises(WireError, match="in millimetres"):
+        ColorReader(NO_BIAS).read(endless, scene.known, camera)
 
 
 def test_the_agent_writes_what_it_sees(scene: ColorScene, make_bench: Callable[..., Bench]) -> None:

@@ -20,7 +20,7 @@ def completed(line: str, folder: Path) -> list[str]:
     program = "import sys; sys.argv = ['dsr']\nfrom dsr.cli import start\nstart()"
     environment = {"_DSR_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
     done = subprocess.run(
-        [sys.executable, "-c", program], env=os.environ | environment, cwd=folder, capture_output=True, text=True,
+        [sys.executable, "-P", "-c", program], env=os.environ | environment, cwd=folder, capture_output=True, text=True,
         timeout=60, check=True,
     )  # fmt: skip
     assert done.stderr == ""

@@ -22,7 +22,7 @@ def test_a_policy_is_read_as_it_was_written(policy: AccessPolicy, tmp_path: Path
 def test_the_agents_of_a_system_are_granted_what_they_declare() -> None:
     grants = system_grants(load_system("tabletop"))
     assert {"Virtual_RT", "on", "sees"} <= set(grants["simulation_handler"].edges)
-    assert grants["arm_controller"].publishes == ("blob/*", "device/arm/command")
+    assert grants["arm_controller"].publishes == ("blob/*", "device/arm/command", "device/halted/*")
     assert grants["plant"].nodes == () and "truth" in grants["plant"].publishes
     assert grants["dsr"].read_only and grants["launcher"].trusted
     assert [name for name, grant in grants.items() if grant.trusted] == ["launcher"]
@@ -73,6 +73,7 @@ def test_a_reader_is_told_everything_and_may_say_nothing(policy: AccessPolicy) -
     assert granted["dsr"] == ["ask", "be told"]
     assert granted["arm"] == ["ask", "be told", "tell as arm"]
     told = [rule for rule in rules["rules"] if "put" in rule["messages"] and "ingress" in rule["flows"]]
-    assert {rule["id"] for rule in told} == {"tell as arm", "tell as scene", "tell as launcher", "pass on"}
+    tellers = {"tell as arm", "tell as scene", "tell as launcher", "tell as halt"}
+    assert {rule["id"] for rule in told} == tellers | {"pass on"}
     assert [name for name, rules in granted.items() if "pass on" in rules] == ["hub"]
     assert rules["default_permission"] == "deny"
