@@ -53,7 +53,7 @@ def test_all_drivers_are_listed_with_what_is_missing(monkeypatch: pytest.MonkeyP
     assert {"bag", "plant", "ros", "video", "webcam"} <= rows.keys()
     assert not rows["webcam"]["available"] and "no camera is connected" in rows["webcam"]["missing"][0]
     assert rows["video"]["available"] and rows["video"]["gives"] == "colour"
-    monkeypatch.setenv("COLUMNS", "160")
+    monkeypatch.setattr(cli.console, "width", 160)
     text = run("list").stdout
     assert "webcam" in text and "missing here" in text
 
