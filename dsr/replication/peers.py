@@ -79,10 +79,27 @@ class Peers(dict[str, Peer]):
         super().__init__()
         self.refused = 0
         """Replicas that were not listened to because there were too many."""
+        self.away: dict[str, int] = {}
+        """What those that were heard and are gone had acknowledged: they may be cut off, and come back."""
         self._of_agent: Counter[str] = Counter()
 
+    @property
+    def confirmed(self) -> int:
+        """The counter up to which all that were ever heard have told to have seen what was written here."""
+        heard = [peer.acknowledged for peer in self.values() if peer.digest]
+        return min([*heard, *self.away.values()], default=0)
+
+    def confirm_nothing(self) -> None:
+        """We have another id now, under which nobody has seen anything."""
+        for peer in self.values():
+            peer.acknowledged, peer.covered = 0, None
+        self.away = dict.fromkeys(self.away, 0)
+
     def __delitem__(self, rid: str) -> None:
+        peer = self[rid]
         super().__delitem__(rid)
+        if peer.digest:
+            self._note_away(rid, peer.acknowledged)
         agent = agent_of(rid)
         self._of_agent[agent] -= 1
         if not self._of_agent[agent]:
@@ -108,6 +125,7 @@ class Peers(dict[str, Peer]):
             self._take_in(rid, now)
         peer = self[rid]
         peer.digest, peer.heard_at = digest, now
+        peer.acknowledged = max(peer.acknowledged, self.away.pop(rid, 0))
         return peer
 
     def withdrawn(self, rid: str, now: float) -> None:
@@ -128,6 +146,13 @@ class Peers(dict[str, Peer]):
         for rid in [rid for rid, peer in self.items() if peer.is_gone(now)]:
             del self[rid]
             yield rid
+
+    def _note_away(self, rid: str, acknowledged: int) -> None:
+        """Of too many, one stands for two: that which has seen less."""
+        if len(self.away) >= MAX_PEERS:
+            first = next(iter(self.away))
+            acknowledged = min(acknowledged, self.away.pop(first))
+        self.away[rid] = acknowledged
 
     def _take_in(self, rid: str, now: float) -> bool:
         agent = agent_of(rid)

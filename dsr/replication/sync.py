@@ -36,7 +36,7 @@ from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
-from dsr.replication.claims import Claims, without_word_of
+from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
 from dsr.replication.collector import collector_paused
 from dsr.replication.complaints import Complaints
@@ -148,6 +148,8 @@ class Synchroniser:
         except WireError as error:
             self.complaints.drop(sender, error)
             return
+        if not self.joined:  # it has nothing that could show a false claim, and is told of all that it lacks anyway
+            delta.context = accounted_for(sender, delta)
         if self.claims.may_grow(sender, delta, fetching=self._fetch is not None):
             self.graph.join(delta, physical)
         else:
@@ -403,16 +405,15 @@ class Synchroniser:
 
     @property
     def confirmed(self) -> int:
-        """The counter up to which every peer that is heard has told to have seen what was written here."""
-        return min((peer.acknowledged for peer in self._peers.values() if peer.digest), default=0)
+        """The counter up to which all who may lack it have told to have seen what was written here."""
+        return self._peers.confirmed
 
     def id_taken(self) -> None:
         """The replica has another id now, under which nobody has seen anything."""
         self.new_ids += 1
         self.impersonation.forged.clear()
         self.joining.rid = self.graph.rid
-        for peer in self._peers.values():
-            peer.acknowledged, peer.covered = 0, None
+        self._peers.confirm_nothing()
 
     def _compare_clocks(self, now: float) -> None:
         self.clocks = self._verdict(now)

@@ -144,6 +144,32 @@ def test_messages_in_its_name_that_claim_nothing_new_are_refused_and_change_no_i
     assert "false" not in victim and victim.dropped == {rid: 1} and victim.replica.graph.rid == rid
 
 
+def test_who_was_cut_off_is_not_told_by_a_stranger_to_have_seen_what_others_have(net: Net) -> None:
+    victim, other, away = net.join("victim"), net.join("other"), net.join("away")
+    net.pump(2.0)
+    net.network.partition(["away"], ["victim", "other", "stranger"])
+    net.pump(HEAL)  # it counts as gone
+    tabletop(victim)
+    net.pump(2.0)
+    assert victim.peers == [other.replica.graph.rid] and victim.replica.synchroniser.delivered
+    before = content(victim)
+    net.network.heal()
+    burn(net, victim, victim.replica.graph.counter)
+    check_equal(net, victim, other, away)
+    assert content(away) == before
+
+
+def test_a_newcomer_is_not_told_by_a_stranger_to_have_seen_what_it_has_not(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    before = content(victim)
+    newcomer = net.join("newcomer")
+    burn(net, victim, victim.replica.graph.counter)
+    check_equal(net, victim, other, newcomer)
+    assert content(newcomer) == before
+
+
 def test_whoever_goes_on_in_its_name_makes_it_take_few_ids(net: Net) -> None:
     victim, other = net.join("victim"), net.join("other")
     net.pump(2.0)

@@ -198,6 +198,7 @@ def test_what_waits_for_the_network_is_bounded_by_the_graph(net: Net, monkeypatc
     monkeypatch.setattr("dsr.replication.outbox.BUNDLE", 10)
     monkeypatch.setattr("dsr.replication.outbox.MAX_BUNDLES", 3)
     a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
     a.add_node("x", "cube")
     net.pump()
     sizes: list[int] = []
