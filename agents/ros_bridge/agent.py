@@ -199,7 +199,8 @@ class RosBridge(Agent):
             self._problem = "; ".join(problems)
             self._log_lasting([*problems, *filter(None, [self._hint])])
             self._tell_lost()
-        self.degraded = self._problem or self._tally.trouble or self._hint
+        told = [text for text in (self._problem, self._tally.trouble) if text]
+        self.degraded = "; ".join(told) or self._hint
 
     def _log_lasting(self, problems: list[str]) -> None:
         """Log each problem that is there for the second time in a row, once until it is gone; numbers in it may change.
