@@ -147,14 +147,14 @@ class Attacked(RuleBasedStateMachine):
             self._send(Delta(adds=[Add(dot, f"false_{self._dot()}", "cube")], context=[(*dot, dot[1])]), rid)
             self.network.deliver()
 
-    @rule(site=sites, choice=choices, type=st.sampled_from(["", "ball"]))
-    def say_again(self, site: int, choice: int, type: str) -> None:
-        """In the name of another, what that one added: as it was, or of another type."""
+    @rule(site=sites, choice=choices)
+    def say_again(self, site: int, choice: int) -> None:
+        """In the name of another, what that one added."""
         rid, counter = self._id_of(site)
         made = [dot for dot in sorted(self.memories[site].replica.graph.store.entries) if dot[0] == rid]
         if made and self._reaches(site):
             entry = self.memories[site].replica.graph.store.entries[made[choice % len(made)]]
-            add = Add(entry.dot, entry.key, type or entry.type, entry.sources, entry.destinations)
+            add = Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations)
             self._send(Delta(adds=[add], context=[(rid, 1, counter)]), rid)
             self.network.deliver()
 
