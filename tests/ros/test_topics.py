@@ -16,6 +16,7 @@ from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.dds.dds_link import DdsLink
 from agents.ros_bridge.link.link import Qos, Received, Topic
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
+from dsr.clock import WALL_CLOCK
 from tests.agents.ros_bridge.samples import TYPES, image, joints, plain, tf
 from tests.agents.ros_bridge.told import eventually
 from tests.ros.real_node import RealNode
@@ -25,6 +26,8 @@ LOOK_UP = "tf2_msgs/action/LookupTransform"
 LATCHED = Qos(transient_local=True, depth=1)
 FRAMES = 60
 """Two seconds of images"""
+LEASE, LATELY = 20.0, 0.1
+"""s after which Fast DDS and Cyclone DDS forget whoever is silent, by default (20 and 10); s between two images"""
 Start = Callable[[str], RealNode]
 
 
@@ -164,6 +167,34 @@ def test_a_subscriber_that_stands_still_holds_up_nobody(real_node: Start, link: 
             eventually(lambda number=number: len(well.received(topic="/image")) > number, 5.0)
     finally:
         slow.go_on()
+
+
+def test_who_stood_still_for_longer_than_any_lease_is_found_again(real_node: Start, link: DdsLink) -> None:
+    node, got = real_node("camera"), []
+    node.subscribe(topic="/shown", type=IMAGE, depth=FRAMES)
+    node.advertise(topic="/image", type=IMAGE)
+    subscription = link.subscribe(Topic("/image", IMAGE, SENSOR), got.append)
+    publisher = link.publisher(Topic("/shown", IMAGE, Qos(depth=5)))
+    cdr = TYPES.encode(IMAGE, image(0))
+
+    def both_ways() -> bool:
+        publisher.send(cdr)
+        node.publish(topic="/image", cdr=[cdr.hex()])
+        return bool(got) and len(node.received(topic="/shown")) > heard
+
+    heard = 0
+    eventually(both_ways)
+    node.stand_still()
+    try:
+        for _ in range(round(LEASE / LATELY)):
+            publisher.send(cdr)
+            WALL_CLOCK.wait(threading.Event(), LATELY)
+        eventually(lambda: subscription.publishers() == 0 and publisher.subscribers() == 0)
+    finally:
+        node.go_on()
+    got.clear()
+    heard = len(node.received(topic="/shown"))
+    eventually(both_ways)
 
 
 def test_of_a_flood_what_is_not_taken_is_counted(real_node: Start, link: DdsLink) -> None:
