@@ -13,6 +13,7 @@ Exit 0 only if nothing failed.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import time
 from collections import Counter
@@ -68,14 +69,16 @@ def main() -> None:
     first = options.first if options.seed is None else options.seed
     report = Report()
     begin = time.process_time()
-    for seed in track(range(first, first + count), "histories", console=Console(stderr=True)):
-        setting = Setting(seed, options.replicas, days, STEPS)
-        outcome = run(setting)
-        report.add(seed, outcome)
-        if outcome.problem:
-            _tell(setting, outcome.problem, options.folder)
+    with contextlib.suppress(KeyboardInterrupt):  # what was run until then is told
+        for seed in track(range(first, first + count), "histories", console=Console(stderr=True)):
+            setting = Setting(seed, options.replicas, days, STEPS)
+            outcome = run(setting)
+            report.add(seed, outcome)
+            if outcome.problem:
+                _tell(setting, outcome.problem, options.folder)
     report.seconds = time.process_time() - begin
-    Console().print(_table(report))
+    if report.histories:
+        Console().print(_table(report))
     if options.json:
         options.json.write_text(json.dumps(asdict(report), indent=1), encoding="utf-8")
     raise SystemExit(1 if report.problems else 0)

@@ -369,6 +369,9 @@ class History(World):
         for place in self.keepers:
             files = [path for path in self.disks[place].root.iterdir() if path.is_file()]
             assert len(files) <= MOST_FILES, f"{len(files)} files in a folder of the state"
+            channels = self.keepers[place]._memory.world_channels()
+            for world in (self.disks[place].root / "worlds").glob("*/*"):
+                assert channels.get(world.parent.name) == world.name, "files of a deleted world are left"
 
 
 @contextlib.contextmanager

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 from benchmarks.years.steps import Step
 
-MOST_RUNS = 2000
-"""Histories that are tried; a few minutes"""
+MOST_RUNS = 400
+"""Histories that are tried; a few minutes. More make it no shorter where a failure takes many things together."""
 
 
 def shrunk(steps: Sequence[Step], fails: Callable[[list[Step]], bool], runs: int = MOST_RUNS) -> list[Step]:
