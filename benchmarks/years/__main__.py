@@ -68,15 +68,15 @@ def main() -> None:
     count = 1 if options.seed is not None else max(1, round(options.years * YEAR / DAY / days))
     first = options.first if options.seed is None else options.seed
     report = Report()
-    begin = time.process_time()
     with contextlib.suppress(KeyboardInterrupt):  # what was run until then is told
         for seed in track(range(first, first + count), "histories", console=Console(stderr=True)):
             setting = Setting(seed, options.replicas, days, STEPS)
+            begin = time.process_time()
             outcome = run(setting)
+            report.seconds += time.process_time() - begin
             report.add(seed, outcome)
             if outcome.problem:
                 _tell(setting, outcome.problem, options.folder)
-    report.seconds = time.process_time() - begin
     if report.histories:
         Console().print(_table(report))
     if options.json:
