@@ -55,8 +55,6 @@ class FailingDisk:
         """Whether there is no room for a single byte more."""
         self.errors = 0.0
         """Probability with which a flush fails (EIO), and nothing of it is on the disk."""
-        self.lies = False
-        """Whether flushes do nothing, and say that they did."""
         self.life: Lifeline | None = None
         """Of the process that runs there; none if none does."""
         self._random = random.Random(seed)
@@ -112,17 +110,12 @@ class FailingDisk:
         if self._random.random() < self.errors:
             self.met["input/output error"] += 1
             raise OSError(errno.EIO, "the simulated disk failed")
-        if self.lies:
-            self.met["flush that did nothing"] += 1
-        elif status.st_ino in self._flushed:
+        if status.st_ino in self._flushed:
             self._flushed[status.st_ino] = status.st_size
 
     def flush_names(self, folder: Path) -> None:
         """Have the names in a folder on the disk."""
         self.reach("fsync of a folder")
-        if self.lies:
-            self.met["flush that did nothing"] += 1
-            return
         for change in self._changes:
             if change.folder == folder and change.kept is not None:
                 _gone(change.kept)

@@ -65,7 +65,6 @@ class History(World):
         self._down: dict[int, float] = {}
         self._stopped: set[int] = set()
         self._flushed: dict[int, list[DotRange]] = {}
-        self._lossy = False
         super().__init__([0.0] * places, seed)
         self.worlds = WorldsInSeveral(lambda: [participant.memory for participant in self.participants])
         self.rogue = Rogue(self) if secured else None
@@ -96,13 +95,13 @@ class History(World):
         try:
             kept = WorldKeeper(participant.memory, disk.root, threaded=False)
         except ConfigError as error:
-            assert disk.full or disk.errors or self._lossy, f"what is on the disk cannot be used: {error}"
+            assert disk.full or disk.errors, f"what is on the disk cannot be used: {error}"
             self._bury(participant)
             return
         self.keepers[place] = kept
         context = participant.memory.replica.graph.store.context
         flushed = self._flushed.get(place, [])
-        assert self._lossy or context.covers(CausalContext(flushed)), "what was flushed to the disk is lost"
+        assert context.covers(CausalContext(flushed)), "what was flushed to the disk is lost"
 
     def _start(self, place: int, calls: int | None = None) -> None:
         """Start the process of a place, which may be killed at one of its first calls."""
@@ -177,7 +176,7 @@ class History(World):
         """Have the state on the disk, and note what is there then."""
         kept = self.keepers[place]
         kept.flush()
-        if kept.base._retry_at is None and not self.disks[place].lies:
+        if kept.base._retry_at is None:
             graph = kept.base._graph
             self._flushed[place] = list(graph.store.context.ranges())
 
