@@ -91,6 +91,18 @@ def test_a_write_that_waited_for_its_node_during_the_snapshot_is_kept(net: Net, 
     assert again.replica.graph.store.context == graph.store.context
 
 
+def test_a_write_to_what_an_answer_tells_to_be_gone_waits_no_more_after_a_crash(net: Net, tmp_path: Path) -> None:
+    memory, keeper = kept(net, tmp_path)
+    graph = memory.replica.graph
+    early = Write(("other-1", 1), "mass", 1024, "other-1", ("other-1", 2), 0.5)
+    graph.join(Delta(writes=[early], context=[("other-1", 2, 2)]), net.clock.now())
+    keeper.snapshot()
+    graph.join(Delta(context=[("other-1", 1, 1)], live=frozenset(), examined=[("other-1", 1, 1)]), net.clock.now())
+    keeper.flush()
+    again, _ = kept(crash(net, keeper), tmp_path)
+    assert again.replica.graph.store.context == graph.store.context and not again.replica.graph.store.waiting_writes()
+
+
 def test_changes_of_others_are_kept_streams_and_repairs_included(net: Net, tmp_path: Path) -> None:
     early = net.join("early")
     fill(early)
