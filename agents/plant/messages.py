@@ -15,6 +15,7 @@ from dsr.errors import WireError
 from dsr.math3d.transforms import Pose
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.intrinsics import Intrinsics
 
 MOST_HANDS = 16
@@ -236,14 +237,14 @@ def seven(pose: Pose) -> Seven:
     return (*pose.t, *pose.q)
 
 
-def arm_state_key(keys: Keys) -> str:
-    """Key on which the arm sends its state (`agents.drivers.ArmState`)."""
-    return keys.device("arm/state")
+def arm_state_key(keys: Keys, arm: str = ARM) -> str:
+    """Key on which an arm sends its state (`agents.drivers.ArmState`)."""
+    return keys.device(f"{arm}/state")
 
 
-def arm_command_key(keys: Keys) -> str:
-    """Key on which the arm takes commands (`Command`)."""
-    return keys.device("arm/command")
+def arm_command_key(keys: Keys, arm: str = ARM) -> str:
+    """Key on which an arm takes commands (`Command`)."""
+    return keys.device(f"{arm}/command")
 
 
 def frame_key(keys: Keys, camera: str) -> str:

@@ -397,6 +397,8 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "source": "what says so", "model": "which product", "joint_names": "comma-separated",
                              "goal": "what is wanted", "target": "what the action is about",
                              "destination": "where an action puts its target",
+                             "arm": "which arm is to carry out an action; the first one if it is not told",
+                             "controller": "agent that moves an arm", "gripper": "node of an arm's gripper",
                              "skill": "of the arm: pick, place, move, look, observe or stop",
                              "request": "what the planner asks of an action: run or halt",
                              "surprise": "why it is surprising",

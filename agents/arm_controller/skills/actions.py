@@ -13,6 +13,7 @@ from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
 from dsr import Memory, Node
 from dsr.errors import DsrError, suggest
+from dsr.vocabulary.arms import arm_of_action
 from dsr.vocabulary.intentions import DONE, ENDED, FAILED, HALT, HALTED, RUN, RUNNING
 
 _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
@@ -28,7 +29,7 @@ _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
 
 
 class RunningActions:
-    """Runs the skills that action nodes request, one at a time.
+    """Runs the skills that action nodes request of this arm, one at a time.
 
     Args:
         memory: holds the nodes.
@@ -50,7 +51,7 @@ class RunningActions:
         """Name of its present step."""
         self._waits_for = ""
         for node in memory.nodes("action"):
-            if node.get("status") == RUNNING:
+            if node.get("status") == RUNNING and self._is_mine(node):
                 self._arm.hold_still()
                 self._say(node.name, FAILED, "the arm controller was restarted")
 
@@ -81,8 +82,12 @@ class RunningActions:
                     self._end(HALTED, "")
             elif node.get("request") == HALT and node.name == self.running:
                 self._end(HALTED, "")
-            elif node.get("request") == RUN and node.get("status") not in (*ENDED, RUNNING):
+            elif node.get("request") == RUN and node.get("status") not in (*ENDED, RUNNING) and self._is_mine(node):
                 self._begin(node, joints, refused, status)
+
+    def _is_mine(self, node: Node) -> bool:
+        """Whether this arm is to carry out the action."""
+        return arm_of_action(self._memory, node) == self._config.arm
 
     def _begin(self, node: Node, joints: Joints | None, refused: str, status: str) -> None:
         skill = node.get("skill", "")
