@@ -159,13 +159,17 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
         away: list[tuple[float, str]] = []
 
-        agents = {spec.name for spec in system.agents}
+        restarts = {spec.name: spec.restart for spec in system.agents}
+        gone: set[str] = set()
 
         def kill(agent: str) -> None:
-            """What is just being restarted, or does not run in lockstep, cannot be killed."""
-            if agent in agents - {name for _, name in away}:
+            """What is just being restarted, stays away, or does not run in lockstep, cannot be killed."""
+            if agent in restarts.keys() - {name for _, name in away} - gone:
                 lockstep.kill(agent)
-                away.append((lockstep.clock.now() + RESTART_AFTER, agent))
+                if restarts[agent]:
+                    away.append((lockstep.clock.now() + RESTART_AFTER, agent))
+                else:
+                    gone.add(agent)
 
         judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
         _get_ready(lockstep, [spec.name for spec in system.agents])
