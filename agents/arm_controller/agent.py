@@ -65,6 +65,7 @@ class ArmController(Agent):
             *("size", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request", "arm"),
+            *("way", "way_times", "way_since", "waits_for", "gripper"),
             *HALT_ATTRIBUTES,
         ),
     )
@@ -75,6 +76,7 @@ class ArmController(Agent):
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
             *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
             *("bounds", "source", "since", "controller", "gripper"),
+            *("way", "way_times", "way_since", "waits_for"),
             *HALT_ATTRIBUTES,
             *("stream", *INTRINSICS),
         ),
@@ -115,7 +117,7 @@ class ArmController(Agent):
         self._scene = ArmScene(self.memory)
         gripper_from_tool = self._model.palm_from_tool
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        manipulator = self._make_manipulator()
+        manipulator = self._manipulator = self._make_manipulator()
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
@@ -247,6 +249,8 @@ class ArmController(Agent):
 
     def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
+        if not self._actions.running and self._is_moving and (near := self._manipulator.near_arm(joints)):
+            self._motion.stop_for(near)
         for follower in (self._motion, self._grip):
             if self._actions.running:
                 follower.give_way(self._actions.running)
