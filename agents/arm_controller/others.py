@@ -25,11 +25,11 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.arms import arm_nodes, gripper_node_of
 
-APART = 0.03
-"""m that ways of two arms keep apart, beside the margin to things: poses in the graph are up to 20 ms old"""
+APART = 0.015
+"""m that ways of two arms keep apart, beside the margin to things: arms lag behind their ways by some mm"""
 STRIDE = 0.05
 """m between two announced places of a part; each box is larger by half of that, so that none slips through"""
-NEAR = 0.02
+NEAR = 0.012
 """m of predicted distance at which the arm that moves into the other stops: less than ways keep, so that it is rare"""
 AHEAD = (0.0, 0.1, 0.2, 0.3)
 """s ahead for which distances are predicted: an arm brakes within 0.3 s from the speeds of skills"""
@@ -69,6 +69,13 @@ class OtherArms:
                 found += _grown(self._present(node), 2 * APART)
                 found += _grown(self._ahead(node, now), 2 * APART + STRIDE) if ways else []
         return found
+
+    def state(self, name: str) -> tuple[object, ...]:
+        """What must change before another arm leaves room: its way, and its joints to some hundredths of a radian."""
+        node = self._memory.get_node(name)
+        if node is None:
+            return ()
+        return node.get("way_times"), *(round(position, 2) for position in node.get("joint_positions", ()))
 
     def precedes(self, name: str) -> bool:
         """Whether another arm has wanted to go for longer than this one."""

@@ -50,8 +50,10 @@ FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
 STEPPED_BACK = 0.02
 """rad from its rest, within which an arm has stepped back"""
-REPLAN = 0.3
-"""s between two plans of an arm that waits for another: so long one motion goes on at least"""
+REPLAN = 0.5
+"""s between two plans of an arm that waits for another: a plan takes up to 0.1 s of a processor, and a motion 1 s"""
+REPLAN_ANYHOW = 3.0
+"""s after which it plans anew although the other one has neither moved nor changed its way: things may have moved"""
 CLAIM = 0.06
 """s from the announcement of a way until the arm sets out: as long as another arm needs to hear of it, three ticks"""
 ARM_PATIENCE = 30.0
@@ -128,6 +130,8 @@ class Manipulator:
         self.waits_for = ""
         """The human part, or the arm, that the arm stands still for; empty for none."""
         self._trajectory: Trajectory
+        self._came: Array | None = None
+        """(m, n) rad, the last way that was gone to its end"""
         self._driver = driver
         self._follow = follow
         self._rng = rng
@@ -276,8 +280,10 @@ class Manipulator:
         self.waits_for = other
         if other in self.others.waits_for_us() and self.others.precedes(other):
             yield from self.step_back()
-        until = self.joints.stamp + REPLAN
-        while self.joints.stamp < until:
+        began, before = self.joints.stamp, self.others.state(other)
+        while self.joints.stamp < began + REPLAN or (
+            self.others.state(other) == before and self.joints.stamp < began + REPLAN_ANYHOW
+        ):
             yield "wait"
         self.waits_for = ""
 
@@ -297,12 +303,23 @@ class Manipulator:
         rest = self.config.observe_joints
         if not rest or np.abs(np.array(rest) - self._here).max() < STEPPED_BACK:
             return
-        load = Load(self.joints.opening, self.held_box())
         try:
-            trajectory = self.trajectory_to(JointGoal(np.array(rest)), load.opening)
+            trajectory = self.trajectory_to(JointGoal(np.array(rest)), self.joints.opening)
         except BlockedError:
-            return
+            back = self._way_back()
+            if back is None:
+                return
+            trajectory = back
         yield from self.go(trajectory, "step back", self.holding.held)
+
+    def _way_back(self) -> Trajectory | None:
+        """The way on which the arm came here last, if it is free."""
+        if self._came is None or np.abs(self._came[-1] - self._here).max() > STEPPED_BACK:
+            return None
+        rows = np.vstack([self._here, self._came[::-1]])
+        load = Load(self.joints.opening, self.held_box())
+        by = self._obstacles(self._things(), "").blocking(resampled(rows), load, len(rows))
+        return self._router.retimed(rows, self._limits) if by is None else None
 
     def start(self, trajectory: Trajectory) -> None:
         """Begin to follow a trajectory: more slowly near people, and not yet if they are too near."""
@@ -341,6 +358,7 @@ class Manipulator:
             return False
         away = self._short()
         if away <= self.config.joint_tolerance:
+            self._came = self._trajectory.positions
             self._announcer.withdraw()
             return True
         if max(map(abs, self.joints.velocities)) > self.config.still_speed:
