@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import msgspec
 
-from agents.arm_controller import ArmController
 from agents.arm_controller.arm_model import load_arm
 from agents.scenario.format.events import Kill
 from agents.scenario.format.model import RobotSpec, Scenario
@@ -17,7 +16,7 @@ from dsr.config.extras import check_installed
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
-from dsr.vocabulary.arms import ARM
+from dsr.vocabulary.arms import ARM, CONTROLLER
 
 Sensor = Literal["pixels", "poses"]
 """The output of the plant's camera: rendered images, or the poses that would be measured in them."""
@@ -182,7 +181,7 @@ def _with_robots(system: System, run: Run) -> System:
 
 def _controllers(system: System) -> dict[str, str]:
     """The agents that move arms, by the arms' names."""
-    own = [spec for spec in system.agents if issubclass(spec.kind, ArmController)]
+    own = [spec for spec in system.agents if spec.kind.name == CONTROLLER]
     return {spec.config.get("arm", ARM): spec.name for spec in own}
 
 
