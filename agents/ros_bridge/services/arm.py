@@ -57,7 +57,7 @@ class RosArm(RosDevice):
         arm: name of the arm, which `dsr halt --arm` uses.
 
     Raises:
-        ConfigError: for options that fit no arm, and for DDS, over which there are no actions.
+        ConfigError: for options that fit no arm, and for DDS without an installed ROS to ask its actions.
     """
 
     def __init__(
@@ -73,10 +73,11 @@ class RosArm(RosDevice):
                 "an arm in ROS needs the names of its `joints`, `speed` and `stroke` above 0, "
                 "and positions `gripper_open` and `gripper_closed` that differ"
             )
-        if (link or {}).get("transport") == "dds":
+        if (link or {}).get("transport") == "dds" and not (link or {}).get("installed_ros"):
             raise ConfigError(
-                "an arm is driven by actions, which work over rmw_zenoh only: vendors of DDS do not understand each "
-                'other\'s requests; start its nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, and set transport = "zenoh"'
+                "an arm is driven by actions, and vendors of DDS do not understand each other's requests; set "
+                "`installed_ros` in `link` to the setup.bash of the robot's ROS, such as /opt/ros/jazzy/setup.bash, "
+                "or start the robot's nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp"
             )
         super().__init__("/dsr_arm", link or {}, restamp)
         self._names = tuple(joints)
