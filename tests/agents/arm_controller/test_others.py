@@ -123,7 +123,8 @@ def test_only_the_arm_that_moves_into_the_other_is_near(memory: Memory) -> None:
         joints = Joints(100.0, tuple(REST), (rate, *[0.0] * 6), 0.085, False)
         return others.is_near(FIGURE, Pose.identity(), joints)
 
-    assert (near(-1.2), near(0.0), near(1.2)) == ("arm_2", "", ""), "the first joint turns about an axis that points down"
+    into, away = -1.2, 1.2  # rad/s: the first joint turns about an axis that points down
+    assert (near(into), near(0.0), near(away)) == ("arm_2", "", "")
 
 
 def test_an_arm_that_stands_still_is_not_near_when_the_other_one_comes(memory: Memory) -> None:
