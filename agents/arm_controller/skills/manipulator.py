@@ -127,6 +127,7 @@ class Manipulator:
         """The other arms of the graph."""
         self._announcer = Announcer(scene.memory, config.arm, figure)
         self._stopped = math.inf
+        self._claims: tuple[object, ...] = ()
         self.waits_for = ""
         """The human part, or the arm, that the arm stands still for; empty for none."""
         self._trajectory: Trajectory
@@ -294,8 +295,7 @@ class Manipulator:
         until = self.joints.stamp + CLAIM
         while self.joints.stamp < until:
             yield "claim"
-        first = [name for name in self.others.names() if self.others.precedes(name)]
-        ways = [box for box in self.others.obstacles(self.joints.stamp) if box.name in first]
+        ways = self.others.obstacles_of_first(self.joints.stamp)
         return self._obstacles(ways, "").blocking(trajectory.positions, load, 0) is None
 
     def step_back(self) -> Steps[None]:
@@ -336,6 +336,7 @@ class Manipulator:
         self._end = self.joints.stamp + trajectory.duration
         begin = self.joints.stamp
         self._announce(trajectory)
+        self._claims = self.others.claims()
         self._following = Following(trajectory.positions, self._chain.names, begin, self.config.stale)
         self._follow(trajectory)
 
@@ -408,7 +409,7 @@ class Manipulator:
         Raises `SkillError` if it is not within a few seconds.
         """
         if self._stopped == math.inf:
-            if not (near := self.near_arm(self.joints)):
+            if not (near := self.near_arm(self.joints) or self._overtaken()):
                 return False
             self.hold_still()
             self._stopped, self.waits_for = self.joints.stamp, near
@@ -423,6 +424,19 @@ class Manipulator:
             elif self.joints.stamp - self._stopped > RESUME:
                 raise SkillError(f"{by} is in the way")
         return True
+
+    def _overtaken(self) -> str:
+        """Name of an arm that goes first and has announced a way across what is left of this one; empty for none.
+
+        It may have done so at the same moment, and been heard late.
+        """
+        claims = self.others.claims()
+        if claims == self._claims:
+            return ""
+        self._claims = claims
+        rows, load = np.vstack([self._here, self._ahead(math.inf)]), Load(self.joints.opening, self.held_box())
+        ways = self.others.obstacles_of_first(self.joints.stamp)
+        return self._obstacles(ways, "").blocking(rows, load, 0) or ""
 
     def _ahead(self, seconds: float) -> Array:
         """(m, n) rad, what lies before the arm on its way, for so long."""
