@@ -50,12 +50,12 @@ FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
 STEPPED_BACK = 0.02
 """rad from its rest, within which an arm has stepped back"""
-REPLAN = 0.5
-"""s between two plans of an arm that waits for another: a plan takes up to 0.1 s of a processor, and a motion 1 s"""
+REPLAN = 1.0
+"""s between two plans of an arm that waits for another: where many grasps are blocked, a plan is much work"""
 REPLAN_ANYHOW = 3.0
 """s after which it plans anew although the other one has neither moved nor changed its way: things may have moved"""
-CLAIM = 0.06
-"""s from the announcement of a way until the arm sets out: as long as another arm needs to hear of it, three ticks"""
+CLAIM = 0.1
+"""s from the announcement of a way until the arm sets out: as long as another arm needs to hear of it, five ticks"""
 ARM_PATIENCE = 30.0
 """s that an arm waits for another: longer than any skill of that one takes"""
 RESUME = 3.0
