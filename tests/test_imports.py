@@ -79,6 +79,7 @@ LAYERS = (
     "dsr.timeline",
     "dsr.spatial dsr.visibility dsr.perception",
     "dsr.imagining dsr.security",
+    "dsr.narration",
     "dsr.connecting",
     "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher dsr.runtime.shared_process",
     "dsr.cli dsr.runtime.__main__",
