@@ -22,6 +22,7 @@ from dsr.narration.statements import (
 )
 from dsr.timeline import Entry, explanations, read_entry
 from dsr.visibility import CAMERA
+from dsr.vocabulary.calibration import IN_DOUBT, PROVISIONAL
 from dsr.vocabulary.relations import SURFACES, is_present, nodes_by_name
 from dsr.vocabulary.relations import THINGS as THING_TYPES
 from dsr.vocabulary.sentences import RELATION_WORDS, explained_sentence, listed
@@ -59,13 +60,13 @@ def place_of_thing(moment: Moment, node: Node) -> Statement:
     relations = [*contents, *supports]
     evidence |= {"relations": [relation_evidence(edge) for edge in (*relations, *holders)]}
     around = [one for edge in relations if (one := moment.memory.get_node(edge.dst)) is not None]
-    in_place = bool(around or holders) and node.get("surprising") is not True
+    in_place = bool(around or holders) and node.get("surprising") is not True and not _doubtful_camera(moment, evidence)
     perceived = in_place and all(is_seen(one, now) for one in (node, *around))
     claims, words = whereabouts(node.name, contents, supports, holders, place, around, perceived=perceived)
     if perceived:
         text = f"{node.name} {words}."
     else:
-        reason = why_believed(moment, node, around)
+        reason = why_believed(moment, node, around, _doubtful_camera(moment, evidence))
         text = f"{node.name} is believed to {words}{f': {reason}' if reason else ''}."
     return Statement(
         text=text, subject=Subject.PLACE, basis=Basis.PERCEIVED if perceived else Basis.BELIEVED,
@@ -92,13 +93,21 @@ def relation_evidence(edge: Edge) -> dict[str, Any]:
     return known | {name: edge[name] for name in ("source", "since", "grip") if name in edge}
 
 
-def why_believed(moment: Moment, node: Node, around: Iterable[Node] = ()) -> str:
+def _doubtful_camera(moment: Moment, evidence: dict[str, Any]) -> str:
+    """The camera of the newest percept, if that camera may have moved; else empty."""
+    name = str(evidence.get("percept", {}).get("from", ""))
+    camera = moment.memory.get_node(name)
+    return name if camera is not None and camera.get("mount") in (IN_DOUBT, PROVISIONAL) else ""
+
+
+def why_believed(moment: Moment, node: Node, around: Iterable[Node] = (), doubtful: str = "") -> str:
     """Why a thing is only believed to be somewhere: unseen since when, what hides it, which explanation.
 
     Args:
         moment: the graph, and now.
         node: of the thing.
         around: what the thing rests on or is in.
+        doubtful: name of the camera that sees the thing, if that camera may have moved.
     """
     now = moment.now
     parts = []
@@ -109,6 +118,8 @@ def why_believed(moment: Moment, node: Node, around: Iterable[Node] = ()) -> str
         parts.append(f"{listed(unseen)} {'is' if len(unseen) == 1 else 'are'} unseen")
     elif node.get("surprising") is True:
         parts.append("it surprises the robot")
+    elif doubtful:
+        parts.append(f"{doubtful} may have moved")
     elif not around:
         parts.append("nothing is known to hold it there")
     entry = latest_explanation(moment, node.name)
