@@ -2,6 +2,8 @@
 
 for statement in account(Moment.of(memory), about=["cube_3"]):
     print(statement.text)
+
+Questions are answered by `dsr.narration.answers`, which needs the extra `cli` for its grammar.
 """
 
 from dsr.narration.account import LATELY, account, chapters, check_names

@@ -39,7 +39,7 @@ def place_statements(moment: Moment) -> list[Statement]:
     for node in nodes_by_name(moment.memory, THING_TYPES):
         found.append(place_of_thing(moment, node))
         if node.get("surprising") is True:
-            found.append(_surprise(node))
+            found.append(surprise_of(node))
     return found
 
 
@@ -198,7 +198,8 @@ def _gone(moment: Moment, node: Node, evidence: dict[str, Any]) -> Statement:
     )  # fmt: skip
 
 
-def _surprise(node: Node) -> Statement:
+def surprise_of(node: Node) -> Statement:
+    """Tell that a thing surprises the robot, and why."""
     why = node.get("surprise", "")
     text = f"{node.name} surprises the robot{f': {why}' if why else ''}."
     return Statement(text=text, subject=Subject.SURPRISE, basis=Basis.OWN, names=(node.name,))
