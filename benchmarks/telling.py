@@ -11,7 +11,7 @@ from agents.scenario.format.model import Scenario
 from agents.scenario.truth.actions import EARLY, LATE, true_actions
 from agents.scenario.truth.history import History, Sample
 from agents.scenario.truth.relations import true_contents, true_relations
-from dsr.narration import Basis, Claim, Statement
+from dsr.narration import Basis, StatedClaim, Statement
 from dsr.vocabulary.observed_actions import KINDS
 
 LAG = 1.0
@@ -31,7 +31,7 @@ class Judged(NamedTuple):
     time: float
     """s after the start, when it was told"""
     statement: Statement
-    claim: Claim
+    claim: StatedClaim
     is_true: bool
     was_at_once: bool
     """Whether it was true at the very moment at which it was told, too."""
@@ -90,14 +90,14 @@ class TruthJudge:
         count = [statement.basis for _, statement in listed]
         return Verdict(len(listed), count.count(Basis.OWN), count.count(Basis.BELIEVED), judged, beliefs)
 
-    def is_true(self, claim: Claim, time: float) -> bool:
+    def is_true(self, claim: StatedClaim, time: float) -> bool:
         """Whether a claim about now was true within `LAG` before `time` (s after the start)."""
         return self._holds(claim, time, is_event=False)
 
-    def _is_judged(self, claim: Claim) -> bool:
+    def _is_judged(self, claim: StatedClaim) -> bool:
         return claim.relation not in _UNJUDGED
 
-    def _holds(self, claim: Claim, time: float, is_event: bool) -> bool:
+    def _holds(self, claim: StatedClaim, time: float, is_event: bool) -> bool:
         if claim.relation in KINDS:
             return any(
                 action.kind == claim.relation and action.thing == claim.participants[0]
@@ -108,13 +108,13 @@ class TruthJudge:
             return self._turned(claim, time)
         return any(self._is_so(claim, number) for number in self._between(time - LAG, time))
 
-    def _holds_at(self, claim: Claim, time: float) -> bool:
+    def _holds_at(self, claim: StatedClaim, time: float) -> bool:
         return any(self._is_so(claim, number) for number in self._between(time - LAG, time)[-1:])
 
-    def _turned(self, claim: Claim, time: float) -> bool:
+    def _turned(self, claim: StatedClaim, time: float) -> bool:
         """Whether a relation began or ended about then; what was so at the start began before."""
         change, _, relation = claim.relation.partition(" ")
-        bare = Claim(relation, claim.participants)
+        bare = StatedClaim(relation, claim.participants)
         held = [self._is_so(bare, number) for number in self._between(time - _AROUND, time + _AROUND)]
         wanted = change == "began"
         starts = wanted and time <= _AROUND and held[:1] == [True]
@@ -125,7 +125,7 @@ class TruthJudge:
         first, last = np.searchsorted(self._times, [begin, end + 1e-6])
         return range(int(first), int(last)) if last > first else range(max(0, int(last) - 1), int(last))
 
-    def _is_so(self, claim: Claim, number: int) -> bool:
+    def _is_so(self, claim: StatedClaim, number: int) -> bool:
         sample = self._samples[number]
         relation, names = claim.relation, claim.participants
         if relation == "at":

@@ -10,13 +10,13 @@ from dsr.narration.account import LATELY, account, chapters, check_names
 from dsr.narration.happenings import entry_statements, happening_statements
 from dsr.narration.persons import person_account, world_of
 from dsr.narration.places import place_of_thing, place_statements
-from dsr.narration.statements import Basis, Claim, Moment, Statement, Subject
+from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject
 
 __all__ = [
     "LATELY",
     "Basis",
-    "Claim",
     "Moment",
+    "StatedClaim",
     "Statement",
     "Subject",
     "account",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dsr.errors import GoalError
 from dsr.graph.elements import Edge, Node
 from dsr.narration.places import GRIPPER, relation_evidence
-from dsr.narration.statements import Basis, Claim, Moment, Statement, Subject, ago, is_seen
+from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, ago, is_seen
 from dsr.visibility import PERSON
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.halting import HALT_NODE, order_of
@@ -56,7 +56,7 @@ def sight_of(moment: Moment, person: Node) -> Statement:
         text, basis, seen = f"{person.name} is not there{last}.", Basis.PERCEIVED, []
     return Statement(
         text=text, subject=Subject.SIGHT, basis=basis, names=(person.name, *seen),
-        claims=tuple(Claim("sees", (person.name, thing)) for thing in seen),
+        claims=tuple(StatedClaim("sees", (person.name, thing)) for thing in seen),
         evidence={"seen": {edge.dst: edge.get("share", 0.0) for edge in edges}},
     )  # fmt: skip
 
@@ -97,14 +97,15 @@ def _holding(moment: Moment, edge: Edge) -> Statement:
     return Statement(
         text=f"{edge.src} {verb} {edge.dst}.", subject=Subject.HOLDING,
         basis=Basis.PERCEIVED if is_sure else Basis.BELIEVED,
-        names=(edge.src, edge.dst), claims=(Claim(relation, (edge.src, edge.dst)),), evidence=relation_evidence(edge),
+        names=(edge.src, edge.dst), claims=(StatedClaim(relation, (edge.src, edge.dst)),),
+        evidence=relation_evidence(edge),
     )  # fmt: skip
 
 
 def _empty(gripper: str) -> Statement:
     return Statement(
         text=f"{gripper} holds nothing.", subject=Subject.HOLDING, basis=Basis.PERCEIVED, names=(gripper,),
-        claims=(Claim("empty", (gripper,)),),
+        claims=(StatedClaim("empty", (gripper,)),),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from dsr.narration.doings import goal_words
 from dsr.narration.places import GRIPPER
-from dsr.narration.statements import Basis, Claim, Moment, Statement, Subject, ago, seen_since
+from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, ago, seen_since
 from dsr.timeline import (
     ACTION,
     AGENT,
@@ -53,7 +53,7 @@ class _Told(NamedTuple):
     time: float
     clause: str
     """A sentence without time and full stop."""
-    claim: Claim | None
+    claim: StatedClaim | None
     is_own: bool = False
     """Whether it is about the robot's mind."""
 
@@ -127,9 +127,9 @@ def _told(entry: Entry) -> Iterator[_Told]:
         yield from _relation(entry)
     elif entry.kind == PRESENT and entry.participants:
         name = entry.participants[:1]
-        yield _Told(entry.begin, f"{name[0]} appeared", Claim("appeared", name))
+        yield _Told(entry.begin, f"{name[0]} appeared", StatedClaim("appeared", name))
         if entry.end is not None:
-            yield _Told(entry.end, f"{name[0]} disappeared", Claim("disappeared", name))
+            yield _Told(entry.end, f"{name[0]} disappeared", StatedClaim("disappeared", name))
     elif entry.kind == SURPRISING and entry.participants:
         name = entry.participants[:1]
         yield _Told(entry.begin, entry.text or f"{name[0]} was surprising", None, is_own=True)
@@ -148,10 +148,10 @@ def _relation(entry: Entry) -> Iterator[_Told]:
     is_touch = entry.kind == "grasping" and entry.source != GRIPPER  # of hands, which may only pass by
     words, kind = (TOUCHING, "touching") if is_touch else (RELATION_WORDS[entry.kind], entry.kind)
     source, destination = entry.participants
-    began = Claim(f"began {kind}", entry.participants)
+    began = StatedClaim(f"began {kind}", entry.participants)
     yield _Told(entry.begin, f"{source} {words.began} {destination}", began)
     if entry.end is not None:
-        ended = Claim(f"ended {kind}", entry.participants)
+        ended = StatedClaim(f"ended {kind}", entry.participants)
         yield _Told(entry.end, f"{source} {words.ended} {destination}", ended)
 
 
@@ -161,7 +161,7 @@ def _event(entry: Entry) -> Iterator[_Told]:
         thing, *by = entry.participants
         who = by[0] if by and by[0] != UNKNOWN else "somebody"
         clause = f"{who} {_OBSERVED_WORDS.get(entry.kind, 'let go of {}').format(thing)}"
-        yield _Told(entry.begin, clause, Claim(entry.kind, entry.participants))
+        yield _Told(entry.begin, clause, StatedClaim(entry.kind, entry.participants))
     elif entry.kind == EXPLAINED:
         sentence = explained_sentence({**entry.details, "explanation": entry.details.get("explanation", entry.text)})
         yield _Told(entry.begin, f"the robot concluded that {sentence}", None, is_own=True)

@@ -9,7 +9,7 @@ from dsr.math3d.transforms import Pose
 from dsr.narration.account import LATELY
 from dsr.narration.happenings import happening_statements
 from dsr.narration.places import place_of_thing, relation_evidence, relations_of, whereabouts
-from dsr.narration.statements import Basis, Claim, Moment, Statement, Subject, ago, percept_evidence, place_of
+from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, ago, percept_evidence, place_of
 from dsr.visibility import PERSON
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 
@@ -73,7 +73,7 @@ def _known(world: Moment, person: str, node: Node) -> Statement:
         text = f"{person} does not know where {node.name} is{_last_seen(world, person, node)}."
         return Statement(
             text=text, subject=Subject.PLACE, basis=Basis.BELIEVED, names=names, evidence=evidence,
-            claims=(Claim("gone", (node.name,)),),
+            claims=(StatedClaim("gone", (node.name,)),),
         )  # fmt: skip
     around = [one for edge in relations if (one := world.memory.get_node(edge.dst)) is not None]
     place = place_of(pose)

@@ -9,9 +9,9 @@ from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
 from dsr.narration.statements import (
     Basis,
-    Claim,
     Moment,
     Place,
+    StatedClaim,
     Statement,
     Subject,
     is_seen,
@@ -158,7 +158,7 @@ def latest_explanation(moment: Moment, name: str) -> Entry | None:
 def whereabouts(
     name: str, contents: list[Edge], supports: list[Edge], holders: list[Edge], place: Place | None,
     around: list[Node], *, perceived: bool,
-) -> tuple[list[Claim], str]:  # fmt: skip
+) -> tuple[list[StatedClaim], str]:  # fmt: skip
     """What a thing is in, on or held by, as claims, and as words behind its name: `rests on table, at x ...`.
 
     Args:
@@ -170,7 +170,7 @@ def whereabouts(
         around: nodes of what it rests on or is in.
         perceived: whether the words follow the name ("rests"), or "is believed to" ("rest").
     """
-    claims = [Claim(edge.type, (name, edge.dst)) for edge in (*contents, *supports)]
+    claims = [StatedClaim(edge.type, (name, edge.dst)) for edge in (*contents, *supports)]
     words = []
     for edges in (contents, supports):
         if edges:
@@ -180,7 +180,7 @@ def whereabouts(
         words.append(f"{'is' if perceived else 'be'} held by {listed([edge.src for edge in holders])}")
     is_located = not words or any(node.type in SURFACES for node in around)
     if place is not None and is_located:
-        claims.append(Claim("at", (name,), place))
+        claims.append(StatedClaim("at", (name,), place))
         where = place_words(place, height=not words)
         words = [f"{' and '.join(words)}, {where}"] if words else [f"{'is' if perceived else 'be'} {where}"]
     return claims, " and ".join(words)
@@ -194,7 +194,7 @@ def _gone(moment: Moment, node: Node, evidence: dict[str, Any]) -> Statement:
     text = f"{node.name} is believed to be gone{f': the robot concluded that {because}' if because else ''}."
     return Statement(
         text=text, subject=Subject.PLACE, basis=Basis.BELIEVED, names=(node.name,),
-        claims=(Claim("gone", (node.name,)),), evidence=evidence,
+        claims=(StatedClaim("gone", (node.name,)),), evidence=evidence,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ _WORDS = {
     "VANISH": "disappear disappeared vanish vanished", "PICK": "pick picked take took taken lift lifted grab grabbed",
     "PUT": "put place placed lay laid", "DROP": "drop dropped release released", "UP": "up", "DOWN": "down",
     "AWAY": "away", "REMOVE": "remove removed", "STOP": "stop stopped standing", "COME": "come came get got",
-    "YOU": "you", "UNIT": r"s sec seconds second(?=\s+ago)", "MINUTE": "min minute minutes",
+    "UNIT": r"s sec seconds second(?=\s+ago)", "MINUTE": "min minute minutes",
 }  # fmt: skip
 """The words of each terminal. None of them can be the name of a thing."""
 _GRAMMAR = r"""
@@ -42,7 +43,7 @@ where_now: WHERE BE thing
 where_then: WHERE BE thing when
 where_by: WHERE DO thing THINK (DET? thing) BE | WHERE WILL thing LOOK FOR thing
     | WHERE BE thing BE? BELIEVED BY thing
-last_seen: WHEN BE thing LAST? SEEN | WHEN BE thing SEEN LAST | WHEN DO YOU LAST SEE thing
+last_seen: WHEN BE thing LAST? SEEN | WHEN BE thing SEEN LAST
 last_seen_by: WHEN DO thing LAST SEE thing | WHEN BE thing LAST SEEN BY thing
 contents: WHAT BE relation thing when? | WHAT REST relation thing
 contents_by: WHAT DO thing THINK BE relation thing
@@ -64,8 +65,9 @@ when_was: WHEN (BE | DO) thing did
 since_when: SINCE WHEN BE thing relation thing | WHEN DO thing COME relation thing
 how_long: HOW LONG HAS thing BE UNSEEN | HOW LONG BE thing UNSEEN
 how_long_so: HOW LONG HAS thing BE relation thing | HOW LONG BE thing relation thing
-why_so: WHY BE thing (BE? BELIEVED TO? BE?)? relation thing | WHY DO (YOU | thing) THINK that? thing BE relation thing
-why_state: WHY BE thing state | WHY CAN thing NOT SEE thing
+why_so: WHY BE thing (BE? BELIEVED TO? BE?)? relation thing | WHY DO thing THINK that? thing BE relation thing
+why_state: WHY BE thing state | WHY BE NOT thing (VISIBLE | SEEN)
+    | WHY CAN thing NOT SEE thing
 why_waits: WHY DO thing (WAIT | STOP | NOT MOVE) | WHY BE thing (WAIT | STOP | NOT did)
 why_moved: WHY DO thing (MOVE | FALL) | WHY BE thing did
 happened: WHAT HAPPEN (TO thing)? since? | WHAT HAS HAPPEN (TO thing)? since?
@@ -78,9 +80,10 @@ count: HOW MANY thing BE THERE
 which: WHAT thing BE THERE | WHAT BE THERE
 
 change: thing BE (REMOVE | PICK AWAY | GONE) -> remove
-    | (thing | YOU) (REMOVE | PICK AWAY?) thing AWAY? -> remove_by
+    | thing (REMOVE | PICK AWAY?) thing AWAY? -> remove_by
     | thing BE HELD -> hold
-    | thing BE (PUT | MOVE) (ON | IN)? relation? thing -> put
+    | thing BE (PUT | MOVE) ON thing -> put
+    | thing PUT thing ON thing -> put
 did: MOVE | PICK UP? | PICK AWAY | PUT DOWN? | DROP | FALL | APPEAR | VANISH | REMOVE
 did_what: MOVE | PICK (UP | AWAY)? | PUT DOWN? | DROP | REMOVE
 state: SURPRISING | GONE | UNSEEN | THERE | VISIBLE | NOT VISIBLE | NOT SEEN
@@ -112,6 +115,9 @@ EXAMPLES = {
     "wants": "what does the robot want?", "count": "how many cubes are there?", "which": "what is there?",
 }  # fmt: skip
 """A question of each kind, to show when another is not understood."""
+_LONGEST = 300
+"""Characters of a question: several times the longest example. The work of reading grows with the cube of the words"""
+_YOU = re.compile(r"\byou\b")
 _SIMILAR = 3
 """Questions that are shown instead of one that is not understood: those that fit on a few lines."""
 
@@ -146,6 +152,9 @@ class Misunderstanding(NamedTuple):
 
 def parse_question(text: str) -> Query | Misunderstanding:
     """Read a question; names in it are not looked up yet."""
+    if len(text) > _LONGEST:
+        why = f"A question has at most {_LONGEST} characters, not {len(text)}."
+        return Misunderstanding(text[_LONGEST:], why, similar_questions(text[:_LONGEST]))
     plain = _plain(text)
     try:
         query: Query = _Reader().transform(_parser().parse(plain))
@@ -168,7 +177,7 @@ def _plain(text: str) -> str:
     plain = " ".join(text.lower().split())
     for short, long in (("'s ", " is "), ("’s ", " is "), ("n't ", " not ")):
         plain = plain.replace(short, long)
-    return plain
+    return _YOU.sub("the robot", plain)
 
 
 @cache
@@ -277,7 +286,7 @@ class _Reader(Transformer[Token, Query]):
 
     def put(self, children: list[Any]) -> _Changed:
         """Something is put onto something."""
-        return _Changed("put", _names(children))
+        return _Changed("put", _names(children)[-2:])
 
 
 def _query(rule: str, children: list[Any]) -> Query:

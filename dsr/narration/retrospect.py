@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from dsr.narration.account import LATELY
 from dsr.narration.answer import Response, joined, understood
 from dsr.narration.happenings import entry_statements, happening_statements
-from dsr.narration.naming import node_of
+from dsr.narration.naming import is_robot, node_of
 from dsr.narration.past import doings, relations_at, told_at
 from dsr.narration.persons import thing_by_person, world_of
 from dsr.narration.places import latest_explanation, place_of_thing, surprise_of, why_unseen
@@ -64,7 +66,9 @@ def last_seen(moment: Moment, query: Query) -> Response:
 
 
 def last_seen_by(moment: Moment, query: Query) -> Response:
-    """When a person last saw a thing."""
+    """When a person, or the robot, last saw a thing."""
+    if is_robot(query.things[0]):
+        return last_seen(moment, msgspec.structs.replace(query, things=query.things[1:]))
     person, node = node_of(moment, query.things[0]).name, node_of(moment, query.things[1])
     world = world_of(moment, person)
     known = world.memory.get_node(node.name)

@@ -59,7 +59,7 @@ class Subject(StrEnum):
     FORBIDDEN = "forbidden"
 
 
-class Claim(NamedTuple):
+class StatedClaim(NamedTuple):
     """What a sentence says of the world, for programs."""
 
     relation: str
@@ -79,7 +79,7 @@ class Statement(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     basis: Basis
     names: tuple[str, ...] = ()
     """Names of nodes that the sentence is about."""
-    claims: tuple[Claim, ...] = ()
+    claims: tuple[StatedClaim, ...] = ()
     """What the sentence says of the world; none if it is about the robot's mind."""
     time: float | None = None
     """s, when what is told happened; None for what is so now"""

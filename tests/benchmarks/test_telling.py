@@ -9,7 +9,7 @@ from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import make_run
 from benchmarks.tell import AccountTaker, main
 from benchmarks.telling import TruthJudge
-from dsr.narration import Basis, Claim, Statement, Subject
+from dsr.narration import Basis, StatedClaim, Statement, Subject
 
 
 @pytest.mark.parametrize("name", ["cubes_swapped", "c_pour"])
@@ -28,7 +28,7 @@ def test_what_is_not_marked_as_belief_is_true(name: str) -> None:
 def _turned(statement: Statement) -> Statement:
     """The same sentence with false claims about places."""
     claims = [
-        Claim("at", claim.participants, (claim.place[0] + 0.05, *claim.place[1:]))
+        StatedClaim("at", claim.participants, (claim.place[0] + 0.05, *claim.place[1:]))
         for claim in statement.claims if claim.place is not None
     ]  # fmt: skip
     return msgspec.structs.replace(statement, claims=tuple(claims), subject=Subject.PLACE)

@@ -88,7 +88,7 @@ def test_a_running_system_is_told_as_of_now_and_from_a_persons_view() -> None:
         fill(memory, now)
         memory.add_node("sally", "person", perceived=True, last_seen=now)
         result = run("--json")
-        assert [one["text"] for one in json.loads(result.stdout)][0] == "cup rests on table, at x 0.10 m, y 0.20 m."
+        assert json.loads(result.stdout)[0]["text"] == "cup rests on table, at x 0.10 m, y 0.20 m."
         assert "no timeline is there" in run().stderr
         memory.create_world("view_of_sally")
         assert "sally has never seen cup." in run("--person", "sally").stdout

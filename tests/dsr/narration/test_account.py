@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dsr import ConfigError, Memory, Pose
-from dsr.narration import Basis, Claim, Moment, Statement, Subject, account, chapters, check_names
+from dsr.narration import Basis, Moment, StatedClaim, Statement, Subject, account, chapters, check_names
 from dsr.narration.statements import ago, length_of_time
 from dsr.timeline import Chronicle
 from dsr.vocabulary.halting import HaltOrder, write_order
@@ -22,7 +22,7 @@ def told(moment: Moment, name: str, subject: Subject = Subject.PLACE) -> Stateme
 def test_what_is_seen_is_told_without_a_mark(moment: Moment) -> None:
     cup = told(moment, "cup")
     assert cup.text == "cup rests on table, at x 0.30 m, y 0.09 m." and cup.basis is Basis.PERCEIVED
-    assert cup.claims == (Claim("on", ("cup", "table")), Claim("at", ("cup",), (0.3, 0.09, 0.05)))
+    assert cup.claims == (StatedClaim("on", ("cup", "table")), StatedClaim("at", ("cup",), (0.3, 0.09, 0.05)))
     assert cup.evidence["relations"] == [
         {"relation": "on", "of": "cup", "to": "table", "source": "contact", "since": NOW - 50.0}
     ]
@@ -44,13 +44,13 @@ def test_a_seen_thing_on_an_unseen_one_is_only_believed_to_be_there(moment: Mome
 def test_a_thing_in_another_does_not_rest_on_it_too(moment: Moment) -> None:
     ball = told(moment, "ball")
     assert ball.text == "ball is believed to be in box: unseen for 3 min 20 s, out of the sight of camera."
-    assert ball.claims == (Claim("in", ("ball", "box")),)
+    assert ball.claims == (StatedClaim("in", ("ball", "box")),)
 
 
 def test_what_is_gone_and_what_is_nowhere(moment: Moment) -> None:
     gone = told(moment, "cube_9")
     assert gone.text == "cube_9 is believed to be gone: the robot concluded that cube_9 was taken away."
-    assert gone.claims == (Claim("gone", ("cube_9",)),) and gone.basis is Basis.BELIEVED
+    assert gone.claims == (StatedClaim("gone", ("cube_9",)),) and gone.basis is Basis.BELIEVED
     assert told(moment, "cube_10").text == "Nobody knows where cube_10 is."
 
 
@@ -78,14 +78,14 @@ def test_an_old_flag_of_being_seen_does_not_count(memory: Memory) -> None:
 
 def test_grippers_feel_what_they_hold_and_hands_only_seem_to_touch(memory: Memory) -> None:
     memory.add_node("gripper", "gripper")
-    assert told(Moment.of(memory), "gripper", Subject.HOLDING).claims == (Claim("empty", ("gripper",)),)
+    assert told(Moment.of(memory), "gripper", Subject.HOLDING).claims == (StatedClaim("empty", ("gripper",)),)
     memory.add_edge("gripper", "ball", "grasping", source="gripper", since=NOW)
     memory.add_node("hand", "hand", perceived=True, last_seen=NOW)
     memory.add_edge("hand", "cup", "grasping", source="contact", grip="touch", since=NOW)
     moment = Moment.of(memory)
     assert told(moment, "gripper", Subject.HOLDING).text == "gripper holds ball."
     hand = told(moment, "hand", Subject.HOLDING)
-    assert hand.text == "hand is believed to touch cup." and hand.claims == (Claim("touching", ("hand", "cup")),)
+    assert hand.text == "hand is believed to touch cup." and hand.claims == (StatedClaim("touching", ("hand", "cup")),)
     memory.remove_edge("cup", "table", "on")
     memory.add_edge("hand", "cup", "grasping", grip="pinch")
     assert told(Moment.of(memory), "hand", Subject.HOLDING).text == "hand holds cup."
