@@ -26,6 +26,8 @@ ONE_PLACE = {
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
+    "mcp": ("agents/assistant/server.py",),
+    "lark": ("dsr/narration/questions.py",),
     "pyrealsense2": ("agents/cameras/realsense.py",),
     "dynamixel_sdk": ("agents/dynamixel/servos.py",),
     "ruckig": ("agents/joint_ramp.py",),

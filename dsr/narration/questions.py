@@ -15,24 +15,25 @@ _WORDS = {
     "BE": "is are was were be being been", "DO": "do does did", "CAN": "can could", "WILL": "will would",
     "HAS": "has have had", "WHERE": "where", "WHAT": "what which", "WHO": "who", "WHEN": "when", "WHY": "why",
     "HOW": "how", "LONG": "long", "MANY": "many", "IF": "if", "THERE": "there", "AGO": "ago", "AT": "at",
-    "SINCE": "since", "LAST": "last", "LATELY": "lately recently", "DET": "the a an my your this that",
-    "ON": "on onto upon", "IN": "in into inside within", "UNDER": "under beneath underneath", "BY": "by",
-    "TO": "to", "OF": "of", "FOR": "for", "NOT": "not", "ABOVE": "above over", "BELOW": "below",
-    "NEAR": "near beside", "NEXT": "next", "SEE": "see sees seeing", "SEEN": "seen", "VISIBLE": "visible",
-    "UNSEEN": "unseen hidden invisible", "HIDE": "hide hides hiding", "HOLD": "hold holds holding",
-    "HELD": "held", "THINK": "think thinks believe believes", "BELIEVED": "believed thought", "KNOW": "know knows",
-    "LOOK": "look search", "WRONG": "wrong mistaken", "SURPRISING": "surprising surprised", "GONE": "gone missing",
-    "WANT": "want wants", "WAIT": "wait waits waiting", "DOING": "doing", "GOAL": "goal mission task plan",
-    "HAPPEN": "happen happens happened", "MOVE": "move moves moved", "FALL": "fall falls fell fallen",
-    "STAY": "stay stays stand stands", "REST": "rest rests lie lies", "APPEAR": "appear appeared",
-    "VANISH": "disappear disappeared vanish vanished", "PICK": "pick picked take took taken lift lifted grab grabbed",
-    "PUT": "put place placed lay laid", "DROP": "drop dropped release released", "UP": "up", "DOWN": "down",
-    "AWAY": "away", "REMOVE": "remove removed", "STOP": "stop stopped standing", "COME": "come came get got",
-    "UNIT": r"s sec seconds second(?=\s+ago)", "MINUTE": "min minute minutes",
+    "SINCE": "since", "LAST": "last", "LATELY": "lately recently", "NOW": "now currently",
+    "DET": "the a an my your this that", "ON": "on onto upon", "IN": "in into inside within",
+    "UNDER": "under beneath underneath", "BY": "by", "TO": "to", "OF": "of", "FOR": "for", "NOT": "not",
+    "ABOVE": "above over", "BELOW": "below", "NEAR": "near beside", "NEXT": "next", "SEE": "see sees seeing",
+    "SEEN": "seen", "VISIBLE": "visible", "UNSEEN": "unseen hidden invisible", "HIDE": "hide hides hiding",
+    "HOLD": "hold holds holding", "HELD": "held", "THINK": "think thinks believe believes",
+    "BELIEVED": "believed thought", "KNOW": "know knows", "LOOK": "look search", "WRONG": "wrong mistaken",
+    "SURPRISING": "surprising surprised", "GONE": "gone missing", "WANT": "want wants", "WAIT": "wait waits waiting",
+    "DOING": "doing", "GOAL": "goal mission task plan", "HAPPEN": "happen happens happened",
+    "MOVE": "move moves moved", "FALL": "fall falls fell fallen", "STAY": "stay stays stand stands",
+    "REST": "rest rests lie lies", "APPEAR": "appear appeared", "VANISH": "disappear disappeared vanish vanished",
+    "PICK": "pick picked take took taken lift lifted grab grabbed", "PUT": "put place placed lay laid",
+    "DROP": "drop dropped release released", "UP": "up", "DOWN": "down", "AWAY": "away", "REMOVE": "remove removed",
+    "STOP": "stop stopped standing", "COME": "come came get got", "UNIT": r"s sec seconds second(?=\s+ago)",
+    "MINUTE": "min minute minutes",
 }  # fmt: skip
 """The words of each terminal. None of them can be the name of a thing."""
 _GRAMMAR = r"""
-start: question
+start: question NOW?
 
 question: where_now | where_then | where_by | last_seen | last_seen_by | contents | contents_by | is_so | is_so_by
     | knows | is_wrong | is_there | sees | is_visible | who_sees | what_sees | hides | holder | held | is_holding

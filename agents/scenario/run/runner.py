@@ -142,7 +142,7 @@ class Conductor:
 
 
 Onlooker = Callable[[float, Memory, History], None]
-"""Called at each step of a lockstep run: s since the start, the runner's replica and the truth so far; both only read."""
+"""Called at each step of a lockstep run with s since the start, the runner's replica, and the truth: both only read."""
 
 
 def run_lockstep(run: Run, observer: RunObserver | None = None, onlooker: Onlooker | None = None) -> Result:
