@@ -5,16 +5,19 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import anyio
 import cv2
 import numpy as np
+import pytest
 from mcp import Client, StdioServerParameters
 from mcp.types import ImageContent, TextContent
 
@@ -28,7 +31,9 @@ from agents.assistant.server import GRAPH, NOTE, ToolServer
 from dsr import Frame, Memory
 from dsr.clock import WALL_CLOCK
 from dsr.network.rendezvous import free_port
+from tests.agents.assistant.conftest import fill
 
+PAGE = Path(__file__).parents[3] / "docs/how-to/assistants.md"
 LOOKS = {
     "objects", "where_is", "relations", "visible_to", "believes", "timeline", "why", "what_if", "ask", "tell",
     "plan_preview", "agents_status", "camera_image",
@@ -212,18 +217,42 @@ def test_an_assistant_asks_over_stdio(memory: Memory) -> None:
 
 
 def test_an_assistant_asks_over_http_and_a_person_confirms_in_a_terminal(memory: Memory) -> None:
-    port = free_port()
+    _ask_and_confirm(memory, {})
+
+
+def test_in_a_secured_graph_the_grants_of_the_page_are_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    keys = tmp_path / "keys"
+    grants = re.findall(r"--writes \S+", PAGE.read_text(encoding="utf-8"))
+    assert len(grants) > 10
+    security = [sys.executable, "-m", "dsr.cli", "security"]
+    subprocess.run([*security, "init", str(keys), "--agent", "owner"], check=True, capture_output=True)
+    added = " ".join(grants).split()
+    subprocess.run([*security, "add", str(keys), "assistant", *added], check=True, capture_output=True)
+    with dsr.connect("kitchen", agent="owner", security=keys, must_exist=False) as memory:
+        fill(memory)
+        _ask_and_confirm(memory, {"DSR_SECURITY": str(keys)})
+
+
+def _ask_and_confirm(memory: Memory, extra: dict[str, str]) -> None:
+    """Propose a halt over HTTP, confirm it in a process of its own, and find it in the graph."""
+    port, environment = free_port(), {**os.environ, **extra}
     serve = [sys.executable, "-m", "dsr.cli", "assist", "serve", "--transport", "http", "--port", str(port)]
-    server = subprocess.Popen([*serve, "--allow-actions"], stderr=subprocess.PIPE, text=True, env=dict(os.environ))
+    server = subprocess.Popen([*serve, "--allow-actions"], stderr=subprocess.PIPE, text=True, env=environment)
 
     async def run() -> None:
         with anyio.fail_after(60.0):
             async with Client(f"http://127.0.0.1:{port}/mcp") as client:
+                mission = await told(client, "propose_mission", goal="on(ball,table)")
                 halt = await told(client, "propose_halt", reason="a hand is in the way")
                 confirm = [sys.executable, "-m", "dsr.cli", "assist", "confirm"]
-                done = await anyio.run_process(confirm, input=b"y\n", env=dict(os.environ))
+                done = await anyio.run_process(confirm, input=b"n\ny\n", env=environment)
                 assert b"All arms would stop" in done.stdout and b"done" in done.stdout
                 assert (await told(client, "act_state", id=halt["id"]))["state"] == "done"
+                assert (await told(client, "act_state", id=mission["id"]))["state"] == "refused by a person"
+                mission = await told(client, "propose_mission", goal="on(ball,table)")
+                await anyio.run_process([*confirm, mission["id"]], env=environment)
+                assert (await told(client, "act_state", id=mission["id"]))["state"] == "done"
 
     try:
         assert server.stderr is not None and "assistants connect to" in server.stderr.readline()
@@ -233,3 +262,4 @@ def test_an_assistant_asks_over_http_and_a_person_confirms_in_a_terminal(memory:
         server.wait(10.0)
     assert memory.replica.wait_until(lambda: "halt" in memory, 10.0)
     assert memory.node("halt")["halted"] is True
+    assert memory.replica.wait_until(lambda: bool(memory.nodes("intention")), 10.0)
