@@ -60,7 +60,7 @@ def told_in(name: str) -> Verdict:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Judge the scenarios that are named, or all; returns 1 if anything is false that is not marked as belief."""
+    """Judge the scenarios that are named, or all; returns 1 if a statement is false and no belief, or none was made."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenarios", nargs="*", help="names; all built-in ones by default")
     parser.add_argument("--json", type=Path, help="write the figures and the false statements to this file")
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"{len(rows)} scenarios: {told} statements, {judged} claims judged, {false} false")
     if options.json:
         options.json.write_text(json.dumps(rows, indent=2), encoding="utf-8")
-    return 1 if total["false_count"] else 0
+    return 1 if total["false_count"] or not rows else 0
 
 
 def _row(verdict: Verdict) -> dict[str, Any]:

@@ -34,6 +34,6 @@ def _turned(statement: Statement) -> Statement:
     return msgspec.structs.replace(statement, claims=tuple(claims), subject=Subject.PLACE)
 
 
-def test_the_command_prints_a_row_and_what_is_false(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["no_such_scenario"]) == 0
+def test_a_scenario_that_cannot_be_played_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["no_such_scenario"]) == 1
     assert "not played: " in capsys.readouterr().out
