@@ -59,7 +59,7 @@ class Subject(StrEnum):
     FORBIDDEN = "forbidden"
 
 
-class StatedClaim(NamedTuple):
+class StatedClaim(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a sentence says of the world, for programs."""
 
     relation: str
