@@ -141,18 +141,29 @@ class Conductor:
         return sorted((time, number) for number, time in begun.items() if number in self._kills and time <= elapsed)
 
 
-def run_lockstep(run: Run, observer: RunObserver | None = None) -> Result:
+Onlooker = Callable[[float, Memory, History], None]
+"""Called at each step of a lockstep run with s since the start, the runner's replica, and the truth: both only read."""
+
+
+def run_lockstep(run: Run, observer: RunObserver | None = None, onlooker: Onlooker | None = None) -> Result:
     """Run in one process as fast as the machine allows; the same seed gives the same metrics.
+
+    Args:
+        run: what is run.
+        observer: is told what happens.
+        onlooker: looks at memory and truth at each step.
 
     Raises:
         ConfigError: if the scenario does not fit its system.
         AgentError: if an agent cannot be started.
     """
     system = staged_system(run)
-    return run_system(run, system if run.viewer else without(system, "viewer"), observer)
+    return run_system(run, system if run.viewer else without(system, "viewer"), observer, onlooker)
 
 
-def run_system(run: Run, system: System, observer: RunObserver | None = None) -> Result:
+def run_system(
+    run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None
+) -> Result:
     """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
     observer = observer or Silent()
     scenario = run.scenario
@@ -180,7 +191,10 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
         teller = Teller(observer, scenario, lockstep.memory, judge)
 
         def on_step(now: float) -> bool:
-            teller.tell(conductor.step(now))
+            elapsed = conductor.step(now)
+            teller.tell(elapsed)
+            if onlooker is not None:
+                onlooker(elapsed, lockstep.memory, judge.history)
             while away and away[0][0] <= now:
                 lockstep.restart(away.pop(0)[1])
             return conductor.is_over
