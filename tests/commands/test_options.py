@@ -25,6 +25,7 @@ NO_DATA = {
     "record": "writes a file",
     "view": "opens a window",
     "ros run": "goes on until Ctrl-C",
+    "scenario generate": "writes a file",
 }
 """Commands that have no outcome but what they do."""
 

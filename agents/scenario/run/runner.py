@@ -15,7 +15,7 @@ from agents.scenario.format.model import Scenario
 from agents.scenario.judge.judge import Judge
 from agents.scenario.judge.result import Result
 from agents.scenario.run.mission_giver import MissionGiver
-from agents.scenario.run.staging import Run, plant_alone, staged_system, without
+from agents.scenario.run.staging import PlantSensor, Run, plant_alone, staged_system, without
 from agents.scenario.run.story import Line, Story
 from agents.scenario.truth.history import History
 from dsr.errors import AgentError
@@ -191,13 +191,17 @@ def mission_giver_of(run: Run, memory: Memory, judge: Judge) -> MissionGiver | N
     return MissionGiver(mission, memory, judge.names) if run.untagged and mission is not None else None
 
 
-def true_course(run: Run) -> History:
+def true_course(run: Run, sensor: PlantSensor = "none") -> History:
     """Play the true course without any agent: the plant alone, with the experimenter's moves. `kill` is only noted.
+
+    Args:
+        run: what is played.
+        sensor: with `poses`, the samples tell what the camera could recognise; that takes longer.
 
     Raises:
         ConfigError: if the scenario cannot be played.
     """
-    scenario, system = run.scenario, plant_alone(run)
+    scenario, system = run.scenario, plant_alone(run, sensor)
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
         judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
         _get_ready(lockstep, [spec.name for spec in system.agents])
