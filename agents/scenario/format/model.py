@@ -130,7 +130,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     """m, centre, world"""
     yaw: Radians = 0.0
     """rad about world z"""
-    tilt: Rotation = (0.0, 0.0, 0.0)
+    lean: Rotation = (0.0, 0.0, 0.0)
     """Rotation vector, rad, about world axes, by which it leans or lies before it is turned by `yaw`"""
     known: bool = False
     """The working memory starts with a node of this object (size, shape, mass, marker, colour), without a pose."""
@@ -139,7 +139,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     def pose(self) -> Pose:
         """world_from_object at the start"""
         turned = from_rotvec((0.0, 0.0, self.yaw))
-        return Pose(self.position, product(turned, from_rotvec(self.tilt)) if any(self.tilt) else turned)
+        return Pose(self.position, product(turned, from_rotvec(self.lean)) if any(self.lean) else turned)
 
     @property
     def by_color(self) -> bool:

@@ -154,12 +154,12 @@ class Draft:
         return self.add(body, (x, y, bottom + body.size[2] / 2))
 
     def add(
-        self, body: Body, position: Vector3, *, yaw: float | None = None, tilt: Vector3 = (0.0, 0.0, 0.0)
+        self, body: Body, position: Vector3, *, yaw: float | None = None, lean: Vector3 = (0.0, 0.0, 0.0)
     ) -> str:
         """Add a body somewhere in the air or on something; returns its name."""
         name = f"{body.what}_{1 + sum(other.what == body.what for other in self.bodies.values())}"
         self.bodies[name] = body
-        tagged = body.can_have_tag and not any(tilt) and self.draw.chance(TAGGED)
+        tagged = body.can_have_tag and not any(lean) and self.draw.chance(TAGGED)
         self.objects.append(
             ObjectSpec(
                 name=name,
@@ -173,7 +173,7 @@ class Draft:
                 color=self._free_color(),
                 position=(round(position[0], 4), round(position[1], 4), round(position[2], 4)),
                 yaw=self.draw.angle() if yaw is None else yaw,
-                tilt=tilt,
+                lean=lean,
                 known=True,
             )
         )

@@ -64,9 +64,9 @@ def _bad_start(history: History) -> str:
         other, depth = deepest(spec.name, pose, others, scenario)
         if depth > PRESSED:
             return f"{spec.name} is {1000 * depth:.1f} mm inside {other} at the start"
-        if spec.position[2] - pose.t[2] > FALLEN and not any(spec.tilt):
+        if spec.position[2] - pose.t[2] > FALLEN and not any(spec.lean):
             return f"{spec.name} falls at the start"
-        if any(spec.tilt) and spec.pose.distance(pose)[1] > TIPPED:
+        if any(spec.lean) and spec.pose.distance(pose)[1] > TIPPED:
             return f"{spec.name} does not stay as it leans"
     early = history.window(0.0, scenario.settle)
     seen = {name for sample in early for name in sample.in_view}

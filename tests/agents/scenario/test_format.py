@@ -595,7 +595,7 @@ marker_id = 1
 
 def test_an_object_is_made_of_parts_that_the_file_gives():
     parts = 'shape = [["cylinder", [0.04, 0.04, 0.1]], ["box", [0.1, 0.02, 0.02], [0.03, 0, 0.06], [0, 0, 0, 1.0001]]]'
-    (spec,) = parse_scenario(SHAPED + f'type = "box"\nposition = [0.3, 0.0, 0.06]\n{parts}').objects
+    (spec,) = parse_scenario(SHAPED.replace("marker_id = 1", "") + f'type = "box"\nknown = true\ncolor = [0.1, 0.2, 0.9]\nposition = [0.3, 0.0, 0.06]\n{parts}').objects
     assert spec.size == pytest.approx((0.1, 0.04, 0.12))
     assert [part.position for part in spec.shape] == [
         pytest.approx((-0.03, 0.0, -0.01)), pytest.approx((0.0, 0.0, 0.05))
@@ -603,8 +603,8 @@ def test_an_object_is_made_of_parts_that_the_file_gives():
     assert spec.shape[1].rotation == pytest.approx((0.0, 0.0, 0.0, 1.0), abs=1e-9)
 
 
-def test_a_tilted_object_lies_before_it_is_turned():
-    text = SHAPED + "size = [0.04, 0.06, 0.1]\nposition = [0.3, 0.0, 0.03]\ntilt = [1.5708, 0.0, 0.0]\nyaw = 1.5708"
+def test_a_leaning_object_lies_before_it_is_turned():
+    text = SHAPED + "size = [0.04, 0.06, 0.1]\nposition = [0.3, 0.0, 0.03]\nlean = [1.5708, 0.0, 0.0]\nyaw = 1.5708"
     (spec,) = parse_scenario(text).objects
     assert spec.pose.rotation_matrix[:, 2] == pytest.approx((1.0, 0.0, 0.0), abs=1e-4), "its z axis is along world x"
     box = object_box(spec)
@@ -621,7 +621,7 @@ def test_a_tilted_object_lies_before_it_is_turned():
         ('type = "ball"\nshape = [["box", [0.1, 0.1, 0.1]]]', "a ball is one sphere"),
         ("shape = []", "0 parts; expected 1 to 16"),
         ('shape = [["box", [0.1, 0.1, 0.1], [0, 0, 0], [0, 0, 0, 1], [[0, 0, 0]]]]', "a part with corners"),
-        ("tilt = [90.0, 0.0, 0.0]", "tilt"),
+        ("lean = [90.0, 0.0, 0.0]", "lean"),
     ],
 )
 def test_a_shape_that_cannot_be_is_refused(fields: str, message: str):

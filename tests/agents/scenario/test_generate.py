@@ -143,9 +143,9 @@ REFUSED = {
     "": "nothing happens",
     "[[event]]\nat = 1.0\ndo = 'push'\nobject = 'a'\nvelocity = [3.0, 0.0, 0.0]": "falls off the table",
     "[[event]]\nat = 1.0\ndo = 'slide'\nobject = 'a'\nspeed = 0.3\nto = [0.0, 0.4]": "goes through 'b'",
-    "[[event]]\nat = 9.0\ndo = 'remove'\nobject = 'a'": "has not begun",
+    "[[event]]\nat = 1.0\ndo = 'slide'\nobject = 'a'\nspeed = 0.01\nto = [0.1, 0.0]": "has not ended",
     "[[object]]\nname = 'c'\nmarker_id = 3\nposition = [0.3, 0.0, 0.9]": "c falls at the start",
-    "[[object]]\nname = 'c'\nmarker_id = 3\ntilt = [0.5, 0.0, 0.0]\nposition = [0.3, 0.0, 0.76]": "does not stay as it",
+    "[[object]]\nname = 'c'\nmarker_id = 3\nlean = [0.5, 0.0, 0.0]\nposition = [0.3, 0.0, 0.76]": "does not stay as it",
     "[[object]]\nname = 'c'\nposition = [0.3, 0.0, 0.74]\n[[object]]\nname = 'd'\nposition = [-0.3, 0.0, 0.74]\n"
     "[[object]]\nname = 'e'\nposition = [-0.3, 0.3, 0.74]": "only 2 of 5 things are seen",
 }

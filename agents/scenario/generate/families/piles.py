@@ -154,7 +154,7 @@ def _lean(draft: Draft, support: str) -> str:
     reach = (height * sine + thickness * cosine) / 2
     x = spec.position[0] - spec.size[0] / 2 - reach - 0.001  # m, that it falls against the box
     z = TOP + (height * cosine + thickness * sine) / 2 + CLEARANCE
-    name = draft.add(body, (x, spec.position[1], z), yaw=0.0, tilt=(0.0, angle, 0.0))
+    name = draft.add(body, (x, spec.position[1], z), yaw=0.0, lean=(0.0, angle, 0.0))
     draft.occupy(name, (x, spec.position[1]))
     return name
 
@@ -163,6 +163,6 @@ def _lie(draft: Draft) -> str:
     """Let a can lie on its side."""
     body = can(draft.draw)
     x, y = draft.free_spot(body.radius + body.size[2] / 2)
-    name = draft.add(body, (x, y, TOP + body.size[0] / 2 + CLEARANCE), tilt=(round(math.pi / 2, 4), 0.0, 0.0))
+    name = draft.add(body, (x, y, TOP + body.size[0] / 2 + CLEARANCE), lean=(round(math.pi / 2, 4), 0.0, 0.0))
     draft.occupy(name, (x, y))
     return name
