@@ -154,6 +154,11 @@ def run_lockstep(run: Run, observer: RunObserver | None = None) -> Result:
 
 def run_system(run: Run, system: System, observer: RunObserver | None = None) -> Result:
     """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
+    return play(run, system, observer).result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
+
+
+def play(run: Run, system: System, observer: RunObserver | None = None) -> Judge:
+    """Play as `run_system` does; the judge with all that it has seen, for those who measure something else."""
     observer = observer or Silent()
     scenario = run.scenario
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
@@ -182,7 +187,7 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
             return conductor.is_over
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
-        return judge.result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
+        return judge
 
 
 def mission_giver_of(run: Run, memory: Memory, judge: Judge) -> MissionGiver | None:

@@ -1,0 +1,115 @@
+"""Prints the scores as tables, and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.honesty.summary import LEVELS, Failures, NearScores, PlaceScores, RelationScores, Report
+
+Rows = list[list[str]]
+
+
+def tables(report: Report) -> list[tuple[str, list[str], Rows]]:
+    """Each table as its title, its headings and its rows."""
+    turned = [scores for scores in report.places if scores.turned_coverage]
+    return [
+        ("Places", _PLACE_HEADINGS, [_place_row(scores) for scores in report.places]),
+        ("Whole poses of tagged things", _TURNED_HEADINGS, [_turned_row(one) for one in turned]),
+        ("Relations, holders and actions", _RELATION_HEADINGS, [_relation_row(scores) for scores in report.relations]),
+        ("Best guesses of the belief", _NEAR_HEADINGS, [_near_row(scores) for scores in report.near]),
+        ("Where regions of 99 % miss the truth", _FAILURE_HEADINGS, [_failure_row(found) for found in report.failures]),
+    ]
+
+
+def show_report(report: Report, console: Console) -> None:
+    """Print all tables."""
+    for title, headings, rows in tables(report):
+        table = Table(title=title, title_justify="left")
+        for number, heading in enumerate(headings):
+            table.add_column(heading, justify="left" if number == 0 else "right", overflow="fold")
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+
+
+def markdown(report: Report) -> str:
+    """All tables in Markdown."""
+    return "\n".join(_markdown_table(title, headings, rows) for title, headings, rows in tables(report))
+
+
+def _markdown_table(title: str, headings: Sequence[str], rows: Rows) -> str:
+    lines = [_line(headings), _line("---" for _ in headings), *map(_line, rows)]
+    return f"### {title}\n\n" + "\n".join(lines) + "\n"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+_PLACE_HEADINGS = [
+    "family", "speaker", "", "moments", "nats", "±", *(f"{100 * level:g} %" for level in LEVELS), "median", "95 %",
+    "silent",
+]  # fmt: skip
+
+
+def _place_row(scores: PlaceScores) -> list[str]:
+    return [
+        scores.family,
+        scores.speaker,
+        scores.seen,
+        str(scores.moments),
+        _number(scores.log_score),
+        _number(scores.log_score_error),
+        *(_percent(scores.coverage.get(level)) for level in LEVELS),
+        _millimetres(scores.median_error),
+        _millimetres(scores.p95_error),
+        _percent(scores.silent),
+    ]
+
+
+_TURNED_HEADINGS = ["family", "speaker", "", "nats", *(f"{100 * level:g} %" for level in LEVELS)]
+
+
+def _turned_row(scores: PlaceScores) -> list[str]:
+    coverage = (_percent(scores.turned_coverage.get(level)) for level in LEVELS)
+    return [scores.family, scores.speaker, scores.seen, _number(scores.turned_log_score), *coverage]
+
+
+_RELATION_HEADINGS = ["family", "what", "Brier", "if none told", "sure and wrong"]
+
+
+def _relation_row(scores: RelationScores) -> list[str]:
+    wrong = _percent(scores.sure_and_wrong)
+    return [scores.family, scores.kind, f"{scores.brier:.4f}", f"{scores.silent:.4f}", wrong]
+
+
+_NEAR_HEADINGS = ["family", "rests in view: 5 mm", "untouched unseen: 20 mm", "in the right thing"]
+
+
+def _near_row(scores: NearScores) -> list[str]:
+    return [scores.family, _percent(scores.seen_at_rest), _percent(scores.untouched), _percent(scores.contained)]
+
+
+_FAILURE_HEADINGS = ["family", "misses", "of these", "worst"]
+_TOLD_KINDS = 3  # of a family, that are told
+
+
+def _failure_row(found: Failures) -> list[str]:
+    kinds = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in found.kinds[:_TOLD_KINDS])
+    worst = ", ".join(f"{name} (seed {seed})" for seed, name, _ in found.worst)
+    return [found.family, _percent(found.share), kinds or "-", "" if found.family == "all" else worst]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
+
+
+def _millimetres(length: float | None) -> str:
+    return "-" if length is None else f"{1000 * length:.1f} mm"
