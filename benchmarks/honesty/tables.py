@@ -14,9 +14,9 @@ Rows = list[list[str]]
 
 def tables(report: Report) -> list[tuple[str, list[str], Rows]]:
     """Each table as its title, its headings and its rows."""
-    turned = [scores for scores in report.places if scores.turned_coverage]
+    turned = [one for one in report.places if one.turned_coverage and one.seen != "never"]
     return [
-        ("Places", _PLACE_HEADINGS, [_place_row(scores) for scores in report.places]),
+        ("Places", _PLACE_HEADINGS, _place_rows(report.places)),
         ("Whole poses of tagged things", _TURNED_HEADINGS, [_turned_row(one) for one in turned]),
         ("Relations, holders and actions", _RELATION_HEADINGS, [_relation_row(scores) for scores in report.relations]),
         ("Best guesses of the belief", _NEAR_HEADINGS, [_near_row(scores) for scores in report.near]),
@@ -50,24 +50,43 @@ def _line(cells: Iterable[str]) -> str:
 
 
 _PLACE_HEADINGS = [
-    "family", "speaker", "", "moments", "nats", "±", *(f"{100 * level:g} %" for level in LEVELS), "median", "95 %",
-    "silent",
+    "family", "", "moments", "nats", "of percept", *(f"{100 * level:g} %" for level in LEVELS), "of percept", "median",
+    "95 %", "of percept", "silent",
 ]  # fmt: skip
 
 
-def _place_row(scores: PlaceScores) -> list[str]:
-    return [
-        scores.family,
-        scores.speaker,
-        scores.seen,
-        str(scores.moments),
-        _number(scores.log_score),
-        _number(scores.log_score_error),
-        *(_percent(scores.coverage.get(level)) for level in LEVELS),
-        _millimetres(scores.median_error),
-        _millimetres(scores.p95_error),
-        _percent(scores.silent),
-    ]
+def _place_rows(places: Sequence[PlaceScores]) -> Rows:
+    """A row for each family, and for what is seen and not: the belief, and beside it the percept."""
+    by_speaker = {(one.family, one.seen, one.speaker): one for one in places}
+    rows = []
+    for (family, seen, speaker), scores in by_speaker.items():
+        if speaker == "belief" and seen != "never":
+            peer = by_speaker[family, seen, "percept"]
+            rows.append(
+                [
+                    family,
+                    seen,
+                    str(scores.moments),
+                    _with_error(scores),
+                    _with_error(peer),
+                    *(_percent(scores.coverage.get(level)) for level in LEVELS),
+                    _percent(peer.coverage.get(_COMPARED)),
+                    _millimetres(scores.median_error),
+                    _millimetres(scores.p95_error),
+                    _millimetres(peer.median_error),
+                    _percent(scores.silent),
+                ]
+            )
+    return rows
+
+
+_COMPARED = 0.9
+"""Mass of the regions of which the percept's coverage is told beside the belief's"""
+
+
+def _with_error(scores: PlaceScores) -> str:
+    error = scores.log_score_error
+    return _number(scores.log_score) + ("" if error is None else f" ± {error:.2f}")
 
 
 _TURNED_HEADINGS = ["family", "speaker", "", "nats", *(f"{100 * level:g} %" for level in LEVELS)]

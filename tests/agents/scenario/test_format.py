@@ -595,7 +595,8 @@ marker_id = 1
 
 def test_an_object_is_made_of_parts_that_the_file_gives():
     parts = 'shape = [["cylinder", [0.04, 0.04, 0.1]], ["box", [0.1, 0.02, 0.02], [0.03, 0, 0.06], [0, 0, 0, 1.0001]]]'
-    (spec,) = parse_scenario(SHAPED.replace("marker_id = 1", "") + f'type = "box"\nknown = true\ncolor = [0.1, 0.2, 0.9]\nposition = [0.3, 0.0, 0.06]\n{parts}').objects
+    colored = SHAPED.replace("marker_id = 1", "known = true\ncolor = [0.1, 0.2, 0.9]")
+    (spec,) = parse_scenario(colored + f'type = "box"\nposition = [0.3, 0.0, 0.06]\n{parts}').objects
     assert spec.size == pytest.approx((0.1, 0.04, 0.12))
     assert [part.position for part in spec.shape] == [
         pytest.approx((-0.03, 0.0, -0.01)), pytest.approx((0.0, 0.0, 0.05))

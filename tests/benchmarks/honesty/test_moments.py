@@ -157,7 +157,7 @@ def test_runs_are_summed_up() -> None:
 def test_the_tables_name_every_family() -> None:
     _, summed = report()
     text = markdown(summed)
-    assert text.count("### ") == 5 and "| stacks | belief | unseen | 20 |" in text
+    assert text.count("### ") == 5 and "| stacks | unseen | 20 |" in text
     console = Console(width=200, record=True)
     show_report(summed, console)
     assert "rests unseen, untouched 100 %" in console.export_text()
