@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.execution import MotionExecution
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.grip import GripperControl
 from agents.arm_controller.holding import GraspEdges
@@ -192,9 +193,9 @@ class ArmController(Agent):
         config = self.config
         figure = Figure(self._model)
         rng = np.random.default_rng([self.seed, 1])
-        return Manipulator(
-            self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng
-        )
+        move, stop = self._follow_trajectory, self._driver.stop
+        execution = MotionExecution(self._chain, figure, self._scene, config, move, stop)
+        return Manipulator(self._chain, figure, self._scene, self._holding, self._driver, execution, config, rng)
 
     def _new_sample(self, now: float) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""

@@ -88,7 +88,7 @@ class Figure:
         near = np.flatnonzero(close)
         hit = np.zeros(len(close), dtype=bool)
         hit[near] = gaps(a.at(near), b.at(near)) < margin
-        return np.asarray(hit.reshape(len(boxes.centers), -1).any(axis=1))
+        return np.asarray(hit.reshape(len(boxes.centers), len(one)).any(axis=1))
 
 
 def _check_complete(model: ArmModel, links: Sequence[str]) -> None:

@@ -129,7 +129,7 @@ class RunningActions:
 
     def _tell_waiting(self) -> None:
         """Say in the action's node for whom the arm stands still."""
-        whom = self._arm.waits_for
+        whom = self._arm.execution.waits_for
         if whom != self._waits_for:
             self._waits_for = whom
             told = f"stands still: {whom} is near" if whom else ""

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.execution import MotionExecution, StuckError
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.room import Room
-from agents.arm_controller.routes import BlockedError, JointGoal, Router
-from agents.arm_controller.safety.following import Following
-from agents.arm_controller.safety.separation import PeopleNearby
+from agents.arm_controller.routes import UP, BlockedError, JointGoal, Router
 from agents.arm_controller.safety.zones import Zones
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.trajectory import PERIOD, MotionLimits, Trajectory, resampled
+from agents.arm_controller.trajectory import MotionLimits, Trajectory, resampled
 from agents.drivers import ArmDriver
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
 T = TypeVar("T")
@@ -33,18 +34,16 @@ Steps = Generator[str, None, T]
 
 CLEARANCE = 0.06
 """m between a carried object on its way and everything below"""
-PATIENCE = 0.5
-"""s that a motion may take longer than planned"""
 BRAKING = 2.0
 """s in which an arm comes to rest: arms brake within one from their greatest speed"""
 GRIP_PATIENCE = 2.0
 """s that the fingers may take"""
 STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
-SOON = 0.2
-"""s ahead within which the speed of the tool point counts: the reaction time, and a tick"""
-MEANT = 0.98
-"""Share of the allowed speed that a trajectory is made for: a trajectory at its limit is not stopped by rounding"""
+SEARCHED = 3
+"""Attempts for which a way around everything is searched: what is unreachable by one is often so by all"""
+PIECES = 5
+"""Pieces of a search in a tick: some ms each, so that the agent hears a halt within 0.1 s"""
 FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
 _OPENED = 0.003  # m short of an opening that will do
@@ -58,8 +57,16 @@ class ImpossibleError(SkillError):
     """A skill cannot be done as long as the belief about things stays as it is."""
 
 
-class StuckError(SkillError):
-    """The arm does not get where it was sent."""
+@dataclass(frozen=True)
+class Attempt:
+    """A place to go to, one of several that would do."""
+
+    goal: JointGoal
+    """Joint positions at the end."""
+    opening: float
+    """m between the fingers on the way"""
+    target: str = ""
+    """Name of the thing that the gripper may be around at the end; empty for none."""
 
 
 class Manipulator:
@@ -71,7 +78,7 @@ class Manipulator:
         scene: the belief.
         holding: what the gripper holds.
         driver: moves the arm.
-        follow: has the driver pass through joint positions of the chain.
+        execution: moves the arm along trajectories.
         config: speeds and heights.
         rng: starting points of the inverse kinematics.
     """
@@ -83,7 +90,7 @@ class Manipulator:
         scene: ArmScene,
         holding: GraspEdges,
         driver: ArmDriver,
-        follow: Callable[[Trajectory], None],
+        execution: MotionExecution,
         config: ArmControllerConfig,
         rng: np.random.Generator,
     ) -> None:
@@ -91,28 +98,30 @@ class Manipulator:
         self.figure = figure
         self.scene = scene
         self.holding = holding
-        self.joints: Joints
-        """The newest sample."""
         self.speed = config.default_speed
         """0 to 1 of the joints' limits"""
         self._chain = chain
         self._zones = Zones(config.workspace, config.forbidden, scene)
-        self._people = PeopleNearby(scene.memory, figure, config.arm)
-        self.waits_for = ""
-        """The human part that the arm stands still for; empty for none."""
-        self._trajectory: Trajectory
+        self.execution = execution
+        """Moves the arm along trajectories."""
         self._driver = driver
-        self._follow = follow
         self._rng = rng
         self._router: Router
-        self._end = 0.0
-        self._goal: Array
-        self._following: Following
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill. Raises `TransformError` if it is unknown where the arm stands."""
-        self.joints, self.speed, self.waits_for = joints, speed, ""
+        self.joints, self.speed = joints, speed
+        self.execution.waits_for = ""
         self._router = Router(self._chain, self.scene.world_from(self.config.arm))
+
+    @property
+    def joints(self) -> Joints:
+        """The newest sample."""
+        return self.execution.joints
+
+    @joints.setter
+    def joints(self, joints: Joints) -> None:
+        self.execution.joints = joints
 
     # ---- belief
 
@@ -168,25 +177,50 @@ class Manipulator:
             found = [(0, self._searched(targets[0]))]
         return sorted(found, key=lambda pair: self._router.effort(self._here, pair[1]))
 
-    def trajectory_to(self, goal: JointGoal, opening: float, target: str = "") -> Trajectory:
-        """A free way from here to `goal`, around everything but what is held.
+    def first_way(self, attempts: Sequence[Attempt]) -> Steps[tuple[int, Trajectory]]:
+        """The first of several attempts that has a free way, by its index, and that way.
 
-        Args:
-            goal: joint positions at the end.
-            opening: m between the fingers on the way.
-            target: name of the thing that the gripper may be around at the end; empty for none.
+        Simple ways are tried for all of them, then a way around everything is searched for the first few.
 
         Raises:
-            BlockedError: if every way that was tried is blocked.
+            SkillError: if all are blocked, with what blocks the first one.
         """
+        blocked: BlockedError | None = None
+        for index, attempt in enumerate(attempts):
+            try:
+                return index, self._simple(attempt)
+            except BlockedError as error:
+                blocked = blocked or error
+        for index, attempt in enumerate(attempts[:SEARCHED]):
+            try:
+                return index, (yield from self._searched_way(attempt))
+            except BlockedError:
+                continue
+        raise SkillError(str(blocked or "no way"))
+
+    def _simple(self, attempt: Attempt) -> Trajectory:
+        """Straight there, or up, across and down. Raises `BlockedError`."""
         held = self.held_box()
         things = self._things()
         lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)
         below = max([self.figure.reach, *lowest])
         zones = {zone.name for zone in self._zones.forbidden()}  # they may be high, and are passed beside
         travel = max((thing.top for thing in things if thing.name not in zones), default=0.0) + below + CLEARANCE
-        load = Load(opening, held)
-        return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
+        load, obstacles = Load(attempt.opening, held), self._obstacles(things, attempt.target)
+        return self._router.plan(self._here, attempt.goal, load, obstacles, travel, self._limits)
+
+    def _searched_way(self, attempt: Attempt) -> Steps[Trajectory]:
+        """Around everything, a piece of the search at each tick. Raises `BlockedError`."""
+        load, obstacles = Load(attempt.opening, self.held_box()), self._obstacles(self._things(), attempt.target)
+        finding = self._router.search(self._here, attempt.goal, load, obstacles, self._limits, self._rng)
+        while True:
+            for _ in range(PIECES):
+                try:
+                    next(finding)
+                except StopIteration as end:
+                    found: Trajectory = end.value
+                    return found
+            yield "plan"
 
     def forbids(self, joints: Joints, goal: Sequence[float]) -> str:
         """What keeps a straight way in joint space from its end, of zones and workspace; empty if nothing does.
@@ -205,93 +239,36 @@ class Manipulator:
 
     def rise(self, held: str | None) -> Steps[None]:
         """Move the tool straight up, with `held` in the gripper."""
+        yield from self.retreat(UP, held, "rise")
+
+    def retreat(self, direction: Vector3, held: str | None, step: str) -> Steps[None]:
+        """Move the tool straight along a unit vector (world), with `held` in the gripper."""
         load = Load(self.joints.opening, self.held_box())
         obstacles = self._obstacles(self._things(), "")
-        trajectory = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
-        yield from self.go(trajectory, "rise", held)
+        length = self.config.approach
+        trajectory = self._router.retreat(self._here, length, direction, load, obstacles, self._limits)
+        yield from self.go(trajectory, Attempt(JointGoal(trajectory.positions[-1]), load.opening), step, held)
 
-    def start(self, trajectory: Trajectory) -> None:
-        """Begin to follow a trajectory: more slowly near people, and not yet if they are too near."""
-        allowed = self._allowed_speed()
-        self._goal = trajectory.positions[-1]
-        self._trajectory = trajectory
-        if allowed == 0.0:
-            self._end = math.inf
-            return
-        fastest = self._router.fastest(trajectory.positions)
-        if fastest > allowed:
-            limits = self._limits._replace(speed=self._limits.speed * MEANT * allowed / fastest)
-            self._trajectory = trajectory = self._router.retimed(trajectory.positions, limits)
-        self._end = self.joints.stamp + trajectory.duration
-        begin = self.joints.stamp
-        self._following = Following(trajectory.positions, self._chain.names, begin, self.config.stale)
-        self._follow(trajectory)
+    def start(self, trajectory: Trajectory, attempt: Attempt) -> None:
+        """Begin to follow the way of an attempt: more slowly near people, and not yet if they are too near."""
+
+        def blocking(rows: Array, final: int) -> str | None:
+            obstacles = self._obstacles(self._things(), attempt.target)
+            return obstacles.blocking(rows, Load(attempt.opening, self.held_box()), final)
+
+        self.execution.start(trajectory, self._limits, blocking)
 
     def has_arrived(self) -> bool:
-        """Whether the way is done.
-
-        Raises:
-            StuckError: if the arm stands still before its end.
-            SkillError: if the arm is off its way.
-        """
-        if self._keeps_distance():
-            return False
-        if off := self._following.off_way(self.joints):
-            raise SkillError(off)
-        if self.joints.stamp < self._end:
-            if self._following.stands_still(self.joints):
-                raise StuckError(f"the arm stands still {self._short():.3f} rad short of its goal")
-            return False
-        away = self._short()
-        if away <= self.config.joint_tolerance:
-            return True
-        if max(map(abs, self.joints.velocities)) > self.config.still_speed:
-            self._end = self.joints.stamp  # late, but on its way
-        elif self.joints.stamp > self._end + PATIENCE:
-            raise StuckError(f"the arm stands still {away:.3f} rad short of its goal")
-        return False
-
-    def _allowed_speed(self) -> float:
-        """The greatest speed of the tool point by the people nearby, m/s; notes whom the arm must stand still for."""
-        separation = self.config.separation
-        if not separation.monitored:
-            return math.inf
-        distance, whom = self._people.nearest(self._here, self.joints.opening)
-        allowed = separation.allowed(distance)
-        self.waits_for = whom if allowed == 0.0 else ""
-        return allowed
-
-    def _keeps_distance(self) -> bool:
-        """Stop if people are too near for the present speed; go on, as fast as may be, when they are not any more."""
-        waited = self._end == math.inf
-        allowed = self._allowed_speed()
-        if not waited:
-            ahead = self._ahead(SOON)
-            if len(ahead) < 2 or self._router.fastest(ahead) <= allowed:
-                return False
-            self.hold_still()
-            self._end = math.inf
-        elif allowed > 0.0 and max(map(abs, self.joints.velocities)) <= self.config.still_speed:
-            self.start(self._router.retimed(np.vstack([self._here, self._ahead(math.inf)]), self._limits))
-        return True
-
-    def _ahead(self, seconds: float) -> Array:
-        """(m, n) rad, what lies before the arm on its way, for so long."""
-        rows = self._trajectory.positions
-        nearest = int(np.abs(rows - self._here).max(axis=1).argmin())
-        return rows[nearest:] if math.isinf(seconds) else rows[nearest : nearest + math.ceil(seconds / PERIOD) + 1]
-
-    def _short(self) -> float:
-        """How far the joints are from the end of the way, rad."""
-        return float(np.abs(self._here - self._goal).max())
+        """Whether the way is done. Raises `MotionError` as `MotionExecution.has_arrived`."""
+        return self.execution.has_arrived()
 
     def away(self) -> float:
         """Distance of the tool point from its commanded place, m."""
-        return self._router.tool(self._goal).distance(self.tool)[0]
+        return self._router.tool(self.execution.goal).distance(self.tool)[0]
 
-    def go(self, trajectory: Trajectory, step: str, held: str | None) -> Steps[None]:
+    def go(self, trajectory: Trajectory, attempt: Attempt, step: str, held: str | None) -> Steps[None]:
         """Follow a way to its end. Raises `SkillError` if the gripper does not hold `held` all the way."""
-        self.start(trajectory)
+        self.start(trajectory, attempt)
         while not self.has_arrived():
             yield step
             self.check_held(held)
@@ -333,7 +310,7 @@ class Manipulator:
 
     @property
     def _here(self) -> Array:
-        return np.array(self.joints.positions)
+        return self.execution.here
 
     @property
     def _posture(self) -> Array:
@@ -359,14 +336,3 @@ class Manipulator:
         except UnreachableError as error:
             raise SkillError(f"unreachable: {error}") from error
         return np.array(found.positions)
-
-
-def first_free(attempts: Sequence[Callable[[], T]]) -> T:
-    """The first of several ways that is not blocked. Raises `SkillError` with what blocks the first one."""
-    blocked: BlockedError | None = None
-    for plan in attempts:
-        try:
-            return plan()
-        except BlockedError as error:
-            blocked = blocked or error
-    raise SkillError(str(blocked or "no way"))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-
+from agents.arm_controller.execution import OvertakenError
 from agents.arm_controller.grasps import Grasp, GraspError, grasps
 from agents.arm_controller.holding import WIDTH_TOLERANCE
 from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.skills.manipulator import Attempt, ImpossibleError, Manipulator, SkillError, Steps
 from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.intentions import NOTHING_GRASPED
@@ -26,9 +25,10 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
         raise SkillError(f"the gripper holds {arm.holding.held or 'something'} already")
     for _ in range(_MOST_AIMS):
         target = arm.believed(name)
-        grasp, trajectory = _choose(arm, target)
+        grasp, attempt, trajectory = yield from _choose(arm, target)
         yield from arm.open(grasp.opening)
-        if (yield from _approach(arm, target, trajectory)):
+        arm.start(trajectory, attempt)
+        if (yield from _approach(arm, target)):
             break
     else:
         raise SkillError(f"{name} keeps moving")
@@ -40,7 +40,7 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
     yield from arm.rise(name)
 
 
-def _choose(arm: Manipulator, target: Obstacle) -> tuple[Grasp, Trajectory]:
+def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, Trajectory]]:
     """The best grasp that can be reached, with the way there."""
     try:
         candidates = grasps(target, arm.room(target.name), arm.figure.widest)
@@ -48,24 +48,25 @@ def _choose(arm: Manipulator, target: Obstacle) -> tuple[Grasp, Trajectory]:
         raise ImpossibleError(str(error)) from error
     solved = arm.solve([grasp.world_from_tool for grasp in candidates])
     solved.sort(key=lambda pair: candidates[pair[0]].rank)
+    attempts = [
+        Attempt(JointGoal(q, arm.config.approach), candidates[index].opening, target.name) for index, q in solved
+    ]
+    chosen, trajectory = yield from arm.first_way(attempts)
+    return candidates[solved[chosen][0]], attempts[chosen], trajectory
 
-    def trajectory(index: int, goal: JointGoal) -> tuple[Grasp, Trajectory]:
-        grasp = candidates[index]
-        return grasp, arm.trajectory_to(goal, grasp.opening, target.name)
 
-    return first_free([partial(trajectory, index, JointGoal(q, arm.config.approach)) for index, q in solved])
-
-
-def _approach(arm: Manipulator, target: Obstacle, trajectory: Trajectory) -> Steps[bool]:
-    """Go down around the target; returns False, with the arm at rest, if it moved meanwhile."""
-    arm.start(trajectory)
-    while not arm.has_arrived():
-        yield "approach"
-        if not SAME_PLACE.covers(arm.believed(target.name).pose, target.pose):
-            arm.hold_still()
-            yield "aim"
-            yield from arm.settle()
-            return False
+def _approach(arm: Manipulator, target: Obstacle) -> Steps[bool]:
+    """Go down around the target; returns False, with the arm at rest, if it, or something into the way, has moved."""
+    try:
+        while not arm.has_arrived():
+            yield "approach"
+            if not SAME_PLACE.covers(arm.believed(target.name).pose, target.pose):
+                arm.hold_still()
+                yield "aim"
+                yield from arm.settle()
+                return False
+    except OvertakenError:
+        return False
     return True
 
 

@@ -357,3 +357,45 @@ def test_look_brings_the_camera_there_turned_as_it_suits(
 )
 def test_a_look_that_cannot_be_says_why(table: Table, attributes: dict[str, Any], reason: str) -> None:
     assert table.act("look", **attributes) == ("failed", reason)
+
+
+def test_a_wall_that_is_too_high_is_passed_at_its_end(table: Table, tool: JointChain) -> None:
+    """Over it there is no way; the arm goes between the wall and its own base."""
+    assert table.act("move", target_pose=Pose((0.40, 0.25, 0.20), DOWN)) == ("done", "")
+    table.believe("wall", Pose((0.55, 0.0, 0.7)), (0.5, 0.02, 1.4))
+    there = Pose((0.40, -0.25, 0.20), DOWN)
+    assert table.act("move", target_pose=there) == ("done", "")
+    assert there.distance(table.tool_pose(tool))[0] < 1e-3
+    rows = np.array([told for told in table.arm.told if told[0] == "follow"][-1][2])
+    tips = np.array([tool.forward(row).t for row in rows])
+    assert tips[np.abs(tips[:, 1]) < 0.02, 0].max() < 0.29
+
+
+def test_what_is_held_stays_upright_on_a_searched_way(table: Table, tool: JointChain) -> None:
+    pick(table)
+    table.believe("wall", Pose((0.65, 0.0, 0.7)), (0.5, 0.02, 1.4))
+    table.believe("cube_5", Pose((0.44, -0.15, 0.02)))
+    assert table.act("place", target="cube_3", destination="cube_5") == ("done", "")
+    rows = np.array([told for told in table.arm.told if told[0] == "follow"][-2][2])
+    assert min(-tool.forward(row).rotation_matrix[2, 2] for row in rows) > math.cos(0.61)
+
+
+def test_a_goal_behind_walls_on_all_sides_is_given_up_with_what_is_in_the_way(table: Table) -> None:
+    for name, x, y, size in (
+        ("left", 0.4, 0.15, (0.4, 0.02, 0.8)), ("right", 0.4, -0.15, (0.4, 0.02, 0.8)),
+        ("near", 0.22, 0.0, (0.02, 0.3, 0.8)), ("far", 0.58, 0.0, (0.02, 0.3, 0.8)),
+    ):  # fmt: skip
+        table.believe(name, Pose((x, y, 0.4)), size)
+    table.believe("roof", Pose((0.4, 0.0, 0.45)), (0.4, 0.3, 0.02))
+    status, why = table.act("move", target_pose=Pose((0.40, 0.0, 0.15), DOWN))
+    assert status == "failed" and why.endswith("is in the way")
+
+
+def test_a_search_is_ended_by_a_halt(table: Table) -> None:
+    assert table.act("move", target_pose=Pose((0.40, 0.25, 0.20), DOWN)) == ("done", "")
+    table.believe("wall", Pose((0.55, 0.0, 0.7)), (0.5, 0.02, 1.4))
+    name = table.request("move", target_pose=Pose((0.40, -0.25, 0.20), DOWN))
+    table.run_to("plan")
+    table.memory.update_node(name, request="halt")
+    table.run(0.06)
+    assert table.said(name)[0] == "halted"
