@@ -61,7 +61,7 @@ class ArmController(Agent):
         nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
-            *("size", "bounds", "mesh", "present", "perceived"),
+            *("size", "shape", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request"),
             *HALT_ATTRIBUTES,

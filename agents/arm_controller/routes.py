@@ -26,7 +26,7 @@ _LONGEST_JUMP = 0.5  # rad between two solved poses: more is another branch of t
 _ROUNDING = 8  # points on either side over which corners are cut
 _SHARPER = (_ROUNDING, 3, 0)  # those that are tried in turn, because a corner that is cut may lead into something
 _STRAIGHT = 0.05  # m at the end of a line that no rounding touches
-_WAY_OUT = 0.1  # m straight up within which an arm that begins too close to something must be free
+_WAY_OUT = 0.1  # m within which an arm that begins too close to something must be free
 SPARE = 0.001
 """m of room beyond the margin on a searched way: cutting its corners moves it, and it is checked once more then"""
 BRANCHES = 400
@@ -212,12 +212,17 @@ class Router:
         raise BlockedError(blocked)
 
     def _way_out(self, start: Array, load: Load, obstacles: Obstacles) -> Array:
-        """(k, n) rad, from `start` straight up to where the arm is free; `start` alone if it is, or cannot get free."""
-        if obstacles.free(start[None], load).all():
-            return start[None]
-        line = self._line(start, _WAY_OUT, cut=True)
-        good = obstacles.free(line, load)
-        return line[: int(np.argmax(good)) + 1] if good.any() else start[None]
+        """(k, n) rad, from `start` to where the arm is free: straight up, or back from what the fingers point to.
+
+        `start` alone if it is free, or cannot get free.
+        """
+        x, y, z = (-self.tool(start).rotation_matrix[:, 2]).tolist()
+        for direction in (UP, (x, y, z)) if not obstacles.free(start[None], load).all() else ():
+            line = self._line(start, _WAY_OUT, direction, cut=True)
+            good = obstacles.free(line, load)
+            if good.any():
+                return line[: int(np.argmax(good)) + 1]
+        return start[None]
 
     def _levels(self, rows: Array) -> Array:
         """(m, 3) the world's vertical axis in the tool's frame."""

@@ -17,7 +17,7 @@ from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.room import Room
-from agents.arm_controller.routes import UP, BlockedError, JointGoal, Router
+from agents.arm_controller.routes import UP, BlockedError, Finding, JointGoal, Router
 from agents.arm_controller.safety.zones import Zones
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.shapes import LinkBox
@@ -42,10 +42,15 @@ STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
 SEARCHED = 3
 """Attempts for which a way around everything is searched: what is unreachable by one is often so by all"""
+RESTARTS = 3
+"""Random postures from which grasps from the side are solved: the arm must often turn its wrist for them"""
 PIECES = 5
 """Pieces of a search in a tick: some ms each, so that the agent hears a halt within 0.1 s"""
 FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
+LITTLE = 0.01
+"""m that an object is lifted before it is pulled out below something: enough to be free of what it stood on"""
+_FROM_ABOVE = 0.9  # least vertical part of the gripper's axis from above; objects may lean in it by 0.26 rad
 _OPENED = 0.003  # m short of an opening that will do
 
 
@@ -159,8 +164,12 @@ class Manipulator:
         """world_from_tool, as measured."""
         return self._router.tool(self._here)
 
-    def solve(self, poses: Sequence[Pose]) -> list[tuple[int, Array]]:
+    def solve(self, poses: Sequence[Pose], *, thorough: bool = False) -> list[tuple[int, Array]]:
         """Joint positions for tool `poses` (world), with the index of each; the least motion first.
+
+        Args:
+            poses: of the tool.
+            thorough: whether to begin at random, too, for those that are not reached from here.
 
         Raises:
             SkillError: if none can be reached.
@@ -172,15 +181,22 @@ class Manipulator:
         tips = np.array([pose.matrix for pose in targets])
         starts = np.broadcast_to(self._here, (len(tips), len(self._here)))
         rows, reached = self._chain.track(tips, starts, self._posture)
+        for _ in range(RESTARTS if thorough else 0):
+            missing = np.flatnonzero(~reached)
+            if not len(missing):
+                break
+            starts = self._chain.starts(self._here, len(missing), self._rng)[1:]
+            rows[missing], reached[missing] = self._chain.track(tips[missing], starts, self._posture)
         found = [(index, row) for index, row in enumerate(rows) if reached[index]]
         if not found:
             found = [(0, self._searched(targets[0]))]
         return sorted(found, key=lambda pair: self._router.effort(self._here, pair[1]))
 
-    def first_way(self, attempts: Sequence[Attempt]) -> Steps[tuple[int, Trajectory]]:
+    def first_way(self, attempts: Sequence[Attempt], *, searched: bool = True) -> Steps[tuple[int, Trajectory]]:
         """The first of several attempts that has a free way, by its index, and that way.
 
-        Simple ways are tried for all of them, then a way around everything is searched for the first few.
+        Simple ways are tried for all of them, one at each tick. Then, if one may be `searched`, a way around everything
+        for the first few.
 
         Raises:
             SkillError: if all are blocked, with what blocks the first one.
@@ -191,11 +207,22 @@ class Manipulator:
                 return index, self._simple(attempt)
             except BlockedError as error:
                 blocked = blocked or error
-        for index, attempt in enumerate(attempts[:SEARCHED]):
+            yield "plan"
+        tries = 0
+        for index, attempt in enumerate(attempts if searched else ()):
+            finding = self._search(attempt)
             try:
-                return index, (yield from self._searched_way(attempt))
+                next(finding)
             except BlockedError:
-                continue
+                continue  # its end is not free
+            except StopIteration as end:
+                return index, end.value
+            try:
+                return index, (yield from self._in_pieces(finding))
+            except BlockedError:
+                tries += 1
+            if tries == SEARCHED:
+                break
         raise SkillError(str(blocked or "no way"))
 
     def _simple(self, attempt: Attempt) -> Trajectory:
@@ -209,10 +236,13 @@ class Manipulator:
         load, obstacles = Load(attempt.opening, held), self._obstacles(things, attempt.target)
         return self._router.plan(self._here, attempt.goal, load, obstacles, travel, self._limits)
 
-    def _searched_way(self, attempt: Attempt) -> Steps[Trajectory]:
-        """Around everything, a piece of the search at each tick. Raises `BlockedError`."""
+    def _search(self, attempt: Attempt) -> Finding:
+        """A way around everything."""
         load, obstacles = Load(attempt.opening, self.held_box()), self._obstacles(self._things(), attempt.target)
-        finding = self._router.search(self._here, attempt.goal, load, obstacles, self._limits, self._rng)
+        return self._router.search(self._here, attempt.goal, load, obstacles, self._limits, self._rng)
+
+    def _in_pieces(self, finding: Finding) -> Steps[Trajectory]:
+        """The way that is found, by some pieces of the search at each tick. Raises `BlockedError`."""
         while True:
             for _ in range(PIECES):
                 try:
@@ -239,15 +269,31 @@ class Manipulator:
 
     def rise(self, held: str | None) -> Steps[None]:
         """Move the tool straight up, with `held` in the gripper."""
-        yield from self.retreat(UP, held, "rise")
+        yield from self.retreat(UP, held)
 
-    def retreat(self, direction: Vector3, held: str | None, step: str) -> Steps[None]:
-        """Move the tool straight along a unit vector (world), with `held` in the gripper."""
+    def lift(self, held: str, way: float) -> Steps[None]:
+        """Lift the object `held`: straight up, or where that is blocked a little, and then `way` m out again."""
+        try:
+            yield from self.rise(held)
+        except BlockedError:
+            if self.out == UP:
+                raise
+            yield from self.retreat(UP, held, LITTLE)
+            yield from self.retreat(self.out, held, way)
+
+    @property
+    def out(self) -> Vector3:
+        """Unit vector (world) out of where the gripper works: up if it came from above, else against its fingers."""
+        x, y, z = (-self.tool.rotation_matrix[:, 2]).tolist()
+        return UP if z > _FROM_ABOVE else (x, y, z)
+
+    def retreat(self, direction: Vector3, held: str | None, length: float | None = None) -> Steps[None]:
+        """Move the tool straight along a unit vector (world), with `held` in the gripper; by `approach` m if None."""
         load = Load(self.joints.opening, self.held_box())
         obstacles = self._obstacles(self._things(), "")
-        length = self.config.approach
-        trajectory = self._router.retreat(self._here, length, direction, load, obstacles, self._limits)
-        yield from self.go(trajectory, Attempt(JointGoal(trajectory.positions[-1]), load.opening), step, held)
+        way = self.config.approach if length is None else length
+        trajectory = self._router.retreat(self._here, way, direction, load, obstacles, self._limits)
+        yield from self.go(trajectory, Attempt(JointGoal(trajectory.positions[-1]), load.opening), "rise", held)
 
     def start(self, trajectory: Trajectory, attempt: Attempt) -> None:
         """Begin to follow the way of an attempt: more slowly near people, and not yet if they are too near."""

@@ -1,12 +1,16 @@
-"""The skill `pick`: grasp an object from above and lift it."""
+"""The skill `pick`: grasp an object from above or, where that cannot be, from the side, and lift it."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
+
 from agents.arm_controller.execution import OvertakenError
-from agents.arm_controller.grasps import Grasp, GraspError, grasps
-from agents.arm_controller.holding import WIDTH_TOLERANCE
-from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.grasps import FROM_SIDE, Grasp, GraspError, grasps
+from agents.arm_controller.holding import WIDTH_TOLERANCE, Expected
+from agents.arm_controller.routes import UP, JointGoal
 from agents.arm_controller.scene import Obstacle
+from agents.arm_controller.side_grasps import side_grasps
 from agents.arm_controller.skills.manipulator import Attempt, ImpossibleError, Manipulator, SkillError, Steps
 from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
@@ -16,6 +20,7 @@ SAME_PLACE = PoseTolerance(0.005, 0.1)
 """m, rad by which a target may move without aiming again"""
 
 _MOST_AIMS = 5
+_LONGER = 2.0  # times the usual way at the end that is tried from the side, too: out of a niche, where room is scarce
 _KNOWN_WITHIN = 0.5  # s after contact until the object between the pads must be known
 
 
@@ -35,24 +40,49 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
     problem = yield from _close(arm, name, grasp)
     if problem:
         yield from arm.open(grasp.opening)
-        yield from arm.rise(arm.holding.held)
+        yield from arm.retreat(arm.out, arm.holding.held)
         raise SkillError(problem)
-    yield from arm.rise(name)
+    yield from arm.lift(name, attempt.goal.approach)
 
 
 def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, Trajectory]]:
     """The best grasp that can be reached, with the way there."""
+    room, widest = arm.room(target.name), arm.figure.widest
+    problem: SkillError | None = None
+    found: list[tuple[Grasp, Attempt]] = []
     try:
-        candidates = grasps(target, arm.room(target.name), arm.figure.widest)
+        found = _reached(arm, target, grasps(target, room, widest))
+        index, trajectory = yield from arm.first_way([attempt for _, attempt in found], searched=False)
+        return *found[index], trajectory
     except GraspError as error:
-        raise ImpossibleError(str(error)) from error
-    solved = arm.solve([grasp.world_from_tool for grasp in candidates])
+        problem = ImpossibleError(str(error))
+    except SkillError as error:
+        problem = error
+    sides = side_grasps(target, room, widest, arm.scene.world_from(arm.config.arm).t)
+    with contextlib.suppress(SkillError):  # that there is no other way is no news
+        found += _reached(arm, target, sides) if sides else []
+    if not found:
+        raise problem
+    try:
+        index, trajectory = yield from arm.first_way([attempt for _, attempt in found])
+    except SkillError as error:
+        raise SkillError(str(problem)) from error
+    return *found[index], trajectory
+
+
+def _reached(arm: Manipulator, target: Obstacle, candidates: Sequence[Grasp]) -> list[tuple[Grasp, Attempt]]:
+    """The grasps that the arm can reach, the best first. Raises `SkillError` without any."""
+    from_side = candidates[0].rank[0] == FROM_SIDE
+    solved = arm.solve([grasp.world_from_tool for grasp in candidates], thorough=from_side)
     solved.sort(key=lambda pair: candidates[pair[0]].rank)
-    attempts = [
-        Attempt(JointGoal(q, arm.config.approach), candidates[index].opening, target.name) for index, q in solved
-    ]
-    chosen, trajectory = yield from arm.first_way(attempts)
-    return candidates[solved[chosen][0]], attempts[chosen], trajectory
+    found = []
+    for length in (1.0, _LONGER) if from_side else (1.0,):
+        for index, positions in solved:
+            grasp = candidates[index]
+            x, y, z = (-grasp.world_from_tool.rotation_matrix[:, 2]).tolist()
+            goal = JointGoal(positions, length * arm.config.approach, (x, y, z) if from_side else UP)
+            found.append((grasp, Attempt(goal, grasp.opening, target.name)))
+    return found
 
 
 def _approach(arm: Manipulator, target: Obstacle) -> Steps[bool]:
@@ -72,6 +102,8 @@ def _approach(arm: Manipulator, target: Obstacle) -> Steps[bool]:
 
 def _close(arm: Manipulator, name: str, grasp: Grasp) -> Steps[str]:
     """Close the gripper; returns what is wrong with what is between the pads then, or nothing."""
+    meant = Expected(name, grasp.width, grasp.world_from_tool.inverse() @ arm.believed(name).pose)
+    arm.holding.expect(meant)
     contact = yield from arm.close()
     if not contact or abs(arm.joints.opening - grasp.width) > WIDTH_TOLERANCE:
         if not contact:

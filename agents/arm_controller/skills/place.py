@@ -51,7 +51,7 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         yield "release"
     if arm.joints.contact:
         raise SkillError(f"{held} is still in the gripper")
-    yield from arm.rise(None)
+    yield from arm.retreat(arm.out, None)
 
 
 def _go_down(arm: Manipulator, held: str, destination: Obstacle | None) -> Steps[bool]:

@@ -220,9 +220,21 @@ def test_where_walls_leave_no_room_the_arm_does_not_set_out_and_says_so(table: T
 
 
 def test_what_is_in_the_way_of_the_arm_is_not_hopeless(table: Table) -> None:
-    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.02))
+    for name, x, y in (("left", 0.0, 0.15), ("right", 0.0, -0.15), ("far", 0.15, 0.0), ("near", -0.15, 0.0)):
+        table.believe(name, Pose((0.42 + x, 0.08 + y, 0.12)), (0.3, 0.02, 0.24) if y else (0.02, 0.28, 0.24))
+    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.34, 0.34, 0.02))
     assert table.act("pick", target="cube_3") == ("failed", "roof is in the way")
     assert not hopeless(table)
+
+
+def test_below_a_roof_an_object_is_grasped_from_its_side(table: Table, tool: JointChain) -> None:
+    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.02))
+    name = table.request("pick", target="cube_3")
+    table.run_to("close")
+    at = table.tool_pose(tool)
+    assert at.rotation_matrix[2, 2] > -0.9 and abs(at.rotation_matrix[2, 0]) < 1e-3
+    assert math.dist(at.t, (0.42, 0.08, 0.02)) < 0.015
+    assert table.finish(name) == ("done", "")
 
 
 @pytest.mark.parametrize("height", [0.010, 0.020, 0.035, 0.036])
