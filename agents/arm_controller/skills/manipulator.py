@@ -62,6 +62,10 @@ class ImpossibleError(SkillError):
     """A skill cannot be done as long as the belief about things stays as it is."""
 
 
+class DroppedError(SkillError):
+    """The gripper does not hold any more what it held."""
+
+
 @dataclass(frozen=True)
 class Attempt:
     """A place to go to, one of several that would do."""
@@ -107,6 +111,8 @@ class Manipulator:
         """0 to 1 of the joints' limits"""
         self._chain = chain
         self._zones = Zones(config.workspace, config.forbidden, scene)
+        self.note = ""
+        """What an action that goes on has to tell; empty for nothing."""
         self.execution = execution
         """Moves the arm along trajectories."""
         self._driver = driver
@@ -115,7 +121,7 @@ class Manipulator:
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill. Raises `TransformError` if it is unknown where the arm stands."""
-        self.joints, self.speed = joints, speed
+        self.joints, self.speed, self.note = joints, speed, ""
         self.execution.waits_for = ""
         self._router = Router(self._chain, self.scene.world_from(self.config.arm))
 
@@ -141,7 +147,9 @@ class Manipulator:
         """Hold still and raise `SkillError` if the gripper does not hold this (None: nothing) any more."""
         if self.holding.held != name:
             self.hold_still()
-            raise SkillError(f"dropped {name}" if name else f"the gripper holds {self.holding.held}")
+            if name:
+                raise DroppedError(f"dropped {name}")
+            raise SkillError(f"the gripper holds {self.holding.held}")
 
     @property
     def tool_from_held(self) -> Pose | None:

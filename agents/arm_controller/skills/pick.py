@@ -11,38 +11,94 @@ from agents.arm_controller.holding import WIDTH_TOLERANCE, Expected
 from agents.arm_controller.routes import UP, JointGoal
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.side_grasps import side_grasps
-from agents.arm_controller.skills.manipulator import Attempt, ImpossibleError, Manipulator, SkillError, Steps
+from agents.arm_controller.skills.manipulator import (
+    Attempt,
+    DroppedError,
+    ImpossibleError,
+    Manipulator,
+    SkillError,
+    Steps,
+)
 from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
+from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intentions import NOTHING_GRASPED
 
 SAME_PLACE = PoseTolerance(0.005, 0.1)
 """m, rad by which a target may move without aiming again"""
 
+LIFTED = 0.06
+"""m of the way up after which an object that is seen where it stood was left behind: belief and camera lag by less"""
+
 _MOST_AIMS = 5
+_MOST_GRASPS = 3  # of one pick: what slips three times slips a fourth time
 _LONGER = 2.0  # times the usual way at the end that is tried from the side, too: out of a niche, where room is scarce
 _KNOWN_WITHIN = 0.5  # s after contact until the object between the pads must be known
 
 
 def pick(arm: Manipulator, name: str) -> Steps[None]:
-    """Grasp the object `name` and lift it straight up."""
+    """Grasp the object `name` and lift it straight up; again, some times, if it slips out of the gripper."""
     if arm.joints.contact or arm.holding.held is not None:
         raise SkillError(f"the gripper holds {arm.holding.held or 'something'} already")
+    for number in range(2, _MOST_GRASPS + 2):
+        grasp, attempt = yield from _reach(arm, name)
+        problem = yield from _close(arm, name, grasp)
+        if problem:
+            yield from arm.open(grasp.opening)
+            yield from arm.retreat(arm.out, arm.holding.held)
+            raise SkillError(problem)
+        try:
+            yield from _lift(arm, name, grasp, attempt)
+            return
+        except DroppedError as slip:
+            yield from arm.settle()
+            yield from _give_back(arm, grasp)
+            if number > _MOST_GRASPS:
+                raise SkillError(f"{slip}, as {_MOST_GRASPS} times") from slip
+            arm.note = f"{slip}: grasp {number} of {_MOST_GRASPS}"
+
+
+def _lift(arm: Manipulator, name: str, grasp: Grasp, attempt: Attempt) -> Steps[None]:
+    """Lift the object. Raises `DroppedError`, with the arm about to stop, if it slips out of the gripper."""
+    began = arm.tool
+    stood = arm.believed(name).pose
+    for step in arm.lift(name, attempt.goal.approach):
+        yield step
+        left = arm.tool.distance(began)[0] > LIFTED and _stands(arm, name, stood)
+        if slip := f"{name} was left behind" if left else _slip(arm, name, grasp):
+            arm.hold_still()
+            raise DroppedError(slip)
+
+
+def _slip(arm: Manipulator, name: str, grasp: Grasp) -> str:
+    """How the object slips, if the fingers close further than it is wide; empty if they do not."""
+    return f"{name} slipped out" if arm.joints.opening < grasp.width - WIDTH_TOLERANCE else ""
+
+
+def _stands(arm: Manipulator, name: str, stood: Pose) -> bool:
+    """Whether the object is seen to be where it stood."""
+    seen = arm.scene.object(name)
+    return seen is not None and arm.scene.is_perceived(name) and SAME_PLACE.covers(seen.pose, stood)
+
+
+def _give_back(arm: Manipulator, grasp: Grasp) -> Steps[None]:
+    """Open the gripper and move it away from what it lost."""
+    yield from arm.open(grasp.opening)
+    while arm.holding.held is not None:
+        yield "release"
+    yield from arm.retreat(arm.out, None)
+
+
+def _reach(arm: Manipulator, name: str) -> Steps[tuple[Grasp, Attempt]]:
+    """Bring the open gripper around the object; anew, some times, if that moves meanwhile."""
     for _ in range(_MOST_AIMS):
         target = arm.believed(name)
         grasp, attempt, trajectory = yield from _choose(arm, target)
         yield from arm.open(grasp.opening)
         arm.start(trajectory, attempt)
         if (yield from _approach(arm, target)):
-            break
-    else:
-        raise SkillError(f"{name} keeps moving")
-    problem = yield from _close(arm, name, grasp)
-    if problem:
-        yield from arm.open(grasp.opening)
-        yield from arm.retreat(arm.out, arm.holding.held)
-        raise SkillError(problem)
-    yield from arm.lift(name, attempt.goal.approach)
+            return grasp, attempt
+    raise SkillError(f"{name} keeps moving")
 
 
 def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, Trajectory]]:

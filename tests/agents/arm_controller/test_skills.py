@@ -411,3 +411,39 @@ def test_a_search_is_ended_by_a_halt(table: Table) -> None:
     table.memory.update_node(name, request="halt")
     table.run(0.06)
     assert table.said(name)[0] == "halted"
+
+
+def slip(table: Table) -> None:
+    """Let what is being lifted slip out of the gripper, which then sets out again."""
+    table.run_to("rise")
+    table.arm.opening, table.arm.obstacle = 0.0, 0.0
+    table.run_to("approach")
+    table.arm.obstacle = 0.04
+
+
+def test_what_slips_out_is_grasped_again_and_that_is_told(table: Table) -> None:
+    name = table.request("pick", target="cube_3")
+    slip(table)
+    assert table.said(name)[0] == "running"
+    assert table.said(name)[1] in ("dropped cube_3: grasp 2 of 3", "cube_3 slipped out: grasp 2 of 3")
+    assert table.finish(name) == ("done", "")
+    assert table.grasped == ["cube_3"]
+
+
+def test_what_slips_out_again_and_again_is_given_up(table: Table) -> None:
+    name = table.request("pick", target="cube_3")
+    slip(table)
+    slip(table)
+    table.run_to("rise")
+    table.arm.opening, table.arm.obstacle = 0.0, 0.0
+    status, why = table.finish(name)
+    assert status == "failed" and why.endswith(", as 3 times")
+    assert table.arm.opening > 0.05 and table.grasped == []
+
+
+@pytest.mark.parametrize("perceived", [True, False])
+def test_what_is_seen_where_it_stood_was_left_behind(table: Table, perceived: bool) -> None:
+    """The pads touch something, but the object is still on the table; what is not seen may well be in the gripper."""
+    table.memory.update_node("cube_3", perceived=perceived)
+    said = table.act("pick", target="cube_3")
+    assert said == (("failed", "cube_3 was left behind, as 3 times") if perceived else ("done", ""))

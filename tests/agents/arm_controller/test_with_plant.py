@@ -213,3 +213,22 @@ def test_what_is_too_wide_from_above_is_held_above_and_below() -> None:
         bench.run(0.3)
         assert bench.pose("thing").t[2] == pytest.approx(0.175, abs=4e-3)
         assert tilt(bench.pose("thing")) < 0.05
+
+
+def test_what_slipped_out_of_the_gripper_is_grasped_again(bench: Bench) -> None:
+    name = bench.request("pick", target="cube_3")
+    place = bench.pose("cube_3")
+    while bench.pose("cube_3").t[2] < place.t[2] + 0.04:
+        bench.run(0.02)
+    simulated = reality(bench)
+    simulated.arm.let_go()
+    simulated.world.put("cube_3", place)
+    told = set()
+    for _ in range(200):
+        bench.run(0.1)
+        told.add(bench.memory.node(name)["explanation"])
+        if bench.memory.node(name)["status"] != "running":
+            break
+    assert "cube_3 slipped out: grasp 2 of 3" in told
+    assert bench.memory.node(name)["status"] == "done" and grasped(bench) == ["cube_3"]
+    assert bench.pose("cube_3").t[2] == pytest.approx(place.t[2] + 0.08, abs=4e-3)
