@@ -26,7 +26,7 @@ from agents.arm_controller.trajectory import Trajectory
 from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import FAILED, HALTED
@@ -106,7 +106,7 @@ class ArmController(Agent):
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
         self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
-        self._watchdog = Watchdog(self._chain, self.config.stale)
+        self._watchdog = Watchdog(self._chain, self.config.stale, self.config.effort_limits)
         self._patience = Patience(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
@@ -182,6 +182,11 @@ class ArmController(Agent):
             given = len(getattr(config, name))
             if given not in (0, joints):
                 raise ConfigError(f"{name} of {given} positions: expected {joints} or none")
+
+        for name, limit in config.effort_limits.items():
+            if name not in self._chain.names or limit <= 0.0:
+                hint = suggest(name, self._chain.names)
+                raise ConfigError(f"effort_limits: {name!r} = {limit}; expected a limit above 0 of a joint: {hint}")
 
     def _make_feeds(self) -> None:
         for node, camera in self.config.cameras.items():
