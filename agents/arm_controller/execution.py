@@ -72,6 +72,8 @@ class MotionExecution:
         self._router = Router(chain, Pose.identity())  # speeds do not depend on where the arm stands
         self._people = PeopleNearby(scene.memory, figure, config.arm)
         self._follow, self._stop = follow, stop
+        self.announce: Callable[[Trajectory], None] = lambda trajectory: None
+        """Is told each trajectory before the arm sets out."""
         self._limits: MotionLimits
         self._blocking: Blocking
         self._trajectory: Trajectory
@@ -114,19 +116,17 @@ class MotionExecution:
             slower = limits._replace(speed=limits.speed * MEANT * allowed / fastest)
             self._trajectory = trajectory = self._router.retimed(trajectory, slower)
         self._end = self.joints.stamp + trajectory.duration
+        self.announce(trajectory)
         self._following = Following(trajectory.positions, self._names, self.joints.stamp, self._config.stale)
         self._follow(trajectory)
 
     def has_arrived(self) -> bool:
-        """Whether the way is done.
+        """Whether the way is done; ask `keeps_distance` before.
 
         Raises:
             StuckError: if the arm stands still before its end.
-            OvertakenError: if the rest of the way is not free any more after a stop for a person.
             MotionError: if the arm is off its way.
         """
-        if self._keeps_distance():
-            return False
         if off := self._following.off_way(self.joints):
             raise MotionError(off)
         if self.joints.stamp < self._end:
@@ -161,8 +161,11 @@ class MotionExecution:
         self.waits_for = whom if allowed == 0.0 else ""
         return allowed
 
-    def _keeps_distance(self) -> bool:
-        """Stop if people are too near for the present speed; go on, as fast as may be, when they are not any more."""
+    def keeps_distance(self) -> bool:
+        """Stop if people are too near for the present speed; go on, as fast as may be, when they are not any more.
+
+        Returns whether the arm stands still for them. Raises `OvertakenError` as `go_on`.
+        """
         waited = self._end == math.inf
         allowed = self._allowed_speed()
         if not waited:
@@ -172,12 +175,22 @@ class MotionExecution:
             self._stop()
             self._end = math.inf
         elif allowed > 0.0 and not self._moves:
-            self._go_on()
+            self.go_on()
         return True
 
-    def _go_on(self) -> None:
-        """Follow the rest of the way if that is still free of all that is believed to be there."""
-        rest = self._router.rest(self._trajectory, self.here, self._limits)
+    @property
+    def way(self) -> Array:
+        """(m, n) rad, the present way."""
+        return self._trajectory.positions
+
+    @property
+    def rest(self) -> Trajectory:
+        """What lies before the arm on its way, from rest to rest."""
+        return self._router.rest(self._trajectory, self.here, self._limits)
+
+    def go_on(self) -> None:
+        """Follow the rest of the way. Raises `OvertakenError` if something is believed to be in that way now."""
+        rest = self.rest
         by = self._blocking(rest.positions, rest.final)
         if by is not None:
             raise OvertakenError(f"{by} is in the way")

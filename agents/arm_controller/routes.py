@@ -111,6 +111,11 @@ class Router:
         begin = trajectory.positions[-trajectory.final]
         return replace(found, final=len(found.positions) - found.nearest(begin))
 
+    def through(self, rows: Array, limits: MotionLimits) -> Trajectory:
+        """The way through joint positions (m, n), from rest to rest; on all of it the gripper works between things."""
+        trajectory = timed(resampled(rows), self._velocity, limits)
+        return replace(trajectory, final=len(trajectory.positions))
+
     def rest(self, trajectory: Trajectory, here: Array, limits: MotionLimits) -> Trajectory:
         """What lies before joint positions `here` (n,) rad, from rest to rest."""
         rows = trajectory.positions[trajectory.nearest(here) :]
@@ -284,8 +289,7 @@ class Router:
         by = obstacles.blocking(rows, load, len(rows))
         if by is not None:
             raise BlockedError(by)
-        trajectory = timed(rows, self._velocity, limits)
-        return replace(trajectory, final=len(trajectory.positions))
+        return self.through(line, limits)
 
     def _paths(self, start: Array, goal: JointGoal, travel: float) -> Iterator[_Path]:
         """Ways to try, in this order."""

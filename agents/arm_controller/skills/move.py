@@ -10,6 +10,7 @@ import numpy as np
 from agents.arm_controller.execution import OvertakenError
 from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.skills.manipulator import Attempt, Manipulator, SkillError, Steps
+from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
@@ -46,14 +47,20 @@ def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]]) -> Steps[
     """Go to the first of joint positions that is free; anew if something has come in the way meanwhile."""
     held = arm.holding.held
     for left in reversed(range(_MOST_WAYS)):
-        attempts = [Attempt(JointGoal(q), arm.joints.opening) for q in goals()]
-        index, trajectory = yield from arm.first_way(attempts)
+        attempt, trajectory = yield from arm.cleared(lambda: _first(arm, goals()), lambda found: found[1])
         try:
-            yield from arm.go(trajectory, attempts[index], "move", held)
+            yield from arm.go(trajectory, attempt, "move", held)
             return
         except OvertakenError:
             if not left:
                 raise
+
+
+def _first(arm: Manipulator, goals: Sequence[Array]) -> Steps[tuple[Attempt, Trajectory]]:
+    """The first of joint positions that is free, with the way there."""
+    attempts = [Attempt(JointGoal(q), arm.joints.opening) for q in goals]
+    index, trajectory = yield from arm.first_way(attempts)
+    return attempts[index], trajectory
 
 
 def observe(arm: Manipulator) -> Steps[None]:

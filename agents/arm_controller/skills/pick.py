@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 
 from agents.arm_controller.execution import OvertakenError
 from agents.arm_controller.grasps import FROM_SIDE, Grasp, GraspError, grasps
@@ -92,13 +93,18 @@ def _give_back(arm: Manipulator, grasp: Grasp) -> Steps[None]:
 def _reach(arm: Manipulator, name: str) -> Steps[tuple[Grasp, Attempt]]:
     """Bring the open gripper around the object; anew, some times, if that moves meanwhile."""
     for _ in range(_MOST_AIMS):
-        target = arm.believed(name)
-        grasp, attempt, trajectory = yield from _choose(arm, target)
+        target, grasp, attempt, trajectory = yield from arm.cleared(partial(_aim, arm, name), lambda aim: aim[3])
         yield from arm.open(grasp.opening)
         arm.start(trajectory, attempt)
         if (yield from _approach(arm, target)):
             return grasp, attempt
     raise SkillError(f"{name} keeps moving")
+
+
+def _aim(arm: Manipulator, name: str) -> Steps[tuple[Obstacle, Grasp, Attempt, Trajectory]]:
+    """The object where it is believed to be now, with a grasp and the way there."""
+    target = arm.believed(name)
+    return target, *(yield from _choose(arm, target))
 
 
 def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, Trajectory]]:
@@ -122,7 +128,7 @@ def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, T
     try:
         index, trajectory = yield from arm.first_way([attempt for _, attempt in found])
     except SkillError as error:
-        raise SkillError(str(problem)) from error
+        raise (SkillError(str(problem)) if isinstance(problem, ImpossibleError) else problem) from error
     return *found[index], trajectory
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from agents.arm_controller.execution import OvertakenError, StuckError
 from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
 from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.manipulator import Attempt, Manipulator, SkillError, Steps
+from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 
@@ -39,9 +42,10 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         raise SkillError(f"{held} cannot stand on itself")
     for _ in range(_MOST_AIMS):
         before = arm.scene.object(destination)
-        attempts = _attempts(arm, held, _resting(arm, held, destination, target_pose))
-        index, trajectory = yield from arm.first_way(attempts)
-        arm.start(trajectory, attempts[index])
+        attempt, trajectory = yield from arm.cleared(
+            partial(_plan, arm, held, destination, target_pose), lambda found: found[1]
+        )
+        arm.start(trajectory, attempt)
         if (yield from _go_down(arm, held, before)):
             break
     else:
@@ -105,6 +109,15 @@ def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | 
         return resting_poses(carried, (x, y), top + GAP, yaw)
     except GraspError as error:
         raise SkillError(str(error)) from error
+
+
+def _plan(
+    arm: Manipulator, held: str, destination: str, target_pose: Pose | None
+) -> Steps[tuple[Attempt, Trajectory]]:
+    """The best way to put the held object there, as things are believed to be now."""
+    attempts = _attempts(arm, held, _resting(arm, held, destination, target_pose))
+    index, trajectory = yield from arm.first_way(attempts)
+    return attempts[index], trajectory
 
 
 def _attempts(arm: Manipulator, held: str, resting: list[Pose]) -> list[Attempt]:
