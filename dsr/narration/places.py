@@ -61,7 +61,8 @@ def place_of_thing(moment: Moment, node: Node) -> Statement:
     evidence |= {"relations": [relation_evidence(edge) for edge in (*relations, *holders)]}
     around = [one for edge in relations if (one := moment.memory.get_node(edge.dst)) is not None]
     is_felt = any(edge.get("source") == GRIPPER for edge in holders)
-    in_place = (bool(around) or is_felt) and node.get("surprising") is not True and not _doubtful_camera(moment, evidence)
+    is_doubted = node.get("surprising") is True or bool(_doubtful_camera(moment, evidence))
+    in_place = (bool(around) or is_felt) and not is_doubted
     perceived = in_place and all(is_seen(one, now) for one in (node, *around))
     claims, words = whereabouts(node.name, contents, supports, holders, place, around, perceived=perceived)
     if perceived:
