@@ -102,6 +102,7 @@ LAYERS = (
     "agents.scenario.truth agents.calibrator.watch",
     "agents.scenario.judge",
     "agents.scenario.run agents.scenario.check",
+    "agents.scenario.generate",
     "agents.ros_bridge.errors",
     "agents.ros_bridge.messages",
     "agents.ros_bridge.link",

@@ -26,6 +26,7 @@ NO_DATA = {
     "view": "opens a window",
     "assist serve": "speaks a protocol",
     "ros run": "goes on until Ctrl-C",
+    "scenario generate": "writes a file",
 }
 """Commands that have no outcome but what they do."""
 
