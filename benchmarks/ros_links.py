@@ -19,7 +19,7 @@ TF_OUT = Spec(
 )  # fmt: skip
 EDGE = Spec(
     "ROS 2 tf to an edge in another process than the bridge's, p50 over raw Zenoh", "x", 1.3,
-    about="encoded to readable; peer: as many bytes, forwarded by a third process",
+    about="encoded to readable; peers: as many bytes forwarded by a third process, and the memory's share without ROS",
 )  # fmt: skip
 
 

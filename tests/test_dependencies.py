@@ -35,8 +35,11 @@ TOOLS = {
     "scipy-stubs", "up-fast-downward",
 }  # fmt: skip
 """Programs, plugins, stubs, and this distribution with other extras: declared, never imported."""
-REAL_ROS = {"rclpy", "rosidl-adapter", "rosidl-generator-type-description", "tf2-msgs"}
-"""Of the environment of `make test-ros`, in which some programs of `tests/ros` run."""
+REAL_ROS = {
+    "control-msgs", "controller", "rclpy", "rosidl-adapter", "rosidl-generator-type-description", "sensor-msgs",
+    "tf2-msgs",
+}  # fmt: skip
+"""Of the environment of `make test-ros`, in which some programs of `tests/ros` run; `controller` is beside them."""
 ONLY_READ = {"msgpack"}
 """Declared for users, who read messages and recordings with it; the system itself uses msgspec."""
 RESULTS = ("numpy", "opencv-python-headless", "pybullet", "scipy")
@@ -68,7 +71,7 @@ def imported_below(folder: str) -> set[str]:
 
 
 MEMORY = names(PROJECT["dependencies"])
-OF_SYSTEM = ("cli", "sim", "view", "hands", "dynamixel", "realsense", "ros", "ros-dds", "xacro")
+OF_SYSTEM = ("assist", "cli", "sim", "view", "hands", "dynamixel", "realsense", "ros", "ros-dds", "xacro")
 """Extras whose libraries the system imports, and which can be installed together."""
 DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in OF_SYSTEM)) - TOOLS
 ALLOWED = {

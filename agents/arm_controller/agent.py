@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -23,10 +24,11 @@ from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.trajectory import Trajectory
 from agents.camera_feed import CameraFeed
-from agents.drivers import ArmDriver, ArmState, make_driver
+from agents.drivers import ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.files.built_in import ETC
+from dsr.vocabulary.arms import ARM, CONTROLLER
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import FAILED, HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
@@ -46,7 +48,7 @@ agent itself did not run, on an overloaded machine, samples may have come that i
 
 
 class ArmController(Agent):
-    """Stands between one arm with its cameras and the working memory.
+    """Stands between one arm with its cameras and the working memory; each arm of a graph has one of its own.
 
     Writes at 50 Hz the kinematic chain as RT edges, joint values and gripper opening, and forwards camera
     frames. Follows `target_joints`, `target_pose` (the tool point in the world frame) and `target_speed` of
@@ -54,7 +56,7 @@ class ArmController(Agent):
     `explanation` why it does not.
     """
 
-    name = "arm_controller"
+    name = CONTROLLER
     rate_hz = 50.0
     reads = Access(
         nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
@@ -62,7 +64,8 @@ class ArmController(Agent):
         attributes=(
             *("size", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
-            *("skill", "target", "destination", "request"),
+            *("skill", "target", "destination", "request", "arm"),
+            *("way", "way_times", "way_since", "waits_for", "gripper"),
             *HALT_ATTRIBUTES,
         ),
     )
@@ -72,13 +75,15 @@ class ArmController(Agent):
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
             *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
-            *("bounds", "source", "since"),
+            *("bounds", "source", "since", "controller", "gripper"),
+            *("way", "way_times", "way_since", "waits_for"),
             *HALT_ATTRIBUTES,
             *("stream", *INTRINSICS),
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
+        several=True,
     )
-    publishes = ("blob/*", "device/arm/command", "device/halted/*")
+    publishes = ("blob/*", "device/*/command", "device/halted/*")
     Config = ArmControllerConfig
     config: ArmControllerConfig
 
@@ -93,9 +98,9 @@ class ArmController(Agent):
             names = ", ".join(drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
         self._check_config()
-        self._body = RobotNodes(self.memory, self._model, config)
+        self._body = RobotNodes(self.memory, self._model, config, self.name)
         self._body.build()
-        self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
+        self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **self._driver_options())
         self._feeds: list[CameraFeed] = []
         self._make_feeds()
         self._state: ArmState | None = None
@@ -104,7 +109,7 @@ class ArmController(Agent):
         self._gone = ""
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
-        self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
+        self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log, config.arm)
         self._watchdog = Watchdog(self._chain, self.config.stale)
         self._patience = Patience(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
@@ -112,7 +117,7 @@ class ArmController(Agent):
         self._scene = ArmScene(self.memory)
         gripper_from_tool = self._model.palm_from_tool
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        manipulator = self._make_manipulator()
+        manipulator = self._manipulator = self._make_manipulator()
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
@@ -172,6 +177,12 @@ class ArmController(Agent):
         for closer in (*closers, *getattr(self, "_feeds", ())):
             if closer is not None:
                 closer.close()
+
+    def _driver_options(self) -> dict[str, Any]:
+        """As configured; a driver of several arms is told which one it is, unless it is the first."""
+        config = self.config
+        told = {"arm": config.arm} if config.arm != ARM and has_option(config.driver, "arm") else {}
+        return {**told, **config.options}
 
     def _check_config(self) -> None:
         config, joints = self.config, len(self._chain)
@@ -238,6 +249,8 @@ class ArmController(Agent):
 
     def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
+        if not self._actions.running and self._is_moving and (near := self._manipulator.near_arm(joints)):
+            self._motion.stop_for(near)
         for follower in (self._motion, self._grip):
             if self._actions.running:
                 follower.give_way(self._actions.running)

@@ -10,7 +10,7 @@ import contextlib
 import ctypes
 import mmap
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,6 +29,8 @@ class _Mapping(NamedTuple):
 
     begin: int
     end: int
+    resident: int
+    """Bytes of it that are in memory."""
 
 
 @contextlib.contextmanager
@@ -37,33 +39,38 @@ def zeros_given_back() -> Iterator[None]:
 
     Nobody may write there at the end, as in buffers of a library that only this thread calls.
     """
-    before = set(_large_mappings())
+    before = _mappings()
     yield
     for mapping in _large_mappings():
-        if mapping not in before:
-            _give_back_zeros(mapping)
+        _give_back_zeros(mapping, before)
 
 
 def _large_mappings() -> list[_Mapping]:
     """Those of which the larger part is in memory."""
+    found = (mapping for mapping in _mappings() if mapping.end - mapping.begin >= _LARGE)
+    return [mapping for mapping in found if mapping.resident > (mapping.end - mapping.begin) / 2]
+
+
+def _mappings() -> list[_Mapping]:
     if not _SMAPS.exists():
         return []
     found: list[_Mapping] = []
-    mapping = None
+    header = None
     for line in _SMAPS.read_text(encoding="utf-8", errors="replace").splitlines():
-        if header := _HEADER.match(line):
-            mapping = _Mapping(int(header[1], 16), int(header[2], 16))
-        elif mapping is not None and line.startswith("Rss:"):
-            size = mapping.end - mapping.begin
-            if size >= _LARGE and int(line.split()[1]) * 1024 > size / 2:
-                found.append(mapping)
-            mapping = None
+        if new := _HEADER.match(line):
+            header = new
+        elif header is not None and line.startswith("Rss:"):
+            found.append(_Mapping(int(header[1], 16), int(header[2], 16), int(line.split()[1]) * 1024))
+            header = None
     return found
 
 
-def _give_back_zeros(mapping: _Mapping) -> None:
+def _give_back_zeros(mapping: _Mapping, before: Sequence[_Mapping]) -> None:
+    """All but what lies in those that were there before, which the kernel may have joined with new ones."""
     libc = ctypes.CDLL(None, use_errno=True)
     for address in range(mapping.begin, mapping.end - _BLOCK + 1, _BLOCK):
+        if any(address < other.end and other.begin < address + _BLOCK for other in before):
+            continue
         block = np.ctypeslib.as_array((ctypes.c_uint64 * (_BLOCK // 8)).from_address(address))
         if not block.any():
             libc.madvise(ctypes.c_void_p(address), ctypes.c_size_t(_BLOCK), mmap.MADV_DONTNEED)

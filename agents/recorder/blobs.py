@@ -10,6 +10,9 @@ from agents.recorder.thinning import Image
 from dsr.clock import Clock
 from dsr.network.transport import Transport
 
+_MOST_IMAGES = 64
+"""Images of so many streams wait, more than the cameras of a graph: made-up names must take no memory."""
+
 
 class BlobInbox:
     """Collects blobs until they are taken; beyond `most`, the oldest small ones are dropped and counted.
@@ -19,7 +22,7 @@ class BlobInbox:
 
     def __init__(self, bus: Transport, key: str, clock: Clock, most: int) -> None:
         self.dropped = 0
-        """Small messages lost because nobody took them in time."""
+        """Messages lost because nobody took them in time."""
         self._clock = clock
         self._waiting: deque[Message] = deque(maxlen=most)
         self._images: dict[str, Image] = {}
@@ -39,8 +42,14 @@ class BlobInbox:
 
     def _receive(self, key: str, payload: bytes | memoryview) -> None:
         if len(payload) >= IMAGE:
-            self._images[key] = Image(self._clock.now(), key, payload)
+            self._keep(Image(self._clock.now(), key, payload))
             return
         if len(self._waiting) == self._waiting.maxlen:
             self.dropped += 1
         self._waiting.append(Message(self._clock.now(), key, bytes(payload)))
+
+    def _keep(self, image: Image) -> None:
+        if len(self._images) >= _MOST_IMAGES and image.key not in self._images:
+            self.dropped += 1
+            return
+        self._images[image.key] = image

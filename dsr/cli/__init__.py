@@ -10,9 +10,11 @@ def start() -> None:
     import sys
 
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small, and a process with threads cannot fork
+    from dsr.cli.streams import open_closed_streams
     from dsr.config.extras import missing_extra
     from dsr.runtime.resources import exit_if_short
 
+    open_closed_streams()
     exit_if_short()  # before any module of a command loads a library that would crash
     try:
         from dsr.cli.main import main as run

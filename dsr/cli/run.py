@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import os
+import signal
 import sys
 import threading
 from pathlib import Path
@@ -70,6 +71,7 @@ def run(
     Agents that crash are started again. Look into the working memory from another terminal: dsr ls, dsr tree,
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
     """
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # whoever started us may ignore it: then nobody learns how agents end
     in_background = folder_in_background()
     folder = in_background or folder
     if detach and in_background is None:

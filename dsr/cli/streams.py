@@ -56,6 +56,18 @@ class _Pipe(io.FileIO):
             raise SystemExit(READER_LEFT) from None
 
 
+def open_closed_streams() -> None:
+    """Let standard streams that are closed lead nowhere; what is opened next would get their numbers."""
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # this has the lowest number that is free
+            stream = open(number, mode, closefd=False)  # noqa: SIM115
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
+
+
 def prepare_output() -> None:
     """From now on, standard output and standard error replace characters that their encoding lacks.
 

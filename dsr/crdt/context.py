@@ -89,10 +89,17 @@ class CausalContext:
         """Count the gaps among the counters of replica `rid`."""
         return len(self.cloud.get(rid, ()))
 
-    def close_gaps(self, rid: str, left: int) -> None:
-        """Include the lowest counters that are missing, until no more than `left` gaps are left."""
-        while (beyond := self.cloud.get(rid, [])) and len(beyond) > left:
-            self.add_range(rid, 1, beyond[len(beyond) - left - 1][0])
+    def close_gaps(self, rid: str, left: int, last: int) -> bool:
+        """Include the lowest counters that are missing up to `last`, so that there no more than `left` gaps are left.
+
+        Returns whether there were more.
+        """
+        beyond = self.cloud.get(rid, [])
+        gaps = bisect_right(beyond, last, key=_first)
+        if gaps <= left:
+            return False
+        self.add_range(rid, 1, beyond[gaps - left - 1][0])
+        return True
 
     @property
     def size(self) -> int:

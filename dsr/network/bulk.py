@@ -10,7 +10,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol, SupportsBytes
+from typing import Protocol, SupportsBytes, TypeVar
 from weakref import WeakValueDictionary
 
 import msgspec
@@ -21,10 +21,16 @@ from dsr.network.keys import descriptor_key
 from dsr.network.shared_ring import SLOTS, Ring, RingReader, SlotDescriptor
 from dsr.network.transport import BulkHandler, Chunks, MessageHandler, Subscription
 
+T = TypeVar("T")
 _log = logging.getLogger("dsr.network.bulk")
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[SlotDescriptor | None] = msgspec.msgpack.Decoder(SlotDescriptor | None)
 _ROOM = 1.25  # times the size of the first message
+MOST_STREAMS = 256
+"""Streams that one subscription tells apart, more than the cameras of a graph: made-up names must take no memory. One
+that was forgotten is found again with its next descriptor."""
+MOST_EARLY = 16
+"""Messages that came as bytes before their descriptors and are kept: as many cameras as may begin at once."""
 
 
 class Outlet(Protocol):
@@ -82,6 +88,41 @@ class BulkWriter:
 Handler = Callable[[SupportsBytes], None]
 
 
+class _Source:
+    """Finds the rings that the descriptors of one stream name.
+
+    Args:
+        opened: rings that something refers to. Each is opened once, and so knows what is held of it, whichever streams
+            and writers take turns.
+    """
+
+    def __init__(self, opened: WeakValueDictionary[bytes, RingReader]) -> None:
+        self.shares = False
+        """Whether the newest message can be read in place."""
+        self._opened = opened
+        self._ring: RingReader | None = None
+        self._unusable = b""
+
+    def ring_of(self, descriptor: SlotDescriptor | None) -> RingReader | None:
+        """The ring that a descriptor names, if it can be read here."""
+        ring = None if descriptor is None else self._find(descriptor)
+        self.shares = ring is not None
+        return ring
+
+    def _find(self, descriptor: SlotDescriptor) -> RingReader | None:
+        if self._ring is None or self._ring.ring != descriptor.ring:
+            if descriptor.ring == self._unusable:
+                return None
+            try:
+                ring = self._opened.get(descriptor.ring) or RingReader(descriptor)
+                self._ring = self._opened[descriptor.ring] = ring
+            except OSError as error:
+                _log.info("large messages come by copies: %s", error)
+                self._unusable = descriptor.ring
+                return None
+        return self._ring
+
+
 class BulkReader:
     """Holds the newest large message of one key until it is taken; those that nobody takes are forgotten.
 
@@ -99,10 +140,7 @@ class BulkReader:
     ) -> None:
         self._listen_for_bytes = listen_for_bytes
         self._notify = notify
-        self._ring: RingReader | None = None
-        self._held_rings: WeakValueDictionary[bytes, RingReader] = WeakValueDictionary()
-        """Of several writers that take turns: each ring is opened once, and knows what is held of it."""
-        self._unusable = b""
+        self._source = _Source(WeakValueDictionary())
         self._descriptor: deque[SupportsBytes] = deque(maxlen=1)
         self._message: deque[SupportsBytes] = deque(maxlen=1)
         self._plain: Subscription | None = None
@@ -116,7 +154,7 @@ class BulkReader:
         """
         while self._descriptor:
             descriptor = decode_descriptor(bytes(self._descriptor.pop()))
-            ring = None if descriptor is None else self._ring_of(descriptor)
+            ring = self._source.ring_of(descriptor)
             self._want_bytes(ring is None)
             if descriptor is None or ring is None:
                 break
@@ -129,20 +167,6 @@ class BulkReader:
         """Stop receiving; what was taken stays."""
         self._descriptors.close()
         self._want_bytes(False)
-
-    def _ring_of(self, descriptor: SlotDescriptor) -> RingReader | None:
-        """The ring that a descriptor names, if it can be read here."""
-        if self._ring is None or self._ring.ring != descriptor.ring:
-            if descriptor.ring == self._unusable:
-                return None
-            try:
-                held = self._held_rings.get(descriptor.ring) or RingReader(descriptor)
-                self._ring = self._held_rings[descriptor.ring] = held
-            except OSError as error:
-                _log.info("large messages come by copies: %s", error)
-                self._unusable = descriptor.ring
-                return None
-        return self._ring
 
     def _want_bytes(self, wanted: bool) -> None:
         if wanted and self._plain is None:
@@ -179,8 +203,9 @@ class BulkSubscription:
         self._subscribe = subscribe
         self._key = key
         self._handler = handler
-        self._rings: dict[str, RingReader | None] = {}
-        """Of each stream that has sent a descriptor: the ring; None of one whose messages come as bytes."""
+        self._opened: WeakValueDictionary[bytes, RingReader] = WeakValueDictionary()
+        self._sources: dict[str, _Source] = {}
+        """Of the streams that have sent a descriptor, the one that did last at the end."""
         self._early: dict[str, bytes] = {}
         """The newest message of each stream that came as bytes before the first descriptor was here."""
         self._changing = threading.Lock()
@@ -203,8 +228,9 @@ class BulkSubscription:
         try:
             descriptor = decode_descriptor(payload)
             with self._changing:
-                ring = self._rings[stream] = self._ring_of(stream, descriptor)
+                ring = self._source_of(stream).ring_of(descriptor)
                 early = self._early.pop(stream, None)
+                all_share = all(source.shares for source in self._sources.values())
             message = early if ring is None or descriptor is None else ring.view(descriptor)
         except WireError as error:
             self.malformed += 1
@@ -213,27 +239,20 @@ class BulkSubscription:
             return
         if message is not None:
             self._handler(stream, message)
-        self._want_bytes(None in self._rings.values())
+        self._want_bytes(not all_share)
 
     def _take_bytes(self, stream: str, payload: bytes) -> None:
         with self._changing:
-            if stream not in self._rings:
-                self._early[stream] = payload
-                return
-            comes_as_bytes = self._rings[stream] is None
-        if comes_as_bytes:
+            source = self._sources.get(stream)
+            if source is None:
+                _put_last(self._early, stream, payload, MOST_EARLY)
+        if source is not None and not source.shares:
             self._handler(stream, payload)
 
-    def _ring_of(self, stream: str, descriptor: SlotDescriptor | None) -> RingReader | None:
-        """The ring that a descriptor names, if it can be read here."""
-        ring = self._rings.get(stream)
-        if descriptor is None or (ring is not None and ring.ring == descriptor.ring):
-            return None if descriptor is None else ring
-        try:
-            return RingReader(descriptor)
-        except OSError as error:
-            _log.info("large messages come by copies: %s", error)
-            return None
+    def _source_of(self, stream: str) -> _Source:
+        source = self._sources.get(stream) or _Source(self._opened)
+        _put_last(self._sources, stream, source, MOST_STREAMS)
+        return source
 
     def _want_bytes(self, wanted: bool) -> None:
         with self._wanting:
@@ -242,6 +261,14 @@ class BulkSubscription:
             elif not wanted and self._plain is not None:
                 plain, self._plain = self._plain, None
                 plain.close()
+
+
+def _put_last(places: dict[str, T], key: str, value: T, most: int) -> None:
+    """Put a value at the end; beyond so many, the first one goes."""
+    places.pop(key, None)
+    places[key] = value
+    if len(places) > most:
+        del places[next(iter(places))]
 
 
 def decode_descriptor(payload: bytes) -> SlotDescriptor | None:

@@ -138,14 +138,15 @@ class Claims:
 
         Returns whether there were any.
 
-        Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up.
+        Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up. Of
+        what was written after the replier began to answer it has told nothing yet: that is asked for next.
         """
         self._note_made(sender, reply.context)
-        context = self._graph.store.context
-        crowded = {rid for rid, _, _ in reply.context if context.gaps(rid) > MAX_GAPS and self._graph.store.bounds_gaps}
-        for rid in crowded:
-            context.close_gaps(rid, MAX_GAPS)
-        return bool(crowded)
+        store = self._graph.store
+        told: dict[str, int] = {}
+        for rid, _, last in reply.context if store.bounds_gaps else ():
+            told[rid] = max(last, told.get(rid, 0))
+        return bool([rid for rid, last in told.items() if store.context.close_gaps(rid, MAX_GAPS, last)])
 
     def _may_remove(self, dots: Iterable[Dot]) -> bool:
         """Whether removals of what has not arrived are few; they are noted then."""

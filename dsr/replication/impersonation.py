@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import Delta
+from dsr.crdt.delta import Add, Delta
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.replication.claims import MAX_EARLY, goes_beyond
@@ -28,25 +29,26 @@ class Impersonation:
         self._complaints = complaints
         self._new_id_at = -math.inf
 
-    def check(self, sender: str, delta: Delta, confirmed: int, *, gated: bool) -> None:
+    def check(self, sender: str, delta: Delta, confirmed: Callable[[], int], *, gated: bool) -> None:
         """Raise `WireError` if it speaks in our name; and if peers may have believed that, take note.
 
         Args:
             sender: who sent it.
             delta: a delta, or a reply with all that it tells to have been seen.
-            confirmed: the counter up to which all peers have seen what is ours.
+            confirmed: tells the counter up to which all peers have seen what is ours.
             gated: whether peers check what others may remove.
         """
         rid, is_reply = self._graph.rid, delta.live is not None
         if sender != rid and not is_reply and not delta.removed:
             return
         believed = sender == rid or is_reply
-        known = confirmed if sender == rid else self._graph.counter  # others may have had it before what is ours
+        known = confirmed() if sender == rid else self._graph.counter  # others may have had it before what is ours
         beyond = goes_beyond(rid, known, delta, removals_only=not believed)
         if beyond and (believed or not gated):
             self.notice(sender)
-            added = [add.dot for add in delta.adds if add.dot[0] == rid and add.dot[1] > known]
-            self.forged.update(dict.fromkeys(added[: MAX_EARLY - len(self.forged)]))
+            added = [add for add in delta.adds if add.dot[0] == rid and add.dot[1] > known]
+            false = [add.dot for add in added if not self._is_true(add)]
+            self.forged.update(dict.fromkeys(false[: MAX_EARLY - len(self.forged)]))
         if beyond or sender == rid:
             raise WireError(f"it speaks in the name of {rid}, this replica")
 
@@ -64,3 +66,10 @@ class Impersonation:
             return False
         self.noticed, self._new_id_at = False, now
         return True
+
+    def _is_true(self, add: Add) -> bool:
+        """Whether this replica did add that: then it is only said again."""
+        ours = self._graph.store.element(add.dot)
+        return ours is not None and all(
+            getattr(ours, name) == getattr(add, name) for name in ("key", "type", "sources", "destinations")
+        )

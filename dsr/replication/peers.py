@@ -81,19 +81,21 @@ class Peers(dict[str, Peer]):
         """Replicas that were not listened to because there were too many."""
         self.away: dict[str, int] = {}
         """What those that were heard and are gone had acknowledged: they may be cut off, and come back."""
+        self._unnamed: list[int] = []  # at most one number: the least that any had acknowledged who has no room there
         self._of_agent: Counter[str] = Counter()
 
     @property
     def confirmed(self) -> int:
         """The counter up to which all that were ever heard have told to have seen what was written here."""
         heard = [peer.acknowledged for peer in self.values() if peer.digest]
-        return min([*heard, *self.away.values()], default=0)
+        return min([*heard, *self.away.values(), *self._unnamed], default=0)
 
     def confirm_nothing(self) -> None:
         """We have another id now, under which nobody has seen anything."""
         for peer in self.values():
             peer.acknowledged, peer.covered = 0, None
         self.away = dict.fromkeys(self.away, 0)
+        self._unnamed = [0 for _ in self._unnamed]
 
     def __delitem__(self, rid: str) -> None:
         peer = self[rid]
@@ -148,10 +150,9 @@ class Peers(dict[str, Peer]):
             yield rid
 
     def _note_away(self, rid: str, acknowledged: int) -> None:
-        """Of too many, one stands for two: that which has seen less."""
+        """Of too many, the first is named no more, so that nobody who speaks in its name can have it forgotten."""
         if len(self.away) >= MAX_PEERS:
-            first = next(iter(self.away))
-            acknowledged = min(acknowledged, self.away.pop(first))
+            self._unnamed = [min([self.away.pop(next(iter(self.away))), *self._unnamed])]
         self.away[rid] = acknowledged
 
     def _take_in(self, rid: str, now: float) -> bool:

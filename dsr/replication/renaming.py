@@ -28,13 +28,22 @@ def going_on_as(graph: Graph, rid: str, confirmed: int, now: float, forged: Iter
     """Give the graph another replica id, and write anew, as one delta, what peers may not have taken under the old one.
 
     That is what was added or written since counter `confirmed`, and samples of streams that are not durable yet. Values
-    keep their stamps. What somebody else had added under the dots `forged` is removed. The graph must be locked.
+    keep their stamps. What somebody else had added under the dots `forged` is removed; edges of others that end there
+    are added anew, too. The graph must be locked.
     """
-    old, store = graph.rid, graph.store
+    old, store, void = graph.rid, graph.store, set(forged)
     graph.rid, graph.counter = rid, 0
     delta = Delta()
     found = [entry for dot in store.written_dots() if (entry := store.find(dot))]
-    lost = [entry for entry in found if entry.dot in store.entries and _is_lost(entry.dot, old, confirmed)]
+    lost = [
+        entry
+        for entry in found
+        if entry.dot in store.entries
+        and (
+            _is_lost(entry.dot, old, confirmed)
+            or not void.isdisjoint((entry.dot, *entry.sources, *entry.destinations))
+        )
+    ]
     anew: dict[Dot, Dot] = {}
     for entry in sorted(lost, key=lambda entry: not isinstance(entry.key, str)):  # nodes first: edges name their dots
         dot = anew[entry.dot] = graph.new_dot()
@@ -44,7 +53,7 @@ def going_on_as(graph: Graph, rid: str, confirmed: int, now: float, forged: Iter
     for entry in found:
         own = [write for write in entry.registers.values() if _is_unsure(write, old, confirmed)]
         delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own]
-    delta.removed = list(forged)
+    delta.removed = sorted(void)
     if delta.removed:
         graph.new_dot()
     if graph.counter:

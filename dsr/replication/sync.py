@@ -157,7 +157,7 @@ class Synchroniser:
 
     def _check_identity(self, sender: str, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name."""
-        self.impersonation.check(sender, delta, self.confirmed, gated=self.gate is not None)
+        self.impersonation.check(sender, delta, lambda: self.confirmed, gated=self.gate is not None)
 
     def receive_digest(self, sender: str, payload: bytes, now: float, physical: float) -> None:
         """A digest arrived at monotonic time `now` and physical time `physical` (s)."""

@@ -28,9 +28,11 @@ import msgspec
 PYTHON = (sys.executable, "-P", "-m")  # -P: a folder called dsr where we are is not this one
 """What runs a module, in front of its name and arguments."""
 _TASKS = Path("/proc/self/task")
+_FILES = Path("/proc/self/fd")
 _NAME = Path("/proc/self/comm")
 _MOST_NAME = 15  # characters of a process's name that the kernel keeps
 _MOST_FILES = 8  # that one order passes on
+_FIRST_FILE = 3  # after the standard streams
 _PIECE = 1 << 16  # bytes of an order that are read at once
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _INTERRUPTED = 128 + signal.SIGINT  # exit code, as in shells
@@ -140,6 +142,7 @@ def _live(of_the_parent: Sequence[socket.socket], connection: socket.socket, mas
         os.setsid()
         for other in of_the_parent:
             other.close()
+        _close_all_but(connection.fileno())
         _forget_the_parent()
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         connection.send(b".")
@@ -157,14 +160,24 @@ def _live(of_the_parent: Sequence[socket.socket], connection: socket.socket, mas
         os._exit(code)
 
 
+def _close_all_but(connection: int) -> None:
+    """Close what this process has open beside its standard streams and a connection, as a new program would."""
+    for number in [int(file.name) for file in _FILES.iterdir()]:
+        if number >= _FIRST_FILE and number != connection:
+            with contextlib.suppress(OSError):  # the list itself
+                os.close(number)
+
+
 def _forget_the_parent() -> None:
-    """Undo what the parent has set up for itself, as in a new interpreter."""
+    """Undo what the parent has set up for itself, as in a new interpreter with the options of `PYTHON`."""
     for number in _ENDING:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
     logging.root.handlers.clear()
     logging.root.setLevel(logging.WARNING)
     sys.excepthook = sys.__excepthook__
+    if not sys.flags.safe_path:
+        del sys.path[0]  # the folder of the program, or the one where we are
 
 
 def _receive(connection: socket.socket) -> _Order | None:
@@ -210,6 +223,9 @@ def _exit_code(order: _Order) -> int:
         return 1
     except KeyboardInterrupt:
         return _INTERRUPTED
+    except BaseException:
+        traceback.print_exc()
+        return 1
 
 
 def _main_module(module: str) -> str:

@@ -24,7 +24,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.errors import WireError
 from dsr.images.blobs import frame_chunks
 from dsr.images.frame_reader import FrameReader
-from dsr.network.bulk import BulkReader, BulkSubscription, BulkWriter, Handler
+from dsr.network.bulk import MOST_EARLY, MOST_STREAMS, BulkReader, BulkSubscription, BulkWriter, Handler
 from dsr.network.keys import Keys, descriptor_key
 from dsr.network.rendezvous import free_port
 from dsr.network.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, SlotDescriptor
@@ -429,6 +429,47 @@ class TestBulkSubscription:
         streams.put("here", b"good")
         assert streams.got == [("here", b"good")] and subscription.malformed == 1
 
+    @pytest.mark.parametrize("turns", ["writers", "streams", "nothing shared"])
+    def test_what_is_kept_holds_up_no_writer_whatever_comes_in_turns(self, turns: str) -> None:
+        streams = Streams()
+        streams.listen()
+        (descriptors,) = streams.lines[descriptor_key("**")]
+        rings = [Ring(10) for _ in range(2 if turns == "writers" else 1)]
+        for i in range(2 * SLOTS):
+            for ring in rings:
+                name = f"camera_{i % 10 if turns == 'streams' else 0}/@shm"
+                descriptors(name, msgspec.msgpack.encode(descriptor_of(ring, b"%d" % i)))
+                if turns == "nothing shared":
+                    descriptors(name, msgspec.msgpack.encode(None))
+        assert [payload for _, payload in streams.got] == [b"%d" % i for i in range(2 * SLOTS) for _ in rings]
+
+    def test_made_up_streams_take_no_memory_and_cost_no_other_stream_a_message(self) -> None:
+        streams = Streams()
+        subscription = streams.listen()
+        (plain,), (descriptors,) = streams.lines["**"], streams.lines[descriptor_key("**")]
+        streams.put("here", b"first")
+        for i in range(10 * MOST_STREAMS):
+            plain(f"made_up_{i}", b"never described")
+            descriptors(f"empty_{i}/@shm", msgspec.msgpack.encode(None))
+        assert (len(subscription._early), len(subscription._sources)) == (MOST_EARLY, MOST_STREAMS)
+        streams.put("here", b"second")
+        assert streams.got == [("here", b"first"), ("here", b"second")]
+
+    def test_that_a_stream_cannot_be_shared_is_said_once(
+        self, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        def elsewhere(descriptor: SlotDescriptor) -> None:
+            raise PermissionError
+
+        monkeypatch.setattr("dsr.network.bulk.RingReader", elsewhere)
+        caplog.set_level("INFO")
+        streams = Streams()
+        streams.listen()
+        for i in range(5):
+            streams.put("there", b"%d" % i)
+        assert [payload for _, payload in streams.got] == [b"%d" % i for i in range(5)]
+        assert caplog.text.count("come by copies") == 1
+
     def test_what_is_kept_stays_and_holds_up_nobody(self) -> None:
         streams = Streams()
         streams.listen()
@@ -473,7 +514,7 @@ def test_frames_of_another_session_are_not_copied(link: tuple[ZenohTransport, Ze
     while reader._mailbox._plain is not None:  # type: ignore[attr-defined]
         send()
     frames = [send() for _ in range(3)]
-    ring = np.frombuffer(reader._mailbox._ring._map, np.uint8)  # type: ignore[attr-defined]
+    ring = np.frombuffer(reader._mailbox._source._ring._map, np.uint8)  # type: ignore[attr-defined]
     for frame in frames:
         for array in frame.arrays.values():
             assert np.shares_memory(array, ring) and not array.flags.owndata and not array.flags.writeable

@@ -215,6 +215,35 @@ def test_who_was_left_in_the_middle_of_an_answer_gives_up_no_gap(net: Net, monke
     assert len(b.nodes()) == len(c.nodes()) == 61
 
 
+def test_what_was_lost_while_an_answer_came_is_no_gap_that_is_given_up(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The replier has told nothing of it yet. What a newcomer gave up would be removed everywhere."""
+    monkeypatch.setattr(claims, "MAX_GAPS", 5)
+    monkeypatch.setattr(pieces, "MAX_EXAMINED", 5)
+    holder, writer = net.join("holder", rid="z-holder"), net.join("writer", rid="a-writer")
+    net.pump(2.0)
+    for number in range(120):
+        holder.add_node(f"n{number}", "cube")
+    writer.add_node("first", "cube")
+    net.pump(2.0)
+    newcomer = net.join("newcomer")
+    while len(newcomer.nodes()) < 20:
+        net.pump(0.05)
+    net.network.partition(["writer", "holder"], ["newcomer", "holder"])
+    writer.add_node("x", "cube")
+    net.pump(0.05)
+    net.network.heal()
+    for number in range(10):  # each removal is a dot that a newcomer does not believe to have seen
+        writer.add_node(f"short_{number}", "cube")
+        writer.remove_node(f"short_{number}")
+        net.pump(0.05)
+    assert not newcomer.joined and "x" not in newcomer and seen(newcomer).gaps("a-writer") > 5
+    net.pump(15.0)
+    check_equal(net, writer, holder, newcomer)
+    assert "x" in newcomer and len(newcomer.nodes()) == 122
+
+
 def test_replicas_of_which_nothing_is_left_are_taken_over_up_to_a_bound(
     net: Net, monkeypatch: pytest.MonkeyPatch
 ) -> None:

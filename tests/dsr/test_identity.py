@@ -14,6 +14,7 @@ from dsr.network import rendezvous
 from dsr.network.keys import agent_of
 from dsr.network.transport import Transport
 from dsr.replication.impersonation import NEW_ID_PAUSE
+from dsr.replication.peers import FORGET
 from dsr.replication.renaming import next_id
 from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.conftest import Net, reply_of, tabletop
@@ -168,6 +169,57 @@ def test_a_newcomer_is_not_told_by_a_stranger_to_have_seen_what_it_has_not(net: 
     burn(net, victim, victim.replica.graph.counter)
     check_equal(net, victim, other, newcomer)
     assert content(newcomer) == before
+
+
+@pytest.mark.parametrize("said", ["again", "changed"])
+def test_what_it_added_said_by_a_stranger_costs_others_no_edges(net: Net, said: str) -> None:
+    """A replica that is gone may not have it; so a stranger may have told that one something else."""
+    victim, other, gone = net.join("victim"), net.join("other"), net.join("gone")
+    net.pump(2.0)
+    net.memories.remove(gone)
+    gone.close()
+    tabletop(victim)
+    net.pump(2.0)
+    other.add_node("thing", "cube")
+    other.add_edge("thing", "cube_3", "on", since=1.0)
+    other.add_edge("table", "thing", "on", since=2.0)
+    net.pump(2.0)
+    before = content(victim)
+    rid = victim.replica.graph.rid
+    made = [entry for entry in victim.replica.graph.store.entries.values() if entry.dot[0] == rid]
+    adds = [
+        Add(one.dot, "false" if said == "changed" and isinstance(one.key, str) else one.key, one.type, one.sources,
+            one.destinations)
+        for one in made
+    ]  # fmt: skip
+    context = [(rid, 1, victim.replica.graph.counter)]
+    stranger(net).publish(victim.keys.delta(rid), encode_delta(Delta(adds=adds, context=context)))
+    check_equal(net, victim, other)
+    assert victim.replica.synchroniser.new_ids == 1
+    assert content(other) == before
+
+
+def test_who_was_cut_off_is_not_forgotten_for_a_crowd_that_comes_and_goes(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dsr.replication.peers.MAX_PEERS", 3)
+    victim, away = net.join("victim"), net.join("away")
+    net.pump(2.0)
+    net.network.partition(["away"], ["victim", "stranger"])
+    net.pump(HEAL)
+    tabletop(victim)
+    before = content(victim)
+    liar, seen = stranger(net), victim.replica.graph.store.context.summary()
+    for number in (*range(6), 5):  # all have seen everything, and the last one comes back
+        rid = f"crowd{number}-1"
+        liar.publish(victim.keys.digest(rid), encode_digest(Digest(rid, net.clock.now(), seen, 0, ())))
+        net.pump(FORGET + 1.0)
+    peers = victim.replica.synchroniser._peers
+    assert len(peers.away) == 3 and away.rid not in peers.away
+    net.network.heal()
+    burn(net, victim, victim.replica.graph.counter)
+    check_equal(net, victim, away)
+    assert content(away) == before
 
 
 def test_whoever_goes_on_in_its_name_makes_it_take_few_ids(net: Net) -> None:

@@ -141,6 +141,7 @@ class Commands:
         self.timers = []
         self.actions = []
         self.listener = None
+        self.arm = None
 
     def subscribe(self, topic, type, **qos):
         got = self.got.setdefault(topic, [])
@@ -187,6 +188,17 @@ class Commands:
 
         kind = message_class(type)
         self.actions.append(ActionServer(self.node, kind, name, execute))
+
+    def play_arm(self, joints, held):
+        """Controllers of an arm and of a gripper that something between its pads stops at `held` rad."""
+        from controller import Arm
+
+        self.arm = Arm(self.node, joints, held)
+
+    def arm_now(self):
+        """Where the joints and the gripper's joint are, and how the goals of the arm ended."""
+        arm = self.arm
+        return {"at": arm.at, "knuckle": arm.knuckle, "ended": arm.done, "moves": arm.goal is not None}
 
     def matched(self, topic):
         """How many subscribers our publisher of the topic has, and publishers there are for it."""

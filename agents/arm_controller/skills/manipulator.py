@@ -14,6 +14,7 @@ from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
+from agents.arm_controller.others import Announcer, OtherArms
 from agents.arm_controller.room import Room
 from agents.arm_controller.routes import BlockedError, JointGoal, Router
 from agents.arm_controller.safety.following import Following
@@ -47,6 +48,18 @@ MEANT = 0.98
 """Share of the allowed speed that a trajectory is made for: a trajectory at its limit is not stopped by rounding"""
 FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
+STEPPED_BACK = 0.02
+"""rad from its rest, within which an arm has stepped back"""
+REPLAN = 0.5
+"""s between two plans of an arm that waits for another: a plan takes up to 0.1 s of a processor, and a motion 1 s"""
+REPLAN_ANYHOW = 3.0
+"""s after which it plans anew although the other one has neither moved nor changed its way: things may have moved"""
+CLAIM = 0.06
+"""s from the announcement of a way until the arm sets out: as long as another arm needs to hear of it, three ticks"""
+ARM_PATIENCE = 30.0
+"""s that an arm waits for another: longer than any skill of that one takes"""
+RESUME = 3.0
+"""s that an arm stands still on its way because of another, until it plans anew"""
 _OPENED = 0.003  # m short of an opening that will do
 
 
@@ -56,6 +69,18 @@ class SkillError(DsrError):
 
 class ImpossibleError(SkillError):
     """A skill cannot be done as long as the belief about things stays as it is."""
+
+
+class InTheWayError(SkillError):
+    """No way is free.
+
+    Args:
+        by: name of what is in the way.
+    """
+
+    def __init__(self, by: str) -> None:
+        super().__init__(f"{by} is in the way")
+        self.by = by
 
 
 class StuckError(SkillError):
@@ -98,9 +123,15 @@ class Manipulator:
         self._chain = chain
         self._zones = Zones(config.workspace, config.forbidden, scene)
         self._people = PeopleNearby(scene.memory, figure, config.arm)
+        self.others = OtherArms(scene.memory, config.arm)
+        """The other arms of the graph."""
+        self._announcer = Announcer(scene.memory, config.arm, figure)
+        self._stopped = math.inf
         self.waits_for = ""
-        """The human part that the arm stands still for; empty for none."""
+        """The human part, or the arm, that the arm stands still for; empty for none."""
         self._trajectory: Trajectory
+        self._came: Array | None = None
+        """(m, n) rad, the last way that was gone to its end"""
         self._driver = driver
         self._follow = follow
         self._rng = rng
@@ -111,7 +142,7 @@ class Manipulator:
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill. Raises `TransformError` if it is unknown where the arm stands."""
-        self.joints, self.speed, self.waits_for = joints, speed, ""
+        self.joints, self.speed, self.waits_for, self._stopped = joints, speed, "", math.inf
         self._router = Router(self._chain, self.scene.world_from(self.config.arm))
 
     # ---- belief
@@ -184,6 +215,7 @@ class Manipulator:
         lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)
         below = max([self.figure.reach, *lowest])
         zones = {zone.name for zone in self._zones.forbidden()}  # they may be high, and are passed beside
+        zones |= set(self.others.names())
         travel = max((thing.top for thing in things if thing.name not in zones), default=0.0) + below + CLEARANCE
         load = Load(opening, held)
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
@@ -195,20 +227,99 @@ class Manipulator:
         """
         rows = resampled(np.array([joints.positions, goal]))
         arm_from_world = self.scene.world_from(self.config.arm).inverse()
-        zones = Obstacles(self.figure, self._zones.forbidden(), arm_from_world, "", self._zones.workspace)
+        forbidden = [*self._zones.forbidden(), *self.others.obstacles(joints.stamp)]
+        zones = Obstacles(self.figure, forbidden, arm_from_world, "", self._zones.workspace)
         by = zones.blocking(rows, Load(joints.opening), len(rows))
         return "" if by in (None, ITSELF) else f"{by} is in the way"
 
     def room(self, target: str) -> Room:
         """The free space around an object, for the gripper."""
-        return Room(self.figure, [thing for thing in self._things() if thing.name != target])
+        arms = self.others.names()
+        return Room(self.figure, [thing for thing in self._things() if thing.name not in (target, *arms)])
 
     def rise(self, held: str | None) -> Steps[None]:
         """Move the tool straight up, with `held` in the gripper."""
-        load = Load(self.joints.opening, self.held_box())
-        obstacles = self._obstacles(self._things(), "")
-        trajectory = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
+
+        def plan() -> Trajectory:
+            load = Load(self.joints.opening, self.held_box())
+            obstacles = self._obstacles(self._things(), "")
+            return self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
+
+        trajectory = yield from self.cleared(plan, itself)
         yield from self.go(trajectory, "rise", held)
+
+    def cleared(self, plan: Callable[[], T], way: Callable[[T], Trajectory]) -> Steps[T]:
+        """A way that no other arm is on, or has claimed before; waits for that, and claims it.
+
+        Of arms that wait for each other, the one that has wanted to go for less long steps back.
+
+        Args:
+            plan: makes a plan from here by the present belief. Raises `BlockedError` or `InTheWayError`.
+            way: the way of a plan.
+
+        Raises:
+            SkillError: if another arm does not give way.
+        """
+        until = self.joints.stamp + ARM_PATIENCE
+        while True:
+            try:
+                found = plan()
+            except (BlockedError, InTheWayError) as error:
+                if error.by not in self.others.names():
+                    raise
+                if self.joints.stamp > until:
+                    raise SkillError(f"{error}, and does not go away") from error
+                yield from self._wait_for(error.by)
+                continue
+            if not self.others.names() or (yield from self._claim(way(found))):
+                return found
+
+    def _wait_for(self, other: str) -> Steps[None]:
+        """Stand still for a moment; step back if the other arm waits for this one, and goes first."""
+        self._announcer.wait_for(other, self.joints.stamp)
+        self.waits_for = other
+        if other in self.others.waits_for_us() and self.others.precedes(other):
+            yield from self.step_back()
+        began, before = self.joints.stamp, self.others.state(other)
+        while self.joints.stamp < began + REPLAN or (
+            self.others.state(other) == before and self.joints.stamp < began + REPLAN_ANYHOW
+        ):
+            yield "wait"
+        self.waits_for = ""
+
+    def _claim(self, trajectory: Trajectory) -> Steps[bool]:
+        """Announce a way, and see that nobody who goes first has announced one across it meanwhile."""
+        load = Load(self.joints.opening, self.held_box())
+        self._announcer.announce(trajectory, self.joints.stamp, self.scene.world_from(self.config.arm), load)
+        until = self.joints.stamp + CLAIM
+        while self.joints.stamp < until:
+            yield "claim"
+        first = [name for name in self.others.names() if self.others.precedes(name)]
+        ways = [box for box in self.others.obstacles(self.joints.stamp) if box.name in first]
+        return self._obstacles(ways, "").blocking(trajectory.positions, load, 0) is None
+
+    def step_back(self) -> Steps[None]:
+        """Go where the arm is in nobody's way, as far as the others let it: to its rest."""
+        rest = self.config.observe_joints
+        if not rest or np.abs(np.array(rest) - self._here).max() < STEPPED_BACK:
+            return
+        try:
+            trajectory = self.trajectory_to(JointGoal(np.array(rest)), self.joints.opening)
+        except BlockedError:
+            back = self._way_back()
+            if back is None:
+                return
+            trajectory = back
+        yield from self.go(trajectory, "step back", self.holding.held)
+
+    def _way_back(self) -> Trajectory | None:
+        """The way on which the arm came here last, if it is free."""
+        if self._came is None or np.abs(self._came[-1] - self._here).max() > STEPPED_BACK:
+            return None
+        rows = np.vstack([self._here, self._came[::-1]])
+        load = Load(self.joints.opening, self.held_box())
+        by = self._obstacles(self._things(), "").blocking(resampled(rows), load, len(rows))
+        return self._router.retimed(rows, self._limits) if by is None else None
 
     def start(self, trajectory: Trajectory) -> None:
         """Begin to follow a trajectory: more slowly near people, and not yet if they are too near."""
@@ -224,6 +335,7 @@ class Manipulator:
             self._trajectory = trajectory = self._router.retimed(trajectory.positions, limits)
         self._end = self.joints.stamp + trajectory.duration
         begin = self.joints.stamp
+        self._announce(trajectory)
         self._following = Following(trajectory.positions, self._chain.names, begin, self.config.stale)
         self._follow(trajectory)
 
@@ -236,6 +348,8 @@ class Manipulator:
         """
         if self._keeps_distance():
             return False
+        if self._minds_arms():
+            return False
         if off := self._following.off_way(self.joints):
             raise SkillError(off)
         if self.joints.stamp < self._end:
@@ -244,6 +358,8 @@ class Manipulator:
             return False
         away = self._short()
         if away <= self.config.joint_tolerance:
+            self._came = self._trajectory.positions
+            self._announcer.withdraw()
             return True
         if max(map(abs, self.joints.velocities)) > self.config.still_speed:
             self._end = self.joints.stamp  # late, but on its way
@@ -275,6 +391,39 @@ class Manipulator:
             self.start(self._router.retimed(np.vstack([self._here, self._ahead(math.inf)]), self._limits))
         return True
 
+    def _announce(self, trajectory: Trajectory) -> None:
+        if self.others.names():
+            world_from_arm, load = self.scene.world_from(self.config.arm), Load(self.joints.opening, self.held_box())
+            self._announcer.announce(trajectory, self.joints.stamp, world_from_arm, load)
+
+    def near_arm(self, joints: Joints) -> str:
+        """Name of another arm into which this one moves; empty for none. Raises `TransformError` if it is lost."""
+        if not self.others.names():
+            return ""
+        return self.others.is_near(self.figure, self.scene.world_from(self.config.arm), joints)
+
+    def _minds_arms(self) -> bool:
+        """Stop if the arm moves into another one; go on when its way is free.
+
+        Raises `SkillError` if it is not within a few seconds.
+        """
+        if self._stopped == math.inf:
+            if not (near := self.near_arm(self.joints)):
+                return False
+            self.hold_still()
+            self._stopped, self.waits_for = self.joints.stamp, near
+            self._announcer.wait_for(near, self.joints.stamp)
+        elif max(map(abs, self.joints.velocities)) <= self.config.still_speed:
+            rows = np.vstack([self._here, self._ahead(math.inf)])
+            load = Load(self.joints.opening, self.held_box())
+            by = self._obstacles(self.others.obstacles(self.joints.stamp), "").blocking(rows, load, len(rows))
+            if by is None:
+                self._stopped, self.waits_for = math.inf, ""
+                self.start(self._router.retimed(rows, self._limits))
+            elif self.joints.stamp - self._stopped > RESUME:
+                raise SkillError(f"{by} is in the way")
+        return True
+
     def _ahead(self, seconds: float) -> Array:
         """(m, n) rad, what lies before the arm on its way, for so long."""
         rows = self._trajectory.positions
@@ -299,6 +448,11 @@ class Manipulator:
     def hold_still(self) -> None:
         """Stop at once; the grip stays. The arm takes a moment to brake."""
         self._driver.stop()
+        self._announcer.withdraw()
+
+    def finish(self) -> None:
+        """Note the end of a skill: the arm wants to go nowhere."""
+        self._announcer.withdraw()
 
     def settle(self) -> Steps[None]:
         """Wait until the arm stands still. Raises `StuckError` if it does not."""
@@ -347,7 +501,8 @@ class Manipulator:
     def _things(self) -> list[Obstacle]:
         objects = [thing for thing in self.scene.objects() if thing.name != self.holding.held]
         base = self.scene.world_from(self.config.arm).t
-        return [*objects, *self.scene.tables(), *self.scene.models(base), *self._zones.forbidden()]
+        arms = self.others.obstacles(self.joints.stamp)
+        return [*objects, *self.scene.tables(), *self.scene.models(base), *self._zones.forbidden(), *arms]
 
     def _obstacles(self, things: Sequence[Obstacle], target: str) -> Obstacles:
         arm_from_world = self.scene.world_from(self.config.arm).inverse()
@@ -361,12 +516,19 @@ class Manipulator:
         return np.array(found.positions)
 
 
+def itself(trajectory: Trajectory) -> Trajectory:
+    """The way of a plan that is a way."""
+    return trajectory
+
+
 def first_free(attempts: Sequence[Callable[[], T]]) -> T:
-    """The first of several ways that is not blocked. Raises `SkillError` with what blocks the first one."""
+    """The first of several ways that is not blocked. Raises `InTheWayError` with what blocks the first one."""
     blocked: BlockedError | None = None
     for plan in attempts:
         try:
             return plan()
         except BlockedError as error:
             blocked = blocked or error
-    raise SkillError(str(blocked or "no way"))
+    if blocked is None:
+        raise SkillError("no way")
+    raise InTheWayError(blocked.by)

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from agents.arm_controller.routes import JointGoal
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free, itself
+from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.transforms import Pose
 
 _TURNS = 8
@@ -37,9 +38,12 @@ def look(arm: Manipulator, camera: str, target_pose: Pose | None) -> Steps[None]
 
 def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
     """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
-    solved = arm.solve(poses)
-    opening = arm.joints.opening
-    trajectory = first_free([partial(arm.trajectory_to, JointGoal(q), opening) for _, q in solved])
+
+    def plan() -> Trajectory:
+        opening = arm.joints.opening
+        return first_free([partial(arm.trajectory_to, JointGoal(q), opening) for _, q in arm.solve(poses)])
+
+    trajectory = yield from arm.cleared(plan, itself)
     yield from arm.go(trajectory, "move", arm.holding.held)
 
 
@@ -48,7 +52,10 @@ def observe(arm: Manipulator) -> Steps[None]:
     joints = arm.config.observe_joints
     if not joints:
         raise SkillError("the arm's configuration has no observe_joints")
-    trajectory = first_free([partial(arm.trajectory_to, JointGoal(np.array(joints)), arm.joints.opening)])
+    goal = JointGoal(np.array(joints))
+    trajectory = yield from arm.cleared(
+        lambda: first_free([partial(arm.trajectory_to, goal, arm.joints.opening)]), itself
+    )
     yield from arm.go(trajectory, "move", arm.holding.held)
 
 

@@ -25,8 +25,7 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
     if arm.joints.contact or arm.holding.held is not None:
         raise SkillError(f"the gripper holds {arm.holding.held or 'something'} already")
     for _ in range(_MOST_AIMS):
-        target = arm.believed(name)
-        grasp, trajectory = _choose(arm, target)
+        target, grasp, trajectory = yield from arm.cleared(partial(_aim, arm, name), lambda aim: aim[2])
         yield from arm.open(grasp.opening)
         if (yield from _approach(arm, target, trajectory)):
             break
@@ -38,6 +37,12 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
         yield from arm.rise(arm.holding.held)
         raise SkillError(problem)
     yield from arm.rise(name)
+
+
+def _aim(arm: Manipulator, name: str) -> tuple[Obstacle, Grasp, Trajectory]:
+    """The object where it is believed to be now, with a grasp and the way there."""
+    target = arm.believed(name)
+    return target, *_choose(arm, target)
 
 
 def _choose(arm: Manipulator, target: Obstacle) -> tuple[Grasp, Trajectory]:

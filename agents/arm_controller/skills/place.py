@@ -7,7 +7,7 @@ from functools import partial
 from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
 from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free
+from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free, itself
 from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
@@ -41,7 +41,9 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         raise SkillError(f"{held} cannot stand on itself")
     for _ in range(_MOST_AIMS):
         before = arm.scene.object(destination)
-        trajectory = _choose(arm, held, _resting(arm, held, destination, target_pose))
+        trajectory = yield from arm.cleared(
+            lambda: _choose(arm, held, _resting(arm, held, destination, target_pose)), itself
+        )
         if (yield from _go_down(arm, trajectory, held, before)):
             break
     else:

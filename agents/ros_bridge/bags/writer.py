@@ -110,6 +110,9 @@ class BagWriter:
         """Refuse: nobody asks."""
         raise RosLinkError("nobody asks in a bag that is being written")
 
+    def prepare(self, name: str, type: str) -> None:
+        """Nothing: nobody answers in a bag."""
+
     def call(self, name: str, type: str, request: bytes, timeout: float) -> bytes:
         """Refuse: nobody answers."""
         raise RosLinkError("nobody answers in a bag that is being written")

@@ -17,6 +17,7 @@ from agents.ros_bridge.messages.types import RosTypes
 EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6
 """Of the statuses of `action_msgs/msg/GoalStatus`"""
 _CANCEL = "action_msgs/srv/CancelGoal"
+_CANCELLING = "cancel_goal", _CANCEL
 _UUID = "unique_identifier_msgs/msg/UUID"
 _ID_BYTES = 16
 
@@ -76,6 +77,8 @@ class ActionClient:
         self._lock = threading.Lock()
         topic = Topic(f"{name}/_action/feedback", f"{type}_FeedbackMessage")
         self._subscription = link.subscribe(topic, self._on_feedback)
+        for service, kind in (("send_goal", f"{type}_SendGoal"), ("get_result", f"{type}_GetResult"), _CANCELLING):
+            link.prepare(f"{name}/_action/{service}", kind)
 
     def send(self, goal: Any, timeout: float, feedback: Feedback | None = None) -> ActionGoal:
         """Send a goal and wait until the server accepts it.
@@ -114,7 +117,7 @@ class ActionClient:
         """Ask the server to end a goal early; false if it refuses."""
         info = self._types.new("action_msgs/msg/GoalInfo", goal_id=self.uuid(id))
         request = self._types.encode(f"{_CANCEL}_Request", self._types.new(f"{_CANCEL}_Request", goal_info=info))
-        response = self._link.call(f"{self._name}/_action/cancel_goal", _CANCEL, request, timeout)
+        response = self._link.call(f"{self._name}/_action/{_CANCELLING[0]}", _CANCEL, request, timeout)
         return bool(self._types.decode(f"{_CANCEL}_Response", response).return_code == 0)
 
     def is_served(self) -> bool:

@@ -109,6 +109,9 @@ class RosLink(Protocol):
     def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> Served:
         """Answer requests to a service; `answer` maps a request to a response, and is called from a thread."""
 
+    def prepare(self, name: str, type: str) -> None:
+        """Begin to look for the server of a service that will be asked: the first answer comes sooner then."""
+
     def call(self, name: str, type: str, request: bytes, timeout: float) -> bytes:
         """Ask a service and wait at most `timeout` s for its response.
 
@@ -144,3 +147,5 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Zenoh router of the robot; for `zenoh` only"""
     beyond_loopback: bool = False
     """Speak with other machines. What arrives from ROS is not authenticated."""
+    installed_ros: str = ""
+    """For `dds` only: the robot's ROS, which asks its services and actions. A `setup.bash`, or a Python with rclpy"""

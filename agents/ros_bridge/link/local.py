@@ -159,6 +159,9 @@ class LocalLink:
         self._declared.append(made := LocalServed(self, topic, self._check(topic), answer))
         return made
 
+    def prepare(self, name: str, type: str) -> None:
+        """Nothing: all is there."""
+
     def call(self, name: str, type: str, request: bytes, timeout: float) -> bytes:
         """Ask a service. Errors as of `RosLink.call`; what the server raises is a refusal."""
         self._check(Topic(name, type))

@@ -20,6 +20,7 @@ from agents.ros_bridge.services.lane import Lane
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.halting import HaltLatch, HaltOrder
 
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -53,9 +54,10 @@ class RosArm(RosDevice):
         deadman: s without `keep_alive` after which a process of its own cancels all goals; 0 for no such process.
         link: how ROS is reached, see `LinkConfig`.
         restamp: take the time of arrival for the stamps of ROS.
+        arm: name of the arm, which `dsr halt --arm` uses.
 
     Raises:
-        ConfigError: for options that fit no arm, and for DDS, over which there are no actions.
+        ConfigError: for options that fit no arm, and for DDS without an installed ROS to ask its actions.
     """
 
     def __init__(
@@ -64,17 +66,18 @@ class RosArm(RosDevice):
         states: str = "/joint_states", speed: float = 1.0, gripper: str = "", gripper_joint: str = "",
         gripper_closed: float = 0.0, gripper_open: float = 0.085, stroke: float = 0.085, effort: float = 0.0,
         deadman: float = 0.1,
-        link: Mapping[str, Any] | None = None, restamp: bool = False,
+        link: Mapping[str, Any] | None = None, restamp: bool = False, arm: str = ARM,
     ) -> None:  # fmt: skip
         if not joints or speed <= 0.0 or stroke <= 0.0 or gripper_open == gripper_closed:
             raise ConfigError(
                 "an arm in ROS needs the names of its `joints`, `speed` and `stroke` above 0, "
                 "and positions `gripper_open` and `gripper_closed` that differ"
             )
-        if (link or {}).get("transport") == "dds":
+        if (link or {}).get("transport") == "dds" and not (link or {}).get("installed_ros"):
             raise ConfigError(
-                "an arm is driven by actions, which work over rmw_zenoh only: vendors of DDS do not understand each "
-                'other\'s requests; start its nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, and set transport = "zenoh"'
+                "an arm is driven by actions, and vendors of DDS do not understand each other's requests; set "
+                "`installed_ros` in `link` to the setup.bash of the robot's ROS, such as /opt/ros/jazzy/setup.bash, "
+                "or start the robot's nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp"
             )
         super().__init__("/dsr_arm", link or {}, restamp)
         self._names = tuple(joints)
@@ -93,7 +96,7 @@ class RosArm(RosDevice):
         self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
         self._grip = RosGripper(self.link, self.types, self.tally, gripper, gripper_joint, effort) if gripper else None
         self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
-        self._halt = HaltLatch(bus, keys, self._obey_halt)
+        self._halt = HaltLatch(bus, keys, self._obey_halt, arm)
 
     # ---- state
 

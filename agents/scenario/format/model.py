@@ -16,6 +16,7 @@ from dsr.math3d.quaternions import from_rotvec, product
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose, looking_at
 from dsr.vocabulary import tags
+from dsr.vocabulary.arms import ARM
 
 GEN3 = "gen3"
 """The model of the robot of most scenarios."""
@@ -57,6 +58,13 @@ class RobotSpec(Section, frozen=True, kw_only=True):
     def exists(self) -> bool:
         """Whether there is an arm."""
         return self.model != NO_ROBOT
+
+
+class ArmSpec(RobotSpec, frozen=True, kw_only=True):
+    """Another arm, beside that of `[robot]`."""
+
+    name: str
+    """Name of the arm's node, by which it is told apart from the first one, `arm`"""
 
 
 class CameraSpec(Section, frozen=True, kw_only=True):
@@ -205,6 +213,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     camera: Literal["overhead", "wrist"] | CameraSpec = "overhead"
     """The camera that sees the objects; a table for one on a stand."""
     robot: RobotSpec = RobotSpec()
+    more_arms: list[ArmSpec] = msgspec.field(name="arm", default_factory=list)
+    """Those beside that of `robot`."""
     table: TableSpec = TableSpec()
     sensor: SensorSpec = SensorSpec()
     random: RandomSpec = RandomSpec()
@@ -216,6 +226,12 @@ class Scenario(Section, frozen=True, kw_only=True):
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)
+
+    @property
+    def arms(self) -> dict[str, RobotSpec]:
+        """All arms by name, the first one first."""
+        first = {ARM: self.robot} if self.robot.exists else {}
+        return {**first, **{spec.name: spec for spec in self.more_arms}}
 
     @property
     def camera_name(self) -> str:

@@ -98,12 +98,12 @@ class TrueRelations:
         last = self._last
         if last is None or not _is_same(last, sample):
             self._last = sample
-            self._on = true_relations(self._scenario, sample.truth, sample.held)
+            self._on = true_relations(self._scenario, sample.truth, sample.gripped)
             self._in = true_contents(self._scenario, sample.truth)
 
 
 def _is_same(a: Sample, b: Sample) -> bool:
-    if a.truth.keys() != b.truth.keys() or a.held != b.held:
+    if a.truth.keys() != b.truth.keys() or a.gripped != b.gripped:
         return False
     return all(_SAME.covers(pose, b.truth[name]) for name, pose in a.truth.items())
 

@@ -119,6 +119,7 @@ class Bench:
 
     def __init__(self, config: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("agents.arm_controller.agent.make_driver", self.driver)
+        monkeypatch.setattr("agents.arm_controller.agent.has_option", lambda name, option: False)
         self.clock = ManualClock()
         self.network = LocalNetwork(self.clock)
         self.arm = FakeArm()

@@ -66,6 +66,7 @@ def rests(arm: DynamixelArm) -> bool:
     return arm._ramp is not None and arm._ramp.is_resting
 
 
+@pytest.mark.usefixtures("patient")
 def test_joints_are_read_and_nothing_is_written(arm: DynamixelArm, line: Emulator) -> None:
     state = arm.state()
     assert state is not None and state.names == NAMES

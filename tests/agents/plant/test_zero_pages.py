@@ -54,6 +54,14 @@ def test_what_was_there_before_is_left_alone() -> None:
     assert resident(buffer) == SIZE
 
 
+def test_what_was_there_before_is_left_alone_beside_what_is_new() -> None:
+    """The kernel joins neighbours to one mapping."""
+    buffer = buffer_of_zeros()
+    with zeros_given_back():
+        new = buffer_of_zeros()
+    assert resident(buffer) == SIZE and resident(new) <= 2 * MIB
+
+
 def test_the_renderer_keeps_no_buffer_of_zeros() -> None:
     if not egl_works():
         pytest.skip("EGL does not work here")

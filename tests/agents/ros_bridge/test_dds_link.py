@@ -131,12 +131,10 @@ def test_nodes_that_are_made_up_do_not_fill_the_memory(connect: Connect, monkeyp
 
 def test_what_it_cannot_do_is_said(connect: Connect) -> None:
     link = connect("/bridge")
-    for ask in (
-        lambda: link.serve("/x", "std_srvs/srv/Trigger", lambda request: request),
-        lambda: link.call("/x", "std_srvs/srv/Trigger", b"", 1.0),
-    ):
-        with pytest.raises(RosLinkError, match="rmw_zenoh only"):
-            ask()
+    with pytest.raises(RosLinkError, match="rmw_zenoh only"):
+        link.serve("/x", "std_srvs/srv/Trigger", lambda request: request)
+    with pytest.raises(RosLinkError, match=r"set installed_ros to the setup\.bash"):
+        link.call("/x", "std_srvs/srv/Trigger", b"", 1.0)
     with pytest.raises(RosMessageError):
         link.publisher(Topic("/x", "std_msgs/msg/Strng"))
     with pytest.raises(RosLinkError, match="domain 300: expected 0 to 232"):

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,9 @@ import pytest
 from dsr import Memory
 from dsr.cli.interrupts import INTERRUPTED
 from dsr.cli.streams import READER_LEFT
+from dsr.clock import WALL_CLOCK
+from dsr.network import rendezvous
+from dsr.network.keys import agent_of
 
 _PROGRAM = """
 import os, signal, sys
@@ -70,6 +74,34 @@ def test_a_system_whose_output_nobody_reads_any_more_is_stopped(tmp_path: Path, 
         assert process.wait(60) == READER_LEFT
         assert process.stderr.read() == b""
     assert list((private_runtime_dir / "dsr").iterdir()) == []
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_system_runs_and_stops_without_standard_streams(
+    closed: str, tmp_path: Path, private_runtime_dir: Path
+) -> None:
+    system = Path(__file__).parents[1] / "runtime" / "systems" / "counters.toml"
+    command = f"exec {sys.executable} -m dsr.cli run {system} --folder {tmp_path} {closed}"
+    with subprocess.Popen(["bash", "-c", command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while not {"first", "second"} <= {agent_of(member.rid) for member in rendezvous.members("counters")}:
+            assert process.poll() is None
+            WALL_CLOCK.wait(threading.Event(), 0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) in (0, INTERRUPTED)  # the latter while it starts
+    assert list((private_runtime_dir / "dsr").iterdir()) == []
+
+
+def test_a_system_stops_in_good_order_although_ends_of_children_are_ignored(
+    tmp_path: Path, private_runtime_dir: Path
+) -> None:
+    system = Path(__file__).parents[1] / "runtime" / "systems" / "counters.toml"
+    program = "import signal; signal.signal(signal.SIGCHLD, signal.SIG_IGN); from dsr.cli import start; start()"
+    command = [sys.executable, "-c", program, "run", str(system), "--folder", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        assert any("all agents are ready" in line for line in process.stdout)
+        process.send_signal(signal.SIGINT)
+        assert (process.wait(60), process.stderr.read()) == (0, "")
 
 
 def test_signals_that_are_ignored_stay_so() -> None:

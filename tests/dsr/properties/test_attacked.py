@@ -147,6 +147,17 @@ class Attacked(RuleBasedStateMachine):
             self._send(Delta(adds=[Add(dot, f"false_{self._dot()}", "cube")], context=[(*dot, dot[1])]), rid)
             self.network.deliver()
 
+    @rule(site=sites, choice=choices)
+    def say_again(self, site: int, choice: int) -> None:
+        """In the name of another, what that one added."""
+        rid, counter = self._id_of(site)
+        made = [dot for dot in sorted(self.memories[site].replica.graph.store.entries) if dot[0] == rid]
+        if made and self._reaches(site):
+            entry = self.memories[site].replica.graph.store.entries[made[choice % len(made)]]
+            add = Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations)
+            self._send(Delta(adds=[add], context=[(rid, 1, counter)]), rid)
+            self.network.deliver()
+
     @rule(site=sites, more=st.integers(1, 4))
     def remove_in_advance(self, site: int, more: int) -> None:
         rid, counter = self._id_of(site)

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="on
 TOLD = '''
 """Tells about the process in which it runs."""
 
-import json, logging, os, signal, sys
+import atexit, json, logging, os, signal, sys
 
 
 def main() -> int:
@@ -37,8 +37,10 @@ def main() -> int:
         "blocked": sorted(signal.pthread_sigmask(signal.SIG_BLOCK, [])),
         "loaded": "colorsys" in sys.modules,
         "files": sorted(n for n in range(3, 64) if os.path.exists(f"/proc/self/fd/{n}")),
+        "path": sys.path,
     }))
     print("also said", file=sys.stderr)
+    atexit.register(print, "at the end")
     if sys.argv[-1] == "fail":
         raise ValueError("as asked")
     if sys.argv[-1] == "exit":
@@ -54,6 +56,7 @@ import colorsys, logging, os, signal, sys
 from dsr.runtime.forked import PYTHON, fork_ahead
 from dsr.runtime.launched import Program
 logging.basicConfig(level=logging.DEBUG)
+os.set_inheritable(os.open(os.devnull, os.O_RDONLY), True)
 signal.signal(signal.SIGTERM, lambda *_: None)
 ahead = fork_ahead({count})
 assert len(ahead) == {count}, len(ahead)
@@ -101,7 +104,7 @@ def test_a_fork_runs_a_module_as_a_new_interpreter_does(begin: Begin, tmp_path: 
     codes = begin(1, RUN + 'print(run(ahead, "forked.log"), len(ahead), run([], "anew.log"))')
     assert codes.split() == ["7", "0", "7"]
     told, other = (json.loads((tmp_path / name).read_text().splitlines()[0]) for name in ("forked.log", "anew.log"))
-    assert (tmp_path / "forked.log").read_text().endswith("also said\n")
+    assert (tmp_path / "forked.log").read_text().endswith("also said\nat the end\n")
     assert told.pop("loaded") and not other.pop("loaded")  # libraries are there already
     assert (told.pop("main"), other.pop("main")) == ("told", "told")
     assert told.pop("name") == "forked" and other.pop("name").startswith("python")
@@ -116,6 +119,7 @@ def test_failures_are_told_in_the_log_with_their_exit_codes(begin: Begin, tmp_pa
     codes = begin(2, RUN + 'print(run(ahead, "fail.log", "fail"), run(ahead, "exit.log", "exit"))')
     assert codes.split() == ["1", "1"]
     assert "ValueError: as asked" in (tmp_path / "fail.log").read_text()
+    assert (tmp_path / "fail.log").read_text().endswith("at the end\n")
     assert "in words" in (tmp_path / "exit.log").read_text()
 
 

@@ -1,4 +1,4 @@
-"""A connection to nodes under DDS (Fast DDS, Cyclone DDS, ...): topics only."""
+"""A connection to nodes under DDS (Fast DDS, Cyclone DDS, ...): topics, and services by an installed ROS."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from cyclonedds.util import duration
 
 from agents.ros_bridge.errors import RosLinkError
 from agents.ros_bridge.link.dds.discovery import DdsDiscovery, dds_qos
+from agents.ros_bridge.link.dds.installed_ros import InstalledRos, services_node
 from agents.ros_bridge.link.dds.participant import join
 from agents.ros_bridge.link.dds.raw_type import RawMessage, raw_type
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, Topic
@@ -43,7 +44,11 @@ _MOST_WRITERS = 1000
 _PATIENCE = 2.0  # s
 _FOREVER = duration(days=3650)
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
-_NO_SERVICES = "services and actions work over rmw_zenoh only: vendors of DDS do not understand each other's requests"
+_NOT_SERVED = "services are served over rmw_zenoh only: vendors of DDS do not understand each other's requests"
+_NOT_ASKED = (
+    "vendors of DDS do not understand each other's requests; set installed_ros to the setup.bash of the robot's ROS, "
+    "or use rmw_zenoh"
+)
 
 
 class DdsPublisher:
@@ -185,14 +190,14 @@ class DdsSubscription:
 
 
 class DdsLink:
-    """One node in a DDS domain; implements `agents.ros_bridge.link.link.RosLink`, without services.
+    """One node in a DDS domain; implements `agents.ros_bridge.link.link.RosLink`, and serves nothing.
 
     Args:
         config: which domain and release of ROS 2.
         node: full name of the node, for example `/dsr_bridge`.
 
     Raises:
-        RosLinkError: if the domain cannot be joined.
+        RosLinkError: if the domain cannot be joined, or the installed ROS does not start.
     """
 
     def __init__(self, config: LinkConfig, node: str) -> None:
@@ -200,6 +205,7 @@ class DdsLink:
         self._config = config
         self._node = check_name(node)
         self._participant: DomainParticipant | None = join(config)
+        self._installed = InstalledRos(config, node) if config.installed_ros else None
         self._lock = threading.Lock()
         self._topics: dict[tuple[str, str], DdsTopic[Any]] = {}
         self._publishers: list[DdsPublisher] = []
@@ -233,17 +239,25 @@ class DdsLink:
 
     def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> Served:
         """Not over DDS: raises `RosLinkError`."""
-        raise RosLinkError(f"{name} cannot be served: {_NO_SERVICES}")
+        raise RosLinkError(f"{name} cannot be served: {_NOT_SERVED}")
+
+    def prepare(self, name: str, type: str) -> None:
+        """Begin to look for the server of a service, if there is an installed ROS."""
+        if self._installed is not None:
+            self._installed.prepare(name, type)
 
     def call(self, name: str, type: str, request: bytes, timeout: float) -> bytes:
-        """Not over DDS: raises `RosLinkError`."""
-        raise RosLinkError(f"{name} cannot be asked: {_NO_SERVICES}")
+        """Ask by the installed ROS; raises `RosLinkError` if none is configured."""
+        if self._installed is None:
+            raise RosLinkError(f"{name} cannot be asked: {_NOT_ASKED}")
+        return self._installed.call(name, type, request, timeout)
 
     def problems(self) -> list[str]:
         """Sentences that tell why messages may not arrive; empty if all is well."""
         endpoints = self.endpoints()
         found = set()
-        if all(endpoint.mine for endpoint in endpoints):
+        ours = services_node(self._node)
+        if all(endpoint.mine or endpoint.node == ours for endpoint in endpoints):
             reach = "anywhere" if self._config.beyond_loopback else "on this machine"
             found.add(
                 f"nobody is visible {reach} in DDS domain {self._config.domain}: compare ROS_DOMAIN_ID, and start the "
@@ -256,6 +270,8 @@ class DdsLink:
                         f"{other.node or 'somebody'} has {other.topic.name} {reason}: they do not hear each other"
                     )
         failures = [one for one in self._subscriptions if self._lately.grew(id(one), one.failures)]
+        if self._installed is not None:
+            found.update(self._installed.problems())
         return [*few(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
 
     def lost(self) -> dict[str, int]:
@@ -277,6 +293,8 @@ class DdsLink:
             publishers, subscriptions = self._publishers, self._subscriptions
             self._participant = self._discovery = None
             self._publishers, self._subscriptions = [], []
+        if self._installed is not None:
+            self._installed.close()
         for publisher in publishers:
             publisher.close()
         for subscription in subscriptions:

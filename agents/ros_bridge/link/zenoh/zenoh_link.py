@@ -78,14 +78,13 @@ class ZenohLink:
         served = ZenohServed(self._session, self._entity("service", Topic(name, type, _SERVICE_QOS)), answer)
         return self._kept(served)
 
+    def prepare(self, name: str, type: str) -> None:
+        """Announce a client of the service."""
+        self._client(name, type)
+
     def call(self, name: str, type: str, request: bytes, timeout: float) -> bytes:
         """Wait until the service is there, ask, and wait for its response, at most `timeout` s in all."""
-        with self._lock:
-            client = self._clients.get(name)
-        if client is None:
-            client = ZenohClient(self._session, self._entity("client", Topic(name, type, _SERVICE_QOS)))
-            with self._lock:
-                client = self._clients.setdefault(name, client)
+        client = self._client(name, type)
         end = WALL_CLOCK.monotonic() + timeout
         announced = self._discovery.wait_for_service(client.key, timeout)
         if not announced or not client.wait(end - WALL_CLOCK.monotonic()):
@@ -142,6 +141,15 @@ class ZenohLink:
         undeclare(self._token)
         self._discovery.close()
         self._session.close()  # type: ignore[no-untyped-call]
+
+    def _client(self, name: str, type: str) -> ZenohClient:
+        with self._lock:
+            client = self._clients.get(name)
+        if client is None:
+            client = ZenohClient(self._session, self._entity("client", Topic(name, type, _SERVICE_QOS)))
+            with self._lock:
+                client = self._clients.setdefault(name, client)
+        return client
 
     def _kept(self, declared: _Declared) -> _Declared:
         """Remember what is to be taken back in the end, and forget what was taken back."""

@@ -285,7 +285,7 @@ def test_options_that_fit_no_arm_are_refused(ros: LocalRos) -> None:
         made(RosArm, joints=())
     with pytest.raises(ConfigError, match="gripper_open"):
         made(RosArm, joints=NAMES, gripper_open=0.0, gripper_closed=0.0)
-    with pytest.raises(ConfigError, match="over rmw_zenoh only"):
+    with pytest.raises(ConfigError, match="installed_ros"):
         made(RosArm, joints=NAMES, link={"transport": "dds"})
     with pytest.raises(ConfigError, match="transport"):
         made(RosArm, joints=NAMES, link={"transport": "pigeon"})
