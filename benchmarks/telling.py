@@ -146,7 +146,7 @@ class TruthJudge:
         """The true relations `on` and `in` of a sample."""
         if number not in self._facts:
             sample = self._samples[number]
-            resting = true_relations(self._scenario, sample.truth, sample.held)
+            resting = true_relations(self._scenario, sample.truth, sample.gripped)
             contents = true_contents(self._scenario, sample.truth)
             self._facts[number] = frozenset([*(("on", pair) for pair in resting), *(("in", pair) for pair in contents)])
         return self._facts[number]
