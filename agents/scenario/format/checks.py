@@ -194,7 +194,7 @@ def _check_recognised(spec: ObjectSpec, path: Path) -> None:
     if spec.marker_id is not None:
         message = f"{spec.name!r} has no closed upper face for a tag; leave `marker_id` out, to recognise it by colour"
         require(has_face(spec.shape, spec.size), (*path, "marker_id"), message)
-    if spec.model is None or spec.marker_id is not None:
+    if (spec.model is None and not spec.shape) or spec.marker_id is not None:
         return
     require(spec.color is not None, path, f"{spec.name!r}: expected a `marker_id` or a `color` to recognise it by")
     message = f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`"

@@ -20,7 +20,8 @@ from dsr.vocabulary.arms import ARM, CONTROLLER
 
 Sensor = Literal["pixels", "poses"]
 """The output of the plant's camera: rendered images, or the poses that would be measured in them."""
-
+PlantSensor = Literal["pixels", "poses", "none"]
+"""The same, or nothing at all: what the camera could recognise is not worked out then."""
 
 Policy = Literal["hypotheses", "algorithm1", "published"]
 """Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
@@ -109,12 +110,12 @@ def _check_finds_blocks(run: Run, system: System) -> None:
         )
 
 
-def plant_alone(run: Run) -> System:
+def plant_alone(run: Run, sensor: PlantSensor = "none") -> System:
     """The simulated reality of the scenario without anybody who looks at it. Raises `ConfigError`."""
     system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT], beside=run.beside)
     if not system.agents:
         raise ConfigError(f"the system {run.scenario.system!r} has no agent {PLANT!r}: nothing happens in it")
-    return system.with_config(PLANT, scenario=str(run.file), sensor="none", untagged=run.untagged)
+    return system.with_config(PLANT, scenario=str(run.file), sensor=sensor, untagged=run.untagged)
 
 
 def without(system: System, *agents: str) -> System:
