@@ -145,6 +145,7 @@ class Manipulator:
         """The other arms of the graph."""
         self._announcer = Announcer(scene.memory, config.arm, figure)
         self._stopped = math.inf
+        self._claims: tuple[object, ...] = ()
         self._came: Array | None = None
         """(m, n) rad, the last way that was gone to its end"""
         self._driver = driver
@@ -402,8 +403,7 @@ class Manipulator:
         until = self.joints.stamp + CLAIM
         while self.joints.stamp < until:
             yield "claim"
-        first = [name for name in self.others.names() if self.others.precedes(name)]
-        ways = [box for box in self.others.obstacles(self.joints.stamp) if box.name in first]
+        ways = self.others.obstacles_of_first(self.joints.stamp)
         return self._obstacles(ways, "").blocking(trajectory.positions, load, 0) is None
 
     def step_back(self) -> Steps[None]:
@@ -438,6 +438,7 @@ class Manipulator:
             return obstacles.blocking(rows, Load(attempt.opening, self.held_box()), final)
 
         self.execution.start(trajectory, self._limits, blocking)
+        self._claims = self.others.claims()
 
     def has_arrived(self) -> bool:
         """Whether the way is done. Raises `MotionError` as `MotionExecution.has_arrived`, `SkillError` for an arm."""
@@ -470,7 +471,7 @@ class Manipulator:
         Raises `SkillError` if it is not within a few seconds.
         """
         if self._stopped == math.inf:
-            if not (near := self.near_arm(self.joints)):
+            if not (near := self.near_arm(self.joints) or self._overtaken()):
                 return False
             self.hold_still()
             self._stopped, self.waits_for = self.joints.stamp, near
@@ -485,6 +486,19 @@ class Manipulator:
             elif self.joints.stamp - self._stopped > RESUME:
                 raise SkillError(f"{by} is in the way")
         return True
+
+    def _overtaken(self) -> str:
+        """Name of an arm that goes first and has announced a way across what is left of this one; empty for none.
+
+        It may have done so at the same moment, and been heard late.
+        """
+        claims = self.others.claims()
+        if claims == self._claims:
+            return ""
+        self._claims = claims
+        rows, load = self.execution.rest.positions, Load(self.joints.opening, self.held_box())
+        ways = self.others.obstacles_of_first(self.joints.stamp)
+        return self._obstacles(ways, "").blocking(rows, load, 0) or ""
 
     def away(self) -> float:
         """Distance of the tool point from its commanded place, m."""
