@@ -147,7 +147,7 @@ class Router:
         blocked: BlockedError | None = None
         for path in self._paths(start, goal, travel):
             try:
-                return self._checked(path, load, obstacles, limits)
+                return self._checked(path, load, obstacles, limits, _SHARPER[:1])
             except BlockedError as error:
                 blocked = error
         raise blocked or BlockedError(ITSELF)
@@ -202,10 +202,17 @@ class Router:
         """Follow a polyline (k, n) rad, straight in between. Raises `BlockedError` if it is not free."""
         return self._checked(_Path(way, way[-1:], 0.0), load, obstacles, limits)
 
-    def _checked(self, path: _Path, load: Load, obstacles: Obstacles, limits: MotionLimits) -> Trajectory:
+    def _checked(
+        self,
+        path: _Path,
+        load: Load,
+        obstacles: Obstacles,
+        limits: MotionLimits,
+        reaches: tuple[int, ...] = _SHARPER,
+    ) -> Trajectory:
         """The path with its corners cut as far as that is free. Raises `BlockedError` if it is not free at all."""
         blocked = ITSELF
-        for reach in _SHARPER:
+        for reach in reaches:
             rows, final = _smooth(path, reach)
             by = obstacles.blocking(rows, load, final)
             if by is None:

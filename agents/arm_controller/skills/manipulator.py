@@ -258,6 +258,8 @@ class Manipulator:
             except BlockedError as error:
                 blocked = blocked or error
             yield "plan"
+        if blocked is not None and self.is_arm(blocked.by):
+            raise InTheWayError(blocked.by)  # it will go away
         tries = 0
         for index, attempt in enumerate(attempts if searched else ()):
             finding = self._search(attempt)
@@ -452,6 +454,10 @@ class Manipulator:
         if self.others.names():
             world_from_arm, load = self.scene.world_from(self.config.arm), Load(self.joints.opening, self.held_box())
             self._announcer.announce(trajectory, self.joints.stamp, world_from_arm, load)
+
+    def is_arm(self, name: str) -> bool:
+        """Whether that is the name of another arm."""
+        return name in self.others.names()
 
     def near_arm(self, joints: Joints) -> str:
         """Name of another arm into which this one moves; empty for none. Raises `TransformError` if it is lost."""

@@ -16,6 +16,7 @@ from agents.arm_controller.skills.manipulator import (
     Attempt,
     DroppedError,
     ImpossibleError,
+    InTheWayError,
     Manipulator,
     SkillError,
     Steps,
@@ -118,6 +119,10 @@ def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, T
         return *found[index], trajectory
     except GraspError as error:
         problem = ImpossibleError(str(error))
+    except InTheWayError as error:
+        if arm.is_arm(error.by):
+            raise
+        problem = error
     except SkillError as error:
         problem = error
     sides = side_grasps(target, room, widest, arm.scene.world_from(arm.config.arm).t)
