@@ -35,7 +35,7 @@ class Truth(NamedTuple):
     def relations(self, time: float | None = None) -> set[tuple[str, str, str]]:
         """All true relations: `on` or `in`, the thing, what it is on or in."""
         sample, scenario = self.sample(time), self.history.scenario
-        resting = {("on", *pair) for pair in true_relations(scenario, sample.truth, sample.held)}
+        resting = {("on", *pair) for pair in true_relations(scenario, sample.truth, sample.gripped)}
         return resting | {("in", *pair) for pair in true_contents(scenario, sample.truth)}
 
     def action(self, kind: str, thing: str) -> tuple[float, str]:

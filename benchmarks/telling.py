@@ -136,9 +136,9 @@ class TruthJudge:
         if relation == "gone":
             return names[0] not in sample.truth
         if relation == "empty":
-            return sample.held is None
+            return names[0] not in sample.grasped.values()
         if relation in ("grasping", "touching"):
-            holder = sample.grasped.get(names[1]) or ("gripper" if sample.held == names[1] else None)
+            holder = sample.grasped.get(names[1])
             return holder == names[0] or (relation == "touching" and sample.touched.get(names[1]) == names[0])
         return (relation, names) in self._facts_of(number)
 
@@ -146,7 +146,7 @@ class TruthJudge:
         """The true relations `on` and `in` of a sample."""
         if number not in self._facts:
             sample = self._samples[number]
-            resting = true_relations(self._scenario, sample.truth, sample.held)
+            resting = true_relations(self._scenario, sample.truth, sample.gripped)
             contents = true_contents(self._scenario, sample.truth)
             self._facts[number] = frozenset([*(("on", pair) for pair in resting), *(("in", pair) for pair in contents)])
         return self._facts[number]

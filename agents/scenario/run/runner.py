@@ -165,10 +165,12 @@ def run_system(
     run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None
 ) -> Result:
     """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
-    return play(run, system, observer).result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
+    return play(run, system, observer, onlooker).result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
 
 
-def play(run: Run, system: System, observer: RunObserver | None = None) -> Judge:
+def play(
+    run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None
+) -> Judge:
     """Play as `run_system` does; the judge with all that it has seen, for those who measure something else."""
     observer = observer or Silent()
     scenario = run.scenario
