@@ -7,44 +7,44 @@ from typing import Literal
 
 import msgspec
 
-from agents.scenario.generate.draw import Draw, Interval
+from agents.scenario.generate.draw import Draw, NumberRange
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape, bounds
 
-SIDE = Interval(0.04, 0.09)
+SIDE = NumberRange(0.04, 0.09)
 """m, edges of solid things: a hand can pinch them, and a tag of 4 cm can be read at 1.5 m"""
-HEIGHT = Interval(0.04, 0.12)
+HEIGHT = NumberRange(0.04, 0.12)
 """m, heights of solid things: up to a can of food"""
-RADIUS = Interval(0.018, 0.035)
+RADIUS = NumberRange(0.018, 0.035)
 """m, of balls: from a table-tennis ball to a tennis ball"""
-OPENING = Interval(0.07, 0.10)
+OPENING = NumberRange(0.07, 0.10)
 """m, diameters of cups: a ball or a cube of the smallest size fits in"""
-BOWL = Interval(0.11, 0.17)
+BOWL = NumberRange(0.11, 0.17)
 """m, diameters of bowls at the rim"""
-CRATE = Interval(0.12, 0.18)
+CRATE = NumberRange(0.12, 0.18)
 """m, edges of open boxes, trays and covers, seen from above: several small things fit in"""
-DEPTH = Interval(0.07, 0.13)
+DEPTH = NumberRange(0.07, 0.13)
 """m, heights of cups, open boxes and covers"""
-SHALLOW = Interval(0.02, 0.04)
+SHALLOW = NumberRange(0.02, 0.04)
 """m, heights of trays: what is in a tray is seen over its rim"""
 WALL = 0.004
 """m, thickness of walls and bottoms: contact is sure from 3 mm on"""
-MASS = Interval(0.03, 0.6)
+MASS = NumberRange(0.03, 0.6)
 """kg, from an empty cup to a full can"""
-FRICTION = Interval(0.35, 0.9)
+FRICTION = NumberRange(0.35, 0.9)
 """Coulomb coefficients, from polished wood to rubber"""
-ROLLING = Interval(0.0004, 0.003)
+ROLLING = NumberRange(0.0004, 0.003)
 """m, lever arm of the resistance to rolling: a ball of 0.5 m/s comes to rest after 0.1 to 1 m"""
 _RING = 12
 """Walls of a round vessel: with the bottom they are within the parts that a body may have."""
-_FLARE = Interval(0.2, 0.5)
+_FLARE = NumberRange(0.2, 0.5)
 """rad from the vertical, of a bowl's walls"""
 
 Kind = Literal["cube", "box", "container", "cup", "ball"]
 
 
-class Body(msgspec.Struct, frozen=True, kw_only=True):
+class LooseBody(msgspec.Struct, frozen=True, kw_only=True):
     """A thing that has no place yet."""
 
     what: str
@@ -70,76 +70,77 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         return self.size[0] / 2 if round_section else math.hypot(*self.size[:2]) / 2
 
 
-def cube(draw: Draw) -> Body:
+def cube(draw: Draw) -> LooseBody:
     """A cube, mostly of the size that tags are used on."""
     edge = 0.04 if draw.chance() else draw.number(SIDE)
     return _body(draw, "cube", "cube", (edge, edge, edge), can_have_tag=True)
 
 
-def box(draw: Draw) -> Body:
+def box(draw: Draw) -> LooseBody:
     """A solid box of any proportions."""
     size = (draw.number(SIDE), draw.number(SIDE), draw.number(HEIGHT))
     return _body(draw, "box", "box", size, can_have_tag=True)
 
 
-def can(draw: Draw) -> Body:
+def can(draw: Draw) -> LooseBody:
     """An upright cylinder."""
     width = draw.number(SIDE)
     size = (width, width, draw.number(HEIGHT))
     return _body(draw, "can", "box", size, (Part("cylinder", size),), rolls=True)
 
 
-def ball(draw: Draw) -> Body:
+def ball(draw: Draw) -> LooseBody:
     """A ball that comes to rest by itself."""
     edge = round(2 * draw.number(RADIUS), 4)
     size = (edge, edge, edge)
     return _body(draw, "ball", "ball", size, (Part("sphere", size),), rolls=True)
 
 
-def board(draw: Draw) -> Body:
+def board(draw: Draw) -> LooseBody:
     """A thin board that stands on its lower edge; its flat side faces along its x axis."""
-    thickness, width, height = Interval(0.008, 0.016), Interval(0.05, 0.10), Interval(0.10, 0.18)
+    thickness, width, height = NumberRange(0.008, 0.016), NumberRange(0.05, 0.10), NumberRange(0.10, 0.18)
     return _body(draw, "board", "box", (draw.number(thickness), draw.number(width), draw.number(height)))
 
 
-def wall(draw: Draw) -> Body:
+def wall(draw: Draw) -> LooseBody:
     """A tall box that hides what is behind it, and does not fall easily."""
-    size = (draw.number(Interval(0.08, 0.12)), draw.number(Interval(0.14, 0.22)), draw.number(Interval(0.16, 0.24)))
+    thickness, width, height = NumberRange(0.08, 0.12), NumberRange(0.14, 0.22), NumberRange(0.16, 0.24)
+    size = (draw.number(thickness), draw.number(width), draw.number(height))
     return _body(draw, "wall", "box", size)
 
 
-def cup(draw: Draw) -> Body:
+def cup(draw: Draw) -> LooseBody:
     """An open round cup with upright walls."""
     width, height = draw.number(OPENING), draw.number(DEPTH)
     return _vessel(draw, "cup", "cup", _ring(width, height, 0.0))
 
 
-def bowl(draw: Draw) -> Body:
+def bowl(draw: Draw) -> LooseBody:
     """An open round bowl with walls that lean outwards."""
     flare, width = draw.number(_FLARE), draw.number(BOWL)
-    height = draw.number(Interval(0.04, 0.07))
+    height = draw.number(NumberRange(0.04, 0.07))
     return _vessel(draw, "bowl", "cup", _ring(width - 2 * height * math.tan(flare), height, flare))
 
 
-def crate(draw: Draw) -> Body:
+def crate(draw: Draw) -> LooseBody:
     """An open box."""
     size = (draw.number(CRATE), draw.number(CRATE), draw.number(DEPTH))
     return _vessel(draw, "crate", "container", _open_box(size, upwards=True))
 
 
-def tray(draw: Draw) -> Body:
+def tray(draw: Draw) -> LooseBody:
     """A tray with a low rim."""
     size = (draw.number(CRATE), draw.number(CRATE), draw.number(SHALLOW))
     return _vessel(draw, "tray", "container", _open_box(size, upwards=True))
 
 
-def cover(draw: Draw) -> Body:
+def cover(draw: Draw) -> LooseBody:
     """A box without a bottom, to put over things."""
     size = (draw.number(CRATE), draw.number(CRATE), draw.number(DEPTH))
     return _vessel(draw, "cover", "container", _open_box(size, upwards=False))
 
 
-def lid(draw: Draw, vessel: Body) -> Body:
+def lid(draw: Draw, vessel: LooseBody) -> LooseBody:
     """A flat lid that lies on the rim of a vessel."""
     overhang = 0.01  # m, in all, over the rim
     size = (round(vessel.size[0] + overhang, 4), round(vessel.size[1] + overhang, 4), 0.01)
@@ -154,27 +155,27 @@ VESSELS = (cup, bowl, crate, tray)
 """Things that others can be in."""
 
 
-def small(draw: Draw, room: float) -> Body:
+def small(draw: Draw, room: float) -> LooseBody:
     """A cube or a ball that fits into an opening of `room` m with some play."""
-    edge = round(min(0.7 * room, draw.number(Interval(0.03, 0.05))), 4)
+    edge = round(min(0.7 * room, draw.number(NumberRange(0.03, 0.05))), 4)
     size = (edge, edge, edge)
     if draw.chance():
         return _body(draw, "ball", "ball", size, (Part("sphere", size),), rolls=True)
     return _body(draw, "cube", "cube", size, can_have_tag=True)
 
 
-def inner_width(vessel: Body) -> float:
+def inner_width(vessel: LooseBody) -> float:
     """m, of the free room at the bottom of a vessel or under a cover"""
     low, high = bounds((vessel.shape[0],))
     return min(high[0] - low[0], high[1] - low[1]) - 2 * WALL
 
 
-def floor_of(vessel: Body) -> float:
+def floor_of(vessel: LooseBody) -> float:
     """m, from the lowest point of a vessel up to where its contents lie"""
     return 0.0 if vessel.what == "cover" else vessel.shape[0].size[2]
 
 
-def _vessel(draw: Draw, what: str, type: Kind, shape: Shape) -> Body:
+def _vessel(draw: Draw, what: str, type: Kind, shape: Shape) -> LooseBody:
     low, high = bounds(shape)
     x, y, z = (round(b - a, 6) for a, b in zip(low, high, strict=True))
     return _body(draw, what, type, (x, y, z), shape)
@@ -183,8 +184,8 @@ def _vessel(draw: Draw, what: str, type: Kind, shape: Shape) -> Body:
 def _body(
     draw: Draw, what: str, type: Kind, size: Vector3, shape: Shape = (), *, can_have_tag: bool = False,
     rolls: bool = False,
-) -> Body:  # fmt: skip
-    return Body(
+) -> LooseBody:  # fmt: skip
+    return LooseBody(
         what=what,
         type=type,
         size=size,

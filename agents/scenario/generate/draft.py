@@ -18,31 +18,31 @@ from agents.scenario.format.model import (
     TableSpec,
 )
 from agents.scenario.format.scenario import Carry, Event, HandGraspEvent, HandLeave, HandMove, HandRelease, Slide
-from agents.scenario.generate.bodies import SOLIDS, Body, floor_of
-from agents.scenario.generate.draw import Draw, Interval
+from agents.scenario.generate.bodies import SOLIDS, LooseBody, floor_of
+from agents.scenario.generate.draw import Draw, NumberRange
 from dsr.errors import ConfigError
 from dsr.math3d.quaternions import Vector3
 from dsr.vocabulary import tags
 
 TOP = 0.72
 """m, world z of the table's top: the floor is at 0"""
-WIDTH, LENGTH = Interval(0.8, 1.0), Interval(1.0, 1.3)
+WIDTH, LENGTH = NumberRange(0.8, 1.0), NumberRange(1.0, 1.3)
 """m, of the table along x and y"""
 ARENA = 0.34
 """m from the middle of the table, within which things stand: any camera that is drawn sees them there"""
-DISTANCE, ELEVATION = Interval(1.0, 1.4), Interval(0.5, 1.1)
+DISTANCE, ELEVATION = NumberRange(1.0, 1.4), NumberRange(0.5, 1.1)
 """m and rad, of a camera from the middle of the table and above its top: tags are read up to 1.5 m"""
 GAP = 0.015
 """m, least gap between things that stand side by side: for fingers, and for the noise of percepts"""
 CLEARANCE = 0.0005
 """m, by which things are put down above what they are put on, so that nothing is pressed into anything"""
-HAND_SPEED = Interval(0.15, 0.35)
+HAND_SPEED = NumberRange(0.15, 0.35)
 """m/s, of hands that move things: from careful to quick"""
-FIRST = Interval(2.5, 3.5)
+FIRST = NumberRange(2.5, 3.5)
 """s after the start, of the first event: everything in view was seen for 2 s before"""
-PAUSE = Interval(0.3, 2.0)
+PAUSE = NumberRange(0.3, 2.0)
 """s between two events"""
-LAST = Interval(2.5, 4.5)
+LAST = NumberRange(2.5, 4.5)
 """s from the end of the last event to the end of the episode: what rolls comes to rest"""
 SETTLE = 2.0
 """s from which on the belief is judged: ten percepts at least of all that is in view"""
@@ -57,11 +57,11 @@ _TURNING = 2.0  # rad/s at which what is carried turns
 _TRIES = 200  # draws of a place or a colour before the whole episode is drawn anew
 
 
-class NoRoomError(ConfigError):
+class CrowdedError(ConfigError):
     """An episode in which a thing found no place, or no colour of its own: it is drawn anew."""
 
 
-class Draft:
+class EpisodeDraft:
     """An episode in the making.
 
     Args:
@@ -78,7 +78,7 @@ class Draft:
         self.persons: list[PersonSpec] = []
         self.objects: list[ObjectSpec] = []
         self.events: list[Event] = []
-        self.bodies: dict[str, Body] = {}
+        self.bodies: dict[str, LooseBody] = {}
         """Those that stand somewhere, by name."""
         self.now = draw.number(FIRST)
         """s after the start, when the next event may begin"""
@@ -111,7 +111,7 @@ class Draft:
             x, y = self.draw.within(max(within - radius, 0.0))
             if all(math.hypot(x - a, y - b) >= radius + r + GAP for a, b, r in self._spots.values()):
                 return x, y
-        raise NoRoomError("no room on the table")
+        raise CrowdedError("no room on the table")
 
     @property
     def standing(self) -> list[str]:
@@ -131,14 +131,14 @@ class Draft:
         """A thing is not on the table any more."""
         self._spots.pop(name, None)
 
-    def stand(self, body: Body, spot: tuple[float, float] | None = None, *, yaw: float | None = None) -> str:
+    def stand(self, body: LooseBody, spot: tuple[float, float] | None = None, *, yaw: float | None = None) -> str:
         """Let a body stand on the table, at `spot` (m, world) or anywhere; returns its name."""
         x, y = spot or self.free_spot(body.radius)
         name = self.add(body, (x, y, TOP + body.size[2] / 2), yaw=yaw)
         self.occupy(name, (x, y))
         return name
 
-    def put_on(self, body: Body, lower: str) -> str:
+    def put_on(self, body: LooseBody, lower: str) -> str:
         """Let a body stand on another one from the start, not quite in its middle; returns its name."""
         below = next(spec for spec in self.objects if spec.name == lower)
         x, y, z = below.position
@@ -146,7 +146,7 @@ class Draft:
         top = z + below.size[2] / 2 + body.size[2] / 2
         return self.add(body, (x + dx, y + dy, top))
 
-    def put_in(self, body: Body, vessel: str) -> str:
+    def put_in(self, body: LooseBody, vessel: str) -> str:
         """Let a body lie in a vessel from the start, or stand under a cover; returns its name."""
         around = next(spec for spec in self.objects if spec.name == vessel)
         x, y, z = around.position
@@ -154,7 +154,7 @@ class Draft:
         return self.add(body, (x, y, bottom + body.size[2] / 2))
 
     def add(
-        self, body: Body, position: Vector3, *, yaw: float | None = None, lean: Vector3 = (0.0, 0.0, 0.0)
+        self, body: LooseBody, position: Vector3, *, yaw: float | None = None, lean: Vector3 = (0.0, 0.0, 0.0)
     ) -> str:
         """Add a body somewhere in the air or on something; returns its name."""
         name = f"{body.what}_{1 + sum(other.what == body.what for other in self.bodies.values())}"
@@ -248,12 +248,12 @@ class Draft:
         """A colour that can be told from all others in the picture."""
         others = [TABLE, FLOOR, GREY, SKIN, SLEEVE, *(spec.color for spec in self.objects if spec.color is not None)]
         for _ in range(_TRIES):
-            hue = self.draw.number(Interval(0.0, 1.0))
-            saturation, value = self.draw.number(Interval(0.55, 1.0)), self.draw.number(Interval(0.6, 1.0))
+            hue = self.draw.number(NumberRange(0.0, 1.0))
+            saturation, value = self.draw.number(NumberRange(0.55, 1.0)), self.draw.number(NumberRange(0.6, 1.0))
             red, green, blue = (round(part, 3) for part in colorsys.hsv_to_rgb(hue, saturation, value))
             if all(spectral_angle((red, green, blue), other) > APART for other in others):
                 return red, green, blue
-        raise NoRoomError("no colour is left")
+        raise CrowdedError("no colour is left")
 
 
 def _camera(draw: Draw) -> CameraSpec:

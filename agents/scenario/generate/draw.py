@@ -12,7 +12,7 @@ Item = TypeVar("Item")
 _DIGITS = 4  # of lengths in m, angles in rad and speeds: files stay readable, and 0.1 mm is finer than any sensor here
 
 
-class Interval(NamedTuple):
+class NumberRange(NamedTuple):
     """The bounds of a number that is drawn uniformly."""
 
     low: float
@@ -31,11 +31,11 @@ class Draw:
     def __init__(self, family: str, seed: int, attempt: int) -> None:
         self._rng = np.random.default_rng([*family.encode(), seed, attempt])
 
-    def number(self, bounds: Interval) -> float:
+    def number(self, bounds: NumberRange) -> float:
         """A number within some bounds, in their unit, rounded."""
         return round(float(self._rng.uniform(*bounds)), _DIGITS)
 
-    def factor(self, bounds: Interval) -> float:
+    def factor(self, bounds: NumberRange) -> float:
         """A positive number whose logarithm is uniform: of what varies by orders of magnitude."""
         low, high = map(math.log, bounds)
         return round(math.exp(float(self._rng.uniform(low, high))), _DIGITS)
@@ -58,7 +58,7 @@ class Draw:
 
     def angle(self) -> float:
         """A direction in the plane, rad, from -pi to pi."""
-        return self.number(Interval(-math.pi, math.pi))
+        return self.number(NumberRange(-math.pi, math.pi))
 
     def direction(self) -> tuple[float, float]:
         """A unit vector in the plane."""

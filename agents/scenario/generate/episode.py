@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from agents.scenario.format.scenario import parse_scenario
-from agents.scenario.generate.draft import Draft
+from agents.scenario.generate.draft import EpisodeDraft
 from agents.scenario.generate.draw import Draw
 from agents.scenario.generate.registry import Family, find_family
 from agents.scenario.generate.validity import why_invalid, with_expectations
@@ -61,7 +61,7 @@ def generate(family: str, seed: int) -> Episode:
 
 def _drawn(family: Family, seed: int, attempt: int) -> str:
     """One draw as the text of a file. Raises `ConfigError` if it is not valid."""
-    draft = Draft(Draw(family.name, seed, attempt), family.system)
+    draft = EpisodeDraft(Draw(family.name, seed, attempt), family.system)
     family.draw(draft)
     name = f"{family.name}-{seed}"
     heading = f"Drawn by `dsr scenario generate {family.name} --seed {seed}`."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from agents.scenario.generate.draft import Draft
+from agents.scenario.generate.draft import EpisodeDraft
 from agents.scenario.generate.families.handling import handing, hands, persons
 from agents.scenario.generate.families.motions import rolling
 from agents.scenario.generate.families.piles import leaning, perturbations, stacks
@@ -23,7 +23,7 @@ class Family(NamedTuple):
 
     name: str
     title: str
-    draw: Callable[[Draft], None]
+    draw: Callable[[EpisodeDraft], None]
     """Fills an empty draft."""
     purpose: Purpose
     """Whether anything may be set or learned by its episodes: then it is for tuning."""

@@ -14,8 +14,8 @@ from agents.scenario.format.layout import overlapping
 from agents.scenario.format.scenario import Scenario, load_scenario, parse_scenario, scenario_files, start_poses
 from agents.scenario.generate import episode as making
 from agents.scenario.generate.bodies import VESSELS, bowl, cover, cup, inner_width, tray
-from agents.scenario.generate.draft import ARENA, MOST_OBJECTS, Draft, NoRoomError
-from agents.scenario.generate.draw import Draw, Interval
+from agents.scenario.generate.draft import ARENA, MOST_OBJECTS, CrowdedError, EpisodeDraft
+from agents.scenario.generate.draw import Draw, NumberRange
 from agents.scenario.generate.episode import generate
 from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED, find_family, is_for_tuning
 from agents.scenario.generate.validity import why_invalid
@@ -76,16 +76,16 @@ def test_seeds_and_families_give_different_episodes() -> None:
 
 def drawn(family: str, seed: int, attempt: int = 0) -> Scenario:
     """A draw that nobody has judged."""
-    draft = Draft(Draw(family, seed, attempt))
+    draft = EpisodeDraft(Draw(family, seed, attempt))
     find_family(family).draw(draft)
     return draft.scenario(f"{family}-{seed}", "x")
 
 
 def test_draws_keep_to_their_bounds_and_use_them() -> None:
     draw = Draw("stacks", 0, 0)
-    numbers = [draw.number(Interval(0.2, 0.4)) for _ in range(400)]
+    numbers = [draw.number(NumberRange(0.2, 0.4)) for _ in range(400)]
     assert 0.2 <= min(numbers) < 0.22 and 0.38 < max(numbers) <= 0.4
-    factors = [draw.factor(Interval(0.01, 1.0)) for _ in range(400)]
+    factors = [draw.factor(NumberRange(0.01, 1.0)) for _ in range(400)]
     assert 150 < sum(factor < 0.1 for factor in factors) < 250, "as many below 0.1 as above"
     assert {draw.count(2, 4) for _ in range(50)} == {2, 3, 4}
     radii = [np.hypot(*draw.within(2.0)) for _ in range(400)]
@@ -116,9 +116,9 @@ def test_walls_of_a_round_vessel_leave_no_gap() -> None:
 
 
 def test_things_find_places_apart_or_the_draw_is_thrown_away() -> None:
-    draft = Draft(Draw("stacks", 5, 0))
+    draft = EpisodeDraft(Draw("stacks", 5, 0))
     spots = []
-    with pytest.raises(NoRoomError, match="no room"):
+    with pytest.raises(CrowdedError, match="no room"):
         while True:
             body = cover(draft.draw)
             name = draft.stand(body)

@@ -13,21 +13,21 @@ from agents.scenario.format.scenario import (
     PersonWalk,
 )
 from agents.scenario.generate.bodies import SOLIDS, ball, cup, wall
-from agents.scenario.generate.draft import ARENA, TOP, Draft
-from agents.scenario.generate.draw import Interval
+from agents.scenario.generate.draft import ARENA, TOP, EpisodeDraft
+from agents.scenario.generate.draw import NumberRange
 from agents.scenario.generate.families.motions import behind
 from agents.scenario.generate.families.piles import perturb
 
-LIFTED = Interval(0.12, 0.25)
+LIFTED = NumberRange(0.12, 0.25)
 """m above the table at which hands carry things"""
 OUTSIDE = 1.1
 """m from the middle of the table, where no camera that is drawn sees a hand"""
-EYES = Interval(0.5, 0.8)
+EYES = NumberRange(0.5, 0.8)
 """m above the table, of eyes of people who sit or stand at it"""
 _TAKEN = (*SOLIDS, cup, ball)
 
 
-def hands(draft: Draft) -> None:
+def hands(draft: EpisodeDraft) -> None:
     """Hands take things and put them down, also out of sight; they touch things and leave with or without them."""
     draw = draft.draw
     screen = draft.stand(wall(draw)) if draw.chance(0.7) else None
@@ -56,7 +56,7 @@ def hands(draft: Draft) -> None:
         draft.leave(1)
 
 
-def handing(draft: Draft) -> None:
+def handing(draft: EpisodeDraft) -> None:
     """A thing goes from one hand to the other, and is put down by that."""
     draw = draft.draw
     body = draw.one_of((cup, *SOLIDS))(draw)
@@ -78,7 +78,7 @@ def handing(draft: Draft) -> None:
     draft.leave(second)
 
 
-def persons(draft: Draft) -> None:
+def persons(draft: EpisodeDraft) -> None:
     """People look on, look away, walk and leave while hands and chance move things."""
     draw = draft.draw
     names = [draft.stand(draw.one_of(_TAKEN)(draw)) for _ in range(draw.count(2, 3))]
@@ -100,7 +100,7 @@ def persons(draft: Draft) -> None:
         perturb(draft, draw.one_of(others), [])
 
 
-def _let_person_act(draft: Draft, person: str) -> None:
+def _let_person_act(draft: EpisodeDraft, person: str) -> None:
     draw = draft.draw
     spec = next(spec for spec in draft.persons if spec.name == person)
     if not spec.present:
@@ -117,14 +117,14 @@ def _let_person_act(draft: Draft, person: str) -> None:
         draft.do(PersonLeave(at=draft.now, person=person), 0.0)
 
 
-def _eyes(draft: Draft) -> tuple[float, float, float]:
+def _eyes(draft: EpisodeDraft) -> tuple[float, float, float]:
     """Where somebody at the table has the eyes (m, world)."""
     a, b = draft.draw.direction()
-    away = draft.draw.number(Interval(0.7, 1.1))  # m from the middle of the table
+    away = draft.draw.number(NumberRange(0.7, 1.1))  # m from the middle of the table
     return round(away * a, 4), round(away * b, 4), round(TOP + draft.draw.number(EYES), 4)
 
 
-def _put_down(draft: Draft, name: str, hand: int, spot: tuple[float, float] | None) -> None:
+def _put_down(draft: EpisodeDraft, name: str, hand: int, spot: tuple[float, float] | None) -> None:
     """Let a hand that holds a thing lift it and put it down somewhere else; it holds it still then."""
     body, draw = draft.bodies[name], draft.draw
     x, y = spot or draft.free_spot(body.radius)
@@ -135,12 +135,12 @@ def _put_down(draft: Draft, name: str, hand: int, spot: tuple[float, float] | No
     draft.occupy(name, (x, y))
 
 
-def _hidden_spot(draft: Draft, name: str, screen: str) -> tuple[float, float]:
+def _hidden_spot(draft: EpisodeDraft, name: str, screen: str) -> tuple[float, float]:
     """Where a thing stands that another one hides from the camera (m, world)."""
     return behind(draft, screen, draft.bodies[name].radius + 0.01)
 
 
-def _carry_away(draft: Draft, name: str, hand: int, side: tuple[float, float]) -> None:
+def _carry_away(draft: EpisodeDraft, name: str, hand: int, side: tuple[float, float]) -> None:
     """Let a hand carry a thing out of the picture, and come back with it."""
     draw = draft.draw
     a, b = side
@@ -151,17 +151,17 @@ def _carry_away(draft: Draft, name: str, hand: int, side: tuple[float, float]) -
     _back_down(draft, name, hand, z)
 
 
-def _back_down(draft: Draft, name: str, hand: int, z: float) -> None:
+def _back_down(draft: EpisodeDraft, name: str, hand: int, z: float) -> None:
     x, y = draft.free_spot(draft.bodies[name].radius)
     draft.move(hand, (x, y, z), OUTSIDE + ARENA)
     draft.move(hand, (x, y, draft.on_table(name)), z - TOP)
     draft.occupy(name, (x, y))
 
 
-def _step(draft: Draft) -> tuple[float, float]:
+def _step(draft: EpisodeDraft) -> tuple[float, float]:
     """A short way over the table, m."""
     a, b = draft.draw.direction()
-    way = draft.draw.number(Interval(0.03, 0.1))
+    way = draft.draw.number(NumberRange(0.03, 0.1))
     return round(way * a, 4), round(way * b, 4)
 
 

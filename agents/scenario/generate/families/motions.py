@@ -6,19 +6,19 @@ import math
 
 from agents.scenario.format.scenario import Drop, Lift, Push, Roll
 from agents.scenario.generate.bodies import ball, box, can, wall
-from agents.scenario.generate.draft import TOP, Draft
-from agents.scenario.generate.draw import Interval
+from agents.scenario.generate.draft import TOP, EpisodeDraft
+from agents.scenario.generate.draw import NumberRange
 from agents.scenario.generate.families.piles import maybe_hand
 
-ROLL = Interval(0.15, 0.7)
+ROLL = NumberRange(0.15, 0.7)
 """m/s, of a ball that somebody sets rolling: from one that stops at once to one that rolls off the table"""
-DROP = Interval(0.05, 0.3)
+DROP = NumberRange(0.05, 0.3)
 """m, from which things are dropped"""
-TIP = Interval(0.6, 1.5)
+TIP = NumberRange(0.6, 1.5)
 """m/s that a push gives a thing at the edge: enough to go over it"""
 
 
-def rolling(draft: Draft) -> None:
+def rolling(draft: EpisodeDraft) -> None:
     """Balls roll, also out of sight; things are dropped, tip over, and are pushed off the table."""
     draw = draft.draw
     screens = [draft.stand(wall(draw)) for _ in range(draw.count(0, 2))]
@@ -38,7 +38,7 @@ def rolling(draft: Draft) -> None:
         draft.do(Push(at=draft.now, object=name, velocity=(round(speed * a, 4), round(speed * b, 4), 0.0)), 1.0)
 
 
-def _set_rolling(draft: Draft, name: str, screens: list[str]) -> None:
+def _set_rolling(draft: EpisodeDraft, name: str, screens: list[str]) -> None:
     """Let a ball roll: behind something that hides it, or anywhere."""
     draw, hand = draft.draw, maybe_hand(draft.draw)
     a, b = draw.direction()
@@ -52,7 +52,7 @@ def _set_rolling(draft: Draft, name: str, screens: list[str]) -> None:
     draft.do(Roll(at=draft.now, object=name, velocity=velocity, hand=hand), 5.0 if hand is not None else 1.0)
 
 
-def behind(draft: Draft, screen: str, gap: float = 0.02) -> tuple[float, float]:
+def behind(draft: EpisodeDraft, screen: str, gap: float = 0.02) -> tuple[float, float]:
     """A place (m, world) that a thing on the table hides from the camera, `gap` m behind it."""
     x, y = draft.spot(screen)
     eye = draft.camera.position
@@ -61,13 +61,13 @@ def behind(draft: Draft, screen: str, gap: float = 0.02) -> tuple[float, float]:
     return round(x + reach * (x - eye[0]) / length, 4), round(y + reach * (y - eye[1]) / length, 4)
 
 
-def _at_the_edge(draft: Draft) -> tuple[str, tuple[float, float]]:
+def _at_the_edge(draft: EpisodeDraft) -> tuple[str, tuple[float, float]]:
     """Let a thing stand near the edge of the table; its name, and the direction over the edge."""
     draw = draft.draw
     body = draw.one_of((box, can))(draw)
     side = draw.one_of((-1.0, 1.0))
     x = side * (draft.table.size[0] / 2 - body.radius - 0.01)  # m, that it stands within the edge
-    y = draw.number(Interval(-0.2, 0.2))
+    y = draw.number(NumberRange(-0.2, 0.2))
     name = draft.add(body, (x, y, TOP + body.size[2] / 2))
     draft.occupy(name, (x, y))
     return name, (side, 0.0)

@@ -6,12 +6,12 @@ import math
 
 from agents.scenario.format.scenario import Drop, PlaceEvent, Push, Remove, Swap, Tilt, Topple
 from agents.scenario.generate.bodies import SOLIDS, board, box, can, wall
-from agents.scenario.generate.draft import CLEARANCE, GAP, TOP, Draft, NoRoomError
-from agents.scenario.generate.draw import Draw, Interval
+from agents.scenario.generate.draft import CLEARANCE, GAP, TOP, CrowdedError, EpisodeDraft
+from agents.scenario.generate.draw import Draw, NumberRange
 
-SHOVE = Interval(0.2, 0.6)
+SHOVE = NumberRange(0.2, 0.6)
 """m/s that a shove gives a thing: it slides 2 to 50 mm (v^2 / 2 mu g), or tips over"""
-LEAN = Interval(0.15, 0.45)
+LEAN = NumberRange(0.15, 0.45)
 """rad from the vertical, of a board against a box: it neither falls back nor slides away with most frictions"""
 _TOPPLING = 0.8
 """s at most, that a topple takes, for the push and until the thing has fallen"""
@@ -24,7 +24,7 @@ def maybe_hand(draw: Draw) -> int | None:
     return draw.one_of((0, 1, None, None))
 
 
-def stacks(draft: Draft) -> None:
+def stacks(draft: EpisodeDraft) -> None:
     """Stacks are built, taken apart and moved as a whole, by hands or by nobody who is seen."""
     draw = draft.draw
     towers = [[draft.stand(draw.one_of(SOLIDS)(draw))] for _ in range(draw.count(2, 4))]
@@ -45,7 +45,7 @@ def stacks(draft: Draft) -> None:
         draft.do(topple, _TOPPLING + (_COMING if hand is not None else 0.0))
 
 
-def _stack(draft: Draft, source: list[str], target: list[str]) -> None:
+def _stack(draft: EpisodeDraft, source: list[str], target: list[str]) -> None:
     """Move the top of one tower onto another, or a whole tower elsewhere."""
     draw = draft.draw
     if len(source) > 1 and draw.chance(0.25):
@@ -63,7 +63,7 @@ def _stack(draft: Draft, source: list[str], target: list[str]) -> None:
     draft.carry(name, (x, y, z), hand=maybe_hand(draw))
 
 
-def perturbations(draft: Draft) -> None:
+def perturbations(draft: EpisodeDraft) -> None:
     """Things are swapped, turned, moved, shoved, toppled and taken away."""
     draw = draft.draw
     names = [draft.stand(draw.one_of(SOLIDS)(draw)) for _ in range(draw.count(2, 4))]
@@ -72,7 +72,7 @@ def perturbations(draft: Draft) -> None:
         perturb(draft, name, [other for other in names if other != name])
 
 
-def perturb(draft: Draft, name: str, others: list[str]) -> None:
+def perturb(draft: EpisodeDraft, name: str, others: list[str]) -> None:
     """Something sudden happens to a thing that stands on the table."""
     draw = draft.draw
     what = draw.one_of(("swap", "place", "slide", "turn", "push", "topple", "remove"))
@@ -82,7 +82,7 @@ def perturb(draft: Draft, name: str, others: list[str]) -> None:
         other = draw.one_of(others)
         first, second = draft.bodies[name].radius, draft.bodies[other].radius
         if abs(first - second) > GAP:
-            raise NoRoomError("what is swapped is of very different sizes")
+            raise CrowdedError("what is swapped is of very different sizes")
         draft.do(Swap(at=draft.now, object=name, other=other), 0.0)
         here, there = draft.spot(name), draft.spot(other)
         draft.occupy(name, there)
@@ -92,12 +92,12 @@ def perturb(draft: Draft, name: str, others: list[str]) -> None:
         draft.occupy(name, (x, y))
         draft.do(PlaceEvent(at=draft.now, object=name, position=(x, y, draft.on_table(name)), yaw=draw.angle()), 0.0)
     elif what == "slide":
-        way = draw.number(Interval(0.05, 0.2))
+        way = draw.number(NumberRange(0.05, 0.2))
         a, b = draw.direction()
         x, y = draft.spot(name)
         draft.slide(name, (round(x + way * a, 4), round(y + way * b, 4)), hand=hand)
     elif what == "turn":
-        draft.slide(name, draft.spot(name), hand=hand, turn=draw.number(Interval(0.4, 1.6)))
+        draft.slide(name, draft.spot(name), hand=hand, turn=draw.number(NumberRange(0.4, 1.6)))
     elif what == "push":
         shove(draft, name, hand)
     elif what == "topple":
@@ -107,7 +107,7 @@ def perturb(draft: Draft, name: str, others: list[str]) -> None:
         draft.do(Remove(at=draft.now, object=name), 0.0)
 
 
-def shove(draft: Draft, name: str, hand: int | None) -> None:
+def shove(draft: EpisodeDraft, name: str, hand: int | None) -> None:
     """Give a thing a velocity over the table."""
     draw = draft.draw
     (a, b), speed = draw.direction(), draw.number(SHOVE)
@@ -115,7 +115,7 @@ def shove(draft: Draft, name: str, hand: int | None) -> None:
     draft.do(Push(at=draft.now, object=name, velocity=velocity, hand=hand), _COMING + 0.5 if hand is not None else 0.5)
 
 
-def leaning(draft: Draft) -> None:
+def leaning(draft: EpisodeDraft) -> None:
     """Boards lean against boxes, and cans lie; what holds them up is moved, and what lies is pushed."""
     draw = draft.draw
     support = draft.stand(draw.one_of((box, wall))(draw) if draw.chance() else wall(draw), yaw=0.0)
@@ -126,7 +126,7 @@ def leaning(draft: Draft) -> None:
     what = draw.one_of(("support", "leaner", "remove", "tilt", *("lying" for _ in lying)))
     if what == "support":
         x, y = draft.spot(support)
-        way = draw.number(Interval(0.05, 0.15))
+        way = draw.number(NumberRange(0.05, 0.15))
         draft.slide(support, (round(x + way, 4), y), hand=hand)
     elif what == "leaner":
         shove(draft, leaner, None)
@@ -134,7 +134,7 @@ def leaning(draft: Draft) -> None:
         draft.do(Remove(at=draft.now, object=support), 0.0)
     elif what == "tilt":
         upright = draft.stand(box(draw))
-        angle = draw.number(Interval(0.6, 1.4))
+        angle = draw.number(NumberRange(0.6, 1.4))
         axis = (*draw.direction(), 0.0)
         draft.carry(upright, (*draft.spot(upright), draft.on_table(upright) + 0.08), hand=None, height=0.02)
         draft.do(Tilt(at=draft.now, object=upright, angle=angle, axis=axis), angle)
@@ -143,14 +143,14 @@ def leaning(draft: Draft) -> None:
         shove(draft, name, None)
 
 
-def _lean(draft: Draft, support: str) -> str:
+def _lean(draft: EpisodeDraft, support: str) -> str:
     """Let a board lean against the side of a box that is turned along the world's axes, so that it faces +x."""
     draw, spec = draft.draw, next(spec for spec in draft.objects if spec.name == support)
     body, angle = board(draw), draw.number(LEAN)
     thickness, _, height = body.size
     sine, cosine = math.sin(angle), math.cos(angle)
     if height * cosine > spec.size[2]:
-        raise NoRoomError("the board is higher than what it leans against")
+        raise CrowdedError("the board is higher than what it leans against")
     reach = (height * sine + thickness * cosine) / 2
     x = spec.position[0] - spec.size[0] / 2 - reach - 0.001  # m, that it falls against the box
     z = TOP + (height * cosine + thickness * sine) / 2 + CLEARANCE
@@ -159,7 +159,7 @@ def _lean(draft: Draft, support: str) -> str:
     return name
 
 
-def _lie(draft: Draft) -> str:
+def _lie(draft: EpisodeDraft) -> str:
     """Let a can lie on its side."""
     body = can(draft.draw)
     x, y = draft.free_spot(body.radius + body.size[2] / 2)

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 
 from agents.scenario.format.scenario import Tilt
-from agents.scenario.generate.bodies import VESSELS, Body, cover, crate, cup, inner_width, lid, small, tray
-from agents.scenario.generate.draft import CLEARANCE, TOP, Draft, NoRoomError
-from agents.scenario.generate.draw import Interval
+from agents.scenario.generate.bodies import VESSELS, LooseBody, cover, crate, cup, inner_width, lid, small, tray
+from agents.scenario.generate.draft import CLEARANCE, TOP, CrowdedError, EpisodeDraft
+from agents.scenario.generate.draw import NumberRange
 from agents.scenario.generate.families.piles import maybe_hand
 
-POURED = Interval(1.9, 2.6)
+POURED = NumberRange(1.9, 2.6)
 """rad by which a vessel is tilted to pour it out: well beyond lying"""
-ABOVE = Interval(0.04, 0.08)
+ABOVE = NumberRange(0.04, 0.08)
 """m, from the rim of what is poured into up to the lip of what is poured"""
 _TILT_SPEED = 1.0
 """rad/s, of a vessel that is tilted"""
 
 
-def containers(draft: Draft) -> None:
+def containers(draft: EpisodeDraft) -> None:
     """Things are put into vessels, come along with them, are covered by lids and taken out again."""
     draw = draft.draw
     vessels = [draft.stand(draw.one_of(VESSELS)(draw)) for _ in range(draw.count(1, 2))]
@@ -45,7 +45,7 @@ def containers(draft: Draft) -> None:
         draft.carry(name, (x, y, draft.on_table(name)), hand=maybe_hand(draw), height=0.2)
 
 
-def covers(draft: Draft) -> None:
+def covers(draft: EpisodeDraft) -> None:
     """Things are hidden under covers, pushed along under them and found again."""
     draw = draft.draw
     one = draft.stand(cover(draw))
@@ -58,7 +58,7 @@ def covers(draft: Draft) -> None:
     draft.vacate(one)
     radius = draft.bodies[one].radius
     if other is not None and math.dist((x, y), draft.spot(other)) < radius + draft.bodies[other].radius:
-        raise NoRoomError("no room for the cover")
+        raise CrowdedError("no room for the cover")
     draft.carry(one, (x, y, draft.on_table(one)), hand=hand)
     draft.occupy(one, (x, y))
     for _ in range(draw.count(0, 2)):
@@ -69,7 +69,7 @@ def covers(draft: Draft) -> None:
         draft.carry(one, (*spot, draft.on_table(one)), hand=hand)
 
 
-def pouring(draft: Draft) -> None:
+def pouring(draft: EpisodeDraft) -> None:
     """What is in a vessel is poured into or beside another one."""
     draw = draft.draw
     source_body = draw.one_of((cup, crate))(draw)
@@ -88,7 +88,7 @@ def pouring(draft: Draft) -> None:
     half = source_body.size[0] / 2, source_body.size[2] / 2
     out, down = math.cos(angle) * half[0] + math.sin(angle) * half[1], math.sin(angle) * half[0]
     down -= math.cos(angle) * half[1]
-    aside = draw.number(Interval(0.0, 0.05)) + max(out, 0.0)  # m, by which people pour beside the middle
+    aside = draw.number(NumberRange(0.0, 0.05)) + max(out, 0.0)  # m, by which people pour beside the middle
     z = TOP + target_body.size[2] + max(down, 0.0) + draw.number(ABOVE)
     draft.grasp(source, hand, (round(a, 4), round(b, 4)))
     draft.move(hand, (*start, z), z - TOP)
@@ -103,7 +103,7 @@ def pouring(draft: Draft) -> None:
     draft.leave(hand)
 
 
-def _content(draft: Draft, vessel: str) -> Body:
+def _content(draft: EpisodeDraft, vessel: str) -> LooseBody:
     """Something that fits into a vessel; in a crate, at times another vessel."""
     room = inner_width(draft.bodies[vessel])
     if draft.bodies[vessel].what in ("crate", "tray") and draft.draw.chance(0.3):
@@ -113,21 +113,21 @@ def _content(draft: Draft, vessel: str) -> Body:
     return small(draft.draw, room)
 
 
-def _put_beside(draft: Draft, body: Body, vessel: str) -> None:
+def _put_beside(draft: EpisodeDraft, body: LooseBody, vessel: str) -> None:
     """Put a body into a vessel, above what is in it already."""
     name = draft.put_in(body, vessel)
     above = [other for other in draft.objects if other.name != name and _is_over(draft, other.name, vessel)]
     if above:
-        raise NoRoomError("the vessel is full")
+        raise CrowdedError("the vessel is full")
 
 
-def _is_over(draft: Draft, name: str, vessel: str) -> bool:
+def _is_over(draft: EpisodeDraft, name: str, vessel: str) -> bool:
     """Whether a thing starts in the middle of a vessel."""
     first, second = (next(spec for spec in draft.objects if spec.name == one) for one in (name, vessel))
     return name != vessel and first.position[:2] == second.position[:2]
 
 
-def _put_in(draft: Draft, name: str, vessel: str, hand: int | None) -> None:
+def _put_in(draft: EpisodeDraft, name: str, vessel: str, hand: int | None) -> None:
     """Carry a thing to just above the rim of a vessel and let it fall in."""
     x, y = draft.spot(vessel)
     draft.vacate(name)
@@ -135,7 +135,7 @@ def _put_in(draft: Draft, name: str, vessel: str, hand: int | None) -> None:
     draft.carry(name, (x, y, rim + draft.bodies[name].size[2] / 2 + 0.01), hand=hand)  # m above the rim
 
 
-def _cover_with_lid(draft: Draft, vessel: str) -> None:
+def _cover_with_lid(draft: EpisodeDraft, vessel: str) -> None:
     body = lid(draft.draw, draft.bodies[vessel])
     name = draft.stand(body)
     x, y = draft.spot(vessel)
