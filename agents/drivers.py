@@ -46,6 +46,8 @@ class ArmState(msgspec.Struct, frozen=True):
     """Both pads touch something."""
     fault: str = ""
     """Why the device stopped by itself, or refuses to move, in words; empty if it does as it is told."""
+    efforts: tuple[float, ...] = ()
+    """Torque (N m), force (N) or current (A) of each joint, as the device tells it; empty if it tells none."""
 
 
 class TagReading(msgspec.Struct, frozen=True):

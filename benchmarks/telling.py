@@ -136,7 +136,7 @@ class TruthJudge:
         if relation == "gone":
             return names[0] not in sample.truth
         if relation == "empty":
-            return sample.held is None
+            return names[0] not in sample.grasped.values() and (names[0] != "gripper" or sample.held is None)
         if relation in ("grasping", "touching"):
             holder = sample.grasped.get(names[1]) or ("gripper" if sample.held == names[1] else None)
             return holder == names[0] or (relation == "touching" and sample.touched.get(names[1]) == names[0])

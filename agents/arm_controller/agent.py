@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.execution import MotionExecution
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.grip import GripperControl
 from agents.arm_controller.holding import GraspEdges
@@ -26,7 +27,7 @@ from agents.arm_controller.trajectory import Trajectory
 from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
 from dsr.vocabulary.arms import ARM, CONTROLLER
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
@@ -62,7 +63,7 @@ class ArmController(Agent):
         nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
-            *("size", "bounds", "mesh", "present", "perceived"),
+            *("size", "shape", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request", "arm"),
             *("way", "way_times", "way_since", "waits_for", "gripper"),
@@ -110,7 +111,7 @@ class ArmController(Agent):
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
         self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log, config.arm)
-        self._watchdog = Watchdog(self._chain, self.config.stale)
+        self._watchdog = Watchdog(self._chain, self.config.stale, self.config.effort_limits)
         self._patience = Patience(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
@@ -193,6 +194,11 @@ class ArmController(Agent):
             if given not in (0, joints):
                 raise ConfigError(f"{name} of {given} positions: expected {joints} or none")
 
+        for name, limit in config.effort_limits.items():
+            if name not in self._chain.names or limit <= 0.0:
+                hint = suggest(name, self._chain.names)
+                raise ConfigError(f"effort_limits: {name!r} = {limit}; expected a limit above 0 of a joint: {hint}")
+
     def _make_feeds(self) -> None:
         for node, camera in self.config.cameras.items():
             options = {"name": camera.name or node, **camera.options}
@@ -203,9 +209,9 @@ class ArmController(Agent):
         config = self.config
         figure = Figure(self._model)
         rng = np.random.default_rng([self.seed, 1])
-        return Manipulator(
-            self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng
-        )
+        move, stop = self._follow_trajectory, self._driver.stop
+        execution = MotionExecution(self._chain, figure, self._scene, config, move, stop)
+        return Manipulator(self._chain, figure, self._scene, self._holding, self._driver, execution, config, rng)
 
     def _new_sample(self, now: float) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""

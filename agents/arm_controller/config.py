@@ -101,6 +101,9 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     stale: float = 0.05
     """s without a new sample after which the arm is stopped: three ticks, so that it brakes within 0.1 s; longer for a
     device that tells samples more rarely than at 30 Hz"""
+    effort_limits: dict[str, float] = {}
+    """By joint, N m, N or A as the driver tells efforts: more, either way, stops the arm, because it presses against
+    something. Joints that are not named are not watched."""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01

@@ -82,6 +82,16 @@ class OtherArms:
         own, other = self._memory.get_node(self._arm), self._memory.get_node(name)
         return _order(other) < _order(own)
 
+    def claims(self) -> tuple[object, ...]:
+        """What changes when another arm announces a way, or takes one back."""
+        nodes = [node for node in arm_nodes(self._memory) if node.name != self._arm]
+        return tuple((node.name, node.get("way_since"), node.get("way_times")) for node in nodes)
+
+    def obstacles_of_first(self, now: float) -> list[Obstacle]:
+        """The boxes of those others that go first."""
+        first = [name for name in self.names() if self.precedes(name)]
+        return [box for box in self.obstacles(now) if box.name in first]
+
     def waits_for_us(self) -> list[str]:
         """Names of those that stand still until this one has gone."""
         nodes = arm_nodes(self._memory)
@@ -102,21 +112,27 @@ class OtherArms:
         if not parts:
             return False
         there = stacked((part.pose, part.size) for part in parts)
-        rates = self._rates(node.name, joints.stamp, there.centers)
+        seen = self._sampled(node.name)
+        rates, late = self._rates(node.name, seen, there.centers), joints.stamp - seen
+        if late > SILENT:  # it may be anywhere on its way by now
+            parts += self._ahead(node, joints.stamp)
+            there = stacked((part.pose, part.size) for part in parts)
+            rates, late = np.zeros_like(there.centers), 0.0
         rows = np.array([np.add(joints.positions, np.multiply(joints.velocities, ahead)) for ahead in AHEAD])
         here = _in_world(figure.boxes(rows, joints.opening), world_from_arm, figure.base_boxes)
         standing = [_least_gap(here, row, there) for row in range(len(AHEAD))]
         if min(standing) >= standing[0] - _CLOSER:
             return False
-        moved = [Boxes(there.centers + rates * ahead, there.axes, there.halves) for ahead in AHEAD]
+        moved = [Boxes(there.centers + rates * (late + ahead), there.axes, there.halves) for ahead in AHEAD]
         return any(_least_gap(here, row, boxes) < NEAR for row, boxes in enumerate(moved))
 
     def _rates(self, name: str, stamp: float, centers: Array) -> Array:
-        """(k, 3) m/s of the centres of an arm's parts."""
+        """(k, 3) m/s of the centres of an arm's parts, which were sampled at `stamp` (s)."""
         seen = self._seen.setdefault(name, deque())
         if seen and len(seen[0][1]) != len(centers):
             seen.clear()
-        seen.append((stamp, centers))
+        if not seen or stamp > seen[-1][0]:
+            seen.append((stamp, centers))
         while stamp - seen[0][0] > SPAN:
             seen.popleft()
         passed = stamp - seen[0][0]

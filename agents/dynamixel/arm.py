@@ -164,14 +164,14 @@ class DynamixelArm:
         with self._lock:
             self._watch()
         try:
-            positions, velocities = self._servos.read()
+            positions, velocities, currents = self._servos.read()
             faults = self._servos.faults()
         finally:
             self._send()
         with self._lock:
             self._judge(positions, faults)
             fault = self._halt.reason or self._fault
-        self._state = ArmState(self.clock.now(), self._names, positions, velocities, 0.0, False, fault)
+        self._state = ArmState(self.clock.now(), self._names, positions, velocities, 0.0, False, fault, currents)
 
     def _watch(self) -> None:
         """Stop if that is ordered, or if the controller gives no sign of life."""

@@ -173,7 +173,9 @@ def _read_arm_state(payload: bytes) -> ArmState:
     state = _arm_state_decoder.decode(payload)
     if not len(state.names) == len(state.positions) == len(state.velocities):
         raise ValueError(f"{len(state.positions)} positions and {len(state.velocities)} velocities of {state.names}")
-    _check_finite(state.stamp, state.gripper_opening, *state.positions, *state.velocities)
+    if len(state.efforts) not in (0, len(state.names)):
+        raise ValueError(f"{len(state.efforts)} efforts of {state.names}")
+    _check_finite(state.stamp, state.gripper_opening, *state.positions, *state.velocities, *state.efforts)
     return state
 
 

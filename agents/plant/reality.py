@@ -86,7 +86,8 @@ class Reality:
         positions = arm.positions
         if arm is self.arm and any(self._stage.arm_error):
             positions = displaced(arm, self._stage.arm_error)
-        return ArmState(stamp, arm.names, positions, arm.velocities, arm.opening, arm.contact, self._guards[name].fault)
+        velocities, fault = arm.velocities, self._guards[name].fault
+        return ArmState(stamp, arm.names, positions, velocities, arm.opening, arm.contact, fault, arm.efforts)
 
     def truth(self, stamp: float) -> Truth:
         """The true state of the world: poses of all things, and the moves of the experimenter."""

@@ -86,12 +86,8 @@ def _relation_words(relation: Relation) -> str:
 
 
 def _holding(moment: Moment, edge: Edge) -> Statement:
-    words, thing, holder = grip_words(moment, edge), moment.memory.get_node(edge.dst), moment.memory.get_node(edge.src)
-    now = moment.now
-    if holder is not None and holder.type == "gripper":
-        is_sure = edge.get("source") == GRIPPER
-    else:  # no sensor feels what a hand only touches
-        is_sure = words is not TOUCHING and _is_in_sight(holder, now) and _is_in_sight(thing, now)
+    words = grip_words(moment, edge)
+    is_sure = edge.get("source") == GRIPPER  # what hands hold is worked out from their places: no sensor feels it
     verb = words.holds if is_sure else f"is believed to {words.hold}"
     relation = "touching" if words is TOUCHING else edge.type
     return Statement(
@@ -107,10 +103,6 @@ def _empty(gripper: str) -> Statement:
         text=f"{gripper} holds nothing.", subject=Subject.HOLDING, basis=Basis.PERCEIVED, names=(gripper,),
         claims=(StatedClaim("empty", (gripper,)),),
     )  # fmt: skip
-
-
-def _is_in_sight(node: Node | None, now: float) -> bool:
-    return node is not None and is_seen(node, now)
 
 
 def _wanted(node: Node) -> str:

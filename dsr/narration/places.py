@@ -60,13 +60,16 @@ def place_of_thing(moment: Moment, node: Node) -> Statement:
     relations = [*contents, *supports]
     evidence |= {"relations": [relation_evidence(edge) for edge in (*relations, *holders)]}
     around = [one for edge in relations if (one := moment.memory.get_node(edge.dst)) is not None]
-    in_place = bool(around or holders) and node.get("surprising") is not True and not _doubtful_camera(moment, evidence)
+    is_felt = any(edge.get("source") == GRIPPER for edge in holders)
+    is_doubted = node.get("surprising") is True or bool(_doubtful_camera(moment, evidence))
+    in_place = (bool(around) or is_felt) and not is_doubted
     perceived = in_place and all(is_seen(one, now) for one in (node, *around))
     claims, words = whereabouts(node.name, contents, supports, holders, place, around, perceived=perceived)
     if perceived:
         text = f"{node.name} {words}."
     else:
-        reason = why_believed(moment, node, around, _doubtful_camera(moment, evidence))
+        about = [*around, *_hands(moment, holders)]
+        reason = why_believed(moment, node, about, _doubtful_camera(moment, evidence))
         text = f"{node.name} is believed to {words}{f': {reason}' if reason else ''}."
     return Statement(
         text=text, subject=Subject.PLACE, basis=Basis.PERCEIVED if perceived else Basis.BELIEVED,
@@ -93,6 +96,11 @@ def relation_evidence(edge: Edge) -> dict[str, Any]:
     return known | {name: edge[name] for name in ("source", "since", "grip") if name in edge}
 
 
+def _hands(moment: Moment, holders: Iterable[Edge]) -> list[Node]:
+    nodes = (moment.memory.get_node(edge.src) for edge in holders)
+    return [node for node in nodes if node is not None and node.type == "hand"]
+
+
 def _doubtful_camera(moment: Moment, evidence: dict[str, Any]) -> str:
     """The camera of the newest percept, if that camera may have moved; else empty."""
     name = str(evidence.get("percept", {}).get("from", ""))
@@ -106,7 +114,7 @@ def why_believed(moment: Moment, node: Node, around: Iterable[Node] = (), doubtf
     Args:
         moment: the graph, and now.
         node: of the thing.
-        around: what the thing rests on or is in.
+        around: what the thing rests on, is in or is held by.
         doubtful: name of the camera that sees the thing, if that camera may have moved.
     """
     now = moment.now

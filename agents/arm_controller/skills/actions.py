@@ -55,7 +55,7 @@ class RunningActions:
         """Name of the action under way."""
         self.step = ""
         """Name of its present step."""
-        self._waits_for = ""
+        self._told = ""
         self._retreat_at = 0.0
         for node in memory.nodes("action"):
             if node.get("status") == RUNNING and self._is_mine(node):
@@ -115,7 +115,7 @@ class RunningActions:
         if problem or joints is None:
             self._say(node.name, status if refused else FAILED, problem)
             return
-        self.running, self.step = node.name, ""
+        self.running, self.step, self._told = node.name, "", ""
         try:
             self._arm.begin(joints, self._speed())
             steps = _SKILLS[skill](self._arm, node)
@@ -141,7 +141,7 @@ class RunningActions:
     def _advance(self, steps: Steps[None]) -> None:
         try:
             self.step = next(steps)
-            self._tell_waiting()
+            self._tell_course()
         except StopIteration:
             self._end(DONE, "", moving=False)
         except DsrError as error:
@@ -150,12 +150,12 @@ class RunningActions:
             self._end(FAILED, f"unexpected {type(error).__name__}: {error}")
             raise
 
-    def _tell_waiting(self) -> None:
-        """Say in the action's node for whom the arm stands still."""
-        whom = self._arm.waits_for
-        if whom != self._waits_for:
-            self._waits_for = whom
-            told = f"stands still: {whom} is near" if whom else ""
+    def _tell_course(self) -> None:
+        """Say in the action's node for whom the arm stands still, or what else it has to tell."""
+        whom = self._arm.execution.waits_for
+        told = f"stands still: {whom} is near" if whom else self._arm.note
+        if told != self._told:
+            self._told = told
             if self.running in self._memory:
                 self._memory.update_node(self.running, explanation=told)
 

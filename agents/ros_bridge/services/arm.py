@@ -127,7 +127,7 @@ class RosArm(RosDevice):
         values = [self._table[name] for name in self._names]
         return ArmState(
             stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
-            self._opening(), self._stalled, self._halt.reason,
+            self._opening(), self._stalled, self._halt.reason, tuple(value[2] for value in values),
         )  # fmt: skip
 
     def _opening(self) -> float:

@@ -168,9 +168,7 @@ def run_system(
     return play(run, system, observer, onlooker).result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
 
 
-def play(
-    run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None
-) -> Judge:
+def play(run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None) -> Judge:
     """Play as `run_system` does; the judge with all that it has seen, for those who measure something else."""
     observer = observer or Silent()
     scenario = run.scenario

@@ -127,6 +127,31 @@ def test_only_the_arm_that_moves_into_the_other_is_near(memory: Memory) -> None:
     assert (near(into), near(0.0), near(away)) == ("arm_2", "", "")
 
 
+def test_an_arm_that_fell_silent_is_minded_along_its_way(memory: Memory) -> None:
+    """Its controller died: it moves on until its device stops it, and nobody tells where it is."""
+    others = OtherArms(memory, "arm")
+    tip = MODEL.chain.forward(tuple(REST)).t
+    put(memory, "arm_2", (0.9, 0.9, 0.0), 100.0)
+    ahead = (tip[0], 0.15, tip[2], 0.0, 0.0, 0.0, 1.0, 0.2, 0.1, 0.2)
+    memory.update_node("arm_2", way=ahead, way_times=(100.5,))
+
+    def near(stamp: float) -> str:
+        joints = Joints(stamp, tuple(REST), (-1.2, *[0.0] * 6), 0.085, False)
+        return others.is_near(FIGURE, Pose.identity(), joints)
+
+    assert (near(100.1), near(100.1 + SILENT)) == ("", "arm_2")
+
+
+def test_a_way_that_is_announced_changes_the_claims(memory: Memory) -> None:
+    others, announcer = OtherArms(memory, "arm_2"), Announcer(memory, "arm", FIGURE)
+    put(memory, "arm", (0.4, 0.0, 0.1), 100.0)
+    before = others.claims()
+    announcer.announce(way(), 100.0, Pose.identity(), Load(0.085))
+    assert others.claims() != before and {box.name for box in others.obstacles_of_first(100.0)} == {"arm"}
+    announcer.withdraw()
+    assert others.claims() == before
+
+
 def test_an_arm_that_stands_still_is_not_near_when_the_other_one_comes(memory: Memory) -> None:
     others = OtherArms(memory, "arm")
     tip = MODEL.chain.forward(tuple(REST)).t

@@ -6,6 +6,7 @@ import base64
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
 import threading
@@ -256,6 +257,7 @@ def _ask_and_confirm(memory: Memory, extra: dict[str, str]) -> None:
 
     try:
         assert server.stderr is not None and "assistants connect to" in server.stderr.readline()
+        _wait_for(port)
         anyio.run(run)
     finally:
         server.terminate()
@@ -263,3 +265,15 @@ def _ask_and_confirm(memory: Memory, extra: dict[str, str]) -> None:
     assert memory.replica.wait_until(lambda: "halt" in memory, 10.0)
     assert memory.node("halt")["halted"] is True
     assert memory.replica.wait_until(lambda: bool(memory.nodes("intention")), 10.0)
+
+
+def _wait_for(port: int) -> None:
+    """Wait until somebody listens: the server says where it will, and then begins to."""
+    end = WALL_CLOCK.monotonic() + 30.0
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), 1.0).close()
+            return
+        except OSError:
+            assert WALL_CLOCK.monotonic() < end, f"nobody listens on {port}"
+            WALL_CLOCK.wait(threading.Event(), 0.1)
