@@ -51,7 +51,8 @@ QUICK = re.compile(
     r"|tell( (--since|--about) [\w-]+| --json)*|tell recording\.mcap .*"
     r"|record (info|export) recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
-    r"|save scene\.json|mission --list|bench --list|drivers list|new \w+|scenario (list|(check|truth) \S+)"
+    r"|save scene\.json|mission --list|bench --list|drivers list|new \w+"
+    r"|scenario (list|(check|truth) \S+|generate \S+ --seed \d+ -o \S+)"
     r"|robots (list|check \w+)"
     r"|security (init|add|show)(?!.*--renew) .*"
 )
