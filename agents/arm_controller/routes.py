@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
@@ -258,6 +257,8 @@ class Router:
 
         The tool is anywhere around the base, no farther away and no higher or lower than both by half of the reach.
         """
+        from scipy.spatial.transform import Rotation  # takes half a second, which most processes need not wait for
+
         tips = self._chain.frames(ends)[:, -1]
         away, height = tips[:, :2, 3] @ tips[:, :2, 3].T, tips[:, 2, 3]
         farthest = 1.5 * math.sqrt(float(away.diagonal().max()))
