@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import random
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -19,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
+
+import numpy as np
 
 from benchmarks.years.lifeline import Lifeline
 from dsr.files import private_files
@@ -57,7 +58,7 @@ class FailingDisk:
         """Probability with which a flush fails (EIO), and nothing of it is on the disk."""
         self.life: Lifeline | None = None
         """Of the process that runs there; none if none does."""
-        self._random = random.Random(seed)
+        self._random = np.random.default_rng(seed)
         self._trash = root.with_name(f"{root.name}.trash")
         self._removed = 0
         self._flushed: dict[int, int] = {}
@@ -99,7 +100,7 @@ class FailingDisk:
         self.reach("write")
         if self.full:
             self.met["no room"] += 1
-            raw.write(data[: self._random.randrange(len(data) + 1)])
+            raw.write(data[: self._random.integers(len(data) + 1)])
             raise OSError(errno.ENOSPC, "the simulated disk is full")
         raw.write(data)
 
@@ -156,7 +157,7 @@ class FailingDisk:
 
     def lose_power(self) -> None:
         """What was not flushed is lost, as a whole or in part."""
-        kept = self._random.randint(0, len(self._changes))
+        kept = int(self._random.integers(len(self._changes) + 1))
         for change in reversed(self._changes[kept:]):
             self.met["lost name"] += 1
             change.undo()
@@ -172,12 +173,12 @@ class FailingDisk:
 
     def _tear(self, path: Path, flushed: int, size: int) -> None:
         """Keep what was flushed, and some of the rest; its last sector may hold anything."""
-        kept = self._random.randint(flushed, size)
+        kept = int(self._random.integers(flushed, size + 1))
         self.met["lost write" if kept == flushed else "torn write"] += 1
         data = bytearray(path.read_bytes()[:kept])
         begin = max(flushed, kept - kept % SECTOR)
         if begin < kept and self._random.random() < 0.5:
-            data[begin:kept] = self._random.randbytes(kept - begin)
+            data[begin:kept] = self._random.bytes(kept - begin)
         path.write_bytes(data)
 
 

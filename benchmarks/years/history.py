@@ -7,12 +7,13 @@ and which are left out for a while, follows from the seed.
 from __future__ import annotations
 
 import contextlib
-import random
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from unittest import mock
+
+import numpy as np
 
 from benchmarks.years.disk import FailingDisk, failing_disks
 from benchmarks.years.lifeline import KilledError, Lifeline
@@ -60,7 +61,7 @@ class History(World):
         self.disks = disks
         self.keepers: dict[int, WorldKeeper] = {}
         self.places = places
-        self._random = random.Random(seed)
+        self._random = np.random.default_rng(seed)
         self._lives: dict[int, Lifeline] = {}
         self._down: dict[int, float] = {}
         self._stopped: set[int] = set()
@@ -184,6 +185,7 @@ class History(World):
         """Let time pass, in which everybody does what is due."""
         self.lived += seconds
         super().advance(seconds)
+        self.worlds.note()
 
     # ---- steps
 
@@ -383,7 +385,7 @@ def begun(places: int, seed: int, *, secured: bool = False) -> Iterator[History]
         seed: of all that is random.
         secured: see `History`.
     """
-    examined = random.Random(seed).choice(MOST_EXAMINED)
+    examined = MOST_EXAMINED[np.random.default_rng(seed).integers(len(MOST_EXAMINED))]
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="dsr-years-")))
         disks = [FailingDisk(folder / str(place), seed + place) for place in range(min(KEPT, places))]

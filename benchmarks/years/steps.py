@@ -5,8 +5,9 @@ A step says all that happens in it. So a history can be run again, written down,
 
 from __future__ import annotations
 
-import random
 from typing import NamedTuple
+
+import numpy as np
 
 HOUR = 3600.0
 DAY = 24 * HOUR
@@ -39,12 +40,14 @@ class Step(NamedTuple):
 
 def day(seed: int, number: int, steps: int) -> list[Step]:
     """The steps of one day of a history: work and faults, the healing of all, and a long sleep."""
-    drawn = random.Random(f"{seed}/{number}")
-    kinds = drawn.choices(list(_ALL), list(_ALL.values()), k=steps)
-    return [*(_drawn(drawn, kind) for kind in kinds), Step("heal"), Step("sleep", amount=drawn.uniform(0.5, 1.0) * DAY)]
+    drawn = np.random.default_rng([seed, number])
+    weights = np.array(list(_ALL.values()), dtype=float)
+    kinds = drawn.choice(list(_ALL), size=steps, p=weights / weights.sum())
+    sleep = Step("sleep", amount=float(drawn.uniform(0.5, 1.0)) * DAY)
+    return [*(_drawn(drawn, str(kind)) for kind in kinds), Step("heal"), sleep]
 
 
-def _drawn(drawn: random.Random, kind: str) -> Step:
+def _drawn(drawn: np.random.Generator, kind: str) -> Step:
     amount = 0.0
     match kind:
         case "pass":
@@ -54,5 +57,5 @@ def _drawn(drawn: random.Random, kind: str) -> Step:
         case "clock":
             amount = drawn.choice([-0.4, 0.4, drawn.uniform(-3 * HOUR, 3 * HOUR), -DAY * 365])
         case "kill" | "kill as it starts":
-            amount = drawn.randrange(LONGEST_KILL) if drawn.random() < 0.5 else drawn.randrange(6)
-    return Step(kind, drawn.randrange(60), drawn.randrange(1 << 16), amount)
+            amount = drawn.integers(LONGEST_KILL if drawn.random() < 0.5 else 6)
+    return Step(kind, int(drawn.integers(60)), int(drawn.integers(1 << 16)), float(amount))
