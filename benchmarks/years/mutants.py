@@ -214,7 +214,6 @@ MUTANTS: list[Mutant] = [
     Mutant("nothing is settled", Pace, "settling_due", constant(False)),
     Mutant("all peers are forgotten at each look", Peers, "forget_gone", _forget_at_once),
     Mutant("no peer is ever asked", Synchroniser, "_peer_to_ask", constant(None)),
-    Mutant("deltas account for nothing", Claims, "own_part", _result_without("context")),
     Mutant("deltas remove nothing", Claims, "own_part", _result_without("removed")),
     Mutant("deltas write nothing, and account for it", Claims, "own_part", _result_without("writes")),
     Mutant("additions of deltas are left out, and accounted for", Claims, "own_part", _result_without("adds")),
