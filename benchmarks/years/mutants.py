@@ -247,7 +247,6 @@ MUTANTS: list[Mutant] = [
     # ---- what guards
     Mutant("everybody may everything", Gate, "objection", constant(None)),
     Mutant("everybody may remove everything", gate._Screening, "_removable", _all_of),
-    Mutant("everybody may write everything", gate._Screening, "_may_write", constant(True)),
     Mutant("everybody may speak for others", gate._Screening, "_is_own", constant(True)),
     Mutant("anybody's dots may be used", gate._Screening, "_is_own_dot", constant(True)),
     Mutant("nobody is trusted", Gate, "trusts", constant(False)),

@@ -8,20 +8,19 @@ from benchmarks.years.mutants import MUTANTS, STEPS, Mutant, seed_that_shows
 from benchmarks.years.running import Setting, run
 
 SEEDS: dict[str, int] = {
-    "everybody may speak for others": 95, "replicas do not move to the winner's channel": 76,
-    "a snapshot leaves out what waits": 18, "all worlds of one name meet": 1,
-    "answers of trusted ones remove nothing": 7, "anybody's dots may be used": 3,
-    "closed worlds stay in the list of open ones": 10, "counters are used in two worlds": 9,
-    "deleted worlds stay open": 10, "deltas remove nothing": 26, "edges need no ends": 10,
-    "everybody may everything": 5, "everybody may remove everything": 7, "everybody may write everything": 19,
-    "files of deleted worlds stay": 15, "forks change with their parent": 9,
-    "forks show the writes of their parent": 9, "no digest shows that something is missing": 3,
-    "nobody asks for what it lacks": 3, "nobody is trusted": 1, "nothing is settled": 5,
-    "of two writes the first is kept": 3, "only the newest journal is read or kept": 42,
-    "removals do not pass the gate": 7, "samples are never made durable": 5, "the list is not followed": 10,
-    "the old generation goes before the new one is there": 57, "what a peer removed stays": 7,
-    "what cannot be judged counts as seen": 3, "what is added in answers does not pass": 1,
-    "writes that came too early count as seen": 10,
+    "a snapshot does not say what was seen": 18, "a torn journal is gone on with": 6,
+    "all worlds of one name meet": 1, "answers of trusted ones remove nothing": 1, "anybody's dots may be used": 5,
+    "closed worlds stay in the list of open ones": 14, "counters are used in two worlds": 9,
+    "deleted worlds stay open": 14, "deltas remove nothing": 2, "edges need no ends": 5,
+    "everybody may everything": 21, "everybody may remove everything": 33, "everybody may speak for others": 11,
+    "files of deleted worlds stay": 8, "forks change with their parent": 9,
+    "forks show the writes of their parent": 9, "no digest shows that something is missing": 2,
+    "nobody asks for what it lacks": 2, "nobody is trusted": 3, "nothing is settled": 2,
+    "only the newest journal is read or kept": 2, "removals are not kept": 1, "removals do not pass the gate": 3,
+    "replicas do not move to the winner's channel": 24, "samples are never made durable": 2,
+    "the list is not followed": 14, "the old generation goes before the new one is there": 20,
+    "what a peer removed stays": 1, "what cannot be judged counts as seen": 3,
+    "what is added in answers does not pass": 1, "writes that came too early count as seen": 10,
 }  # fmt: skip
 """Of histories that show these; all others are shown by the first."""
 
