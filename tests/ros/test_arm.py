@@ -126,6 +126,29 @@ def test_whoever_dies_leaves_no_motion(controllers: RealNode, domain: int, netwo
         arm.close()
 
 
+def test_a_halt_stops_it_although_the_process_in_ros_hangs(
+    controllers: RealNode, domain: int, network: LocalNetwork
+) -> None:
+    """The deadman's process has a ROS of its own, which is asked then."""
+    arm = RosArm(network.connect("arm"), KEYS, joints=JOINTS, deadman=600.0, link=options(domain))
+    process = None
+    try:
+        eventually(arm.state)
+        arm.keep_alive()
+        begin(arm, controllers, (600.0,), ((3.0, 0.0),))
+        assert isinstance(arm.link, DdsLink) and arm.link._installed is not None
+        process = arm.link._installed._process._process
+        os.kill(process.pid, signal.SIGSTOP)
+        send_order(network.connect("person"), KEYS, HaltOrder("1", True, "person"))
+        network.deliver()
+        eventually(lambda: "canceled" in controllers.arm_now()["ended"])
+        eventually(lambda: not controllers.arm_now()["moves"])
+        assert any("it did not react for 1 s, and was killed" in text for text in arm.tally.told)
+    finally:
+        arm.close()
+    assert process is not None and process.poll() is not None
+
+
 def test_joints_that_the_controller_has_not_are_rejected_and_told(
     controllers: RealNode, domain: int, network: LocalNetwork
 ) -> None:

@@ -2,7 +2,7 @@
 
 A controller of ROS carries a trajectory out to its end, whoever sent it has died or not. So the driver starts this
 process, and writes to its standard input at each tick. The process cancels all goals when nothing has come for a while,
-and when the input ends without a farewell.
+and when the input ends without a farewell. The driver may ask for it, too, if its own way is blocked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from dsr.config.toml import convert
 FOLLOW = "control_msgs/action/FollowJointTrajectory"
 ALL_GOALS = bytes(16)
 """A goal id of zeros: to cancel it ends all goals of the server"""
-_ALIVE, _FAREWELL = b".", b"q"
+_ALIVE, _CANCEL, _FAREWELL = b".", b"c", b"q"
 _ANSWER_WITHIN = 2.0
 """s that a controller may take to cancel"""
 _TRIES = 5
@@ -58,6 +58,15 @@ class Deadman:
         """The driver lives; never waits."""
         self._write(_ALIVE)
 
+    def cancel(self) -> None:
+        """Cancel all goals now; never waits."""
+        self._write(_CANCEL)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process has ended, and watches no more."""
+        return self._process.poll() is not None
+
     def close(self) -> None:
         """The driver ends in good order: nothing is cancelled."""
         self._write(_FAREWELL)
@@ -77,7 +86,7 @@ class Deadman:
 def watch(source: int, patience: float, cancel: Callable[[], None]) -> None:
     """Call `cancel` when `source` (a file descriptor) is silent for `patience` s after a sign of life, or ends.
 
-    Returns after a farewell, or the end of the source.
+    The source may ask for it, too. Returns after a farewell, or the end of the source.
     """
     is_alive = False
     while True:
@@ -87,6 +96,8 @@ def watch(source: int, patience: float, cancel: Callable[[], None]) -> None:
             cancel()
             continue
         signs = os.read(source, 4096)
+        if _CANCEL in signs:
+            cancel()
         if _FAREWELL in signs:
             return
         if not signs:

@@ -57,6 +57,15 @@ def test_nothing_is_cancelled_before_the_first_sign_of_life_and_after_a_farewell
     assert not watched.thread.is_alive() and not watched.cancelled.acquire(blocking=False)
 
 
+def test_a_driver_whose_own_way_is_blocked_may_ask_for_it(watched: Watched) -> None:
+    os.write(watched.pipe, b"c")
+    assert watched.cancelled.acquire(timeout=10.0)
+    os.write(watched.pipe, b"cq")
+    assert watched.cancelled.acquire(timeout=10.0)
+    watched.thread.join(10.0)
+    assert not watched.thread.is_alive()
+
+
 def test_a_driver_that_dies_without_a_word_has_its_motions_cancelled(watched: Watched) -> None:
     os.write(watched.pipe, b".")
     os.close(watched.pipe)
