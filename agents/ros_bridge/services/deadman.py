@@ -47,9 +47,8 @@ class Deadman:
 
     def __init__(self, link: Mapping[str, Any], action: str, patience: float) -> None:
         options = msgspec.json.encode({"link": link, "action": action, "patience": patience}).decode()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", __name__, options], stdin=subprocess.PIPE, start_new_session=True
-        )
+        program = [sys.executable, "-c", f"from {__name__} import main; main()", options]
+        self._process = subprocess.Popen(program, stdin=subprocess.PIPE, start_new_session=True)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
         os.set_blocking(self._pipe.fileno(), False)
@@ -120,12 +119,9 @@ def main() -> None:
                 return
 
     try:
-        watch(sys.stdin.fileno(), options["patience"], cancel)
+        with contextlib.suppress(KeyboardInterrupt):
+            watch(sys.stdin.fileno(), options["patience"], cancel)
     finally:
         client.close()
         link.close()
 
-
-if __name__ == "__main__":
-    with contextlib.suppress(KeyboardInterrupt):
-        main()
