@@ -46,6 +46,8 @@ class ArmState(msgspec.Struct, frozen=True):
     """Both pads touch something."""
     fault: str = ""
     """Why the device stopped by itself, or refuses to move, in words; empty if it does as it is told."""
+    efforts: tuple[float, ...] = ()
+    """Torque (N m), force (N) or current (A) of each joint, as the device tells it; empty if it tells none."""
 
 
 class TagReading(msgspec.Struct, frozen=True):
@@ -268,6 +270,22 @@ def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any
 
     Raises `ConfigError` for an unknown name, or options that it does not have, or that are of another type.
     """
+    factory = _factory(name)
+    try:
+        inspect.signature(factory).bind(bus, keys, **options)
+    except TypeError as error:
+        raise ConfigError(f"driver {name!r}: {error}; its options: {', '.join(_options(factory)) or 'none'}") from error
+    _check_types(name, factory, options)
+    return factory(bus, keys, **options)
+
+
+def has_option(name: str, option: str) -> bool:
+    """Whether the driver `module:Class`, or that of an entry, has an option. Raises `ConfigError` if there is none."""
+    return option in _options(_factory(name))
+
+
+def _factory(name: str) -> Any:
+    """What makes drivers of that name. Raises `ConfigError`."""
     place = name if ":" in name else camera_entry(name).driver
     module, _, cls = place.partition(":")
     try:
@@ -277,12 +295,7 @@ def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any
         raise ConfigError(f"driver {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
     if not callable(factory):
         raise ConfigError(f"driver {name!r} is a {type(factory).__name__}; expected 'module:Class'")
-    try:
-        inspect.signature(factory).bind(bus, keys, **options)
-    except TypeError as error:
-        raise ConfigError(f"driver {name!r}: {error}; its options: {', '.join(_options(factory)) or 'none'}") from error
-    _check_types(name, factory, options)
-    return factory(bus, keys, **options)
+    return factory
 
 
 def _check_types(name: str, factory: Any, options: Mapping[str, Any]) -> None:

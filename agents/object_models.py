@@ -104,7 +104,18 @@ def _size_and_shape(link: ET.Element) -> tuple[Vector3, Shape]:
     if not 1 <= len(collisions) <= MOST_PARTS:
         name = attribute(link, "name")
         raise ValueError(f"<link name={name!r}>: {len(collisions)} <collision> elements; expected 1 to {MOST_PARTS}")
-    parts = tuple(_part(index, collision) for index, collision in enumerate(collisions, start=1))
+    return size_and_shape(tuple(_part(index, collision) for index, collision in enumerate(collisions, start=1)))
+
+
+def size_and_shape(parts: Shape) -> tuple[Vector3, Shape]:
+    """The edge lengths (m) of the bounding box of some parts, and the parts in the frame at its centre.
+
+    A single upright box has no parts. Raises `ValueError` for too many parts, and for parts too thin or too large.
+    """
+    if not 1 <= len(parts) <= MOST_PARTS:
+        raise ValueError(f"{len(parts)} parts; expected 1 to {MOST_PARTS}")
+    for index, part in enumerate(parts, start=1):
+        _check_thickness(f"part {index} ({part.kind})", part.size)
     shape, _ = centred(parts)
     low, high = bounds(shape)
     x, y, z = (round(b - a, _DIGITS) for a, b in zip(low, high, strict=True))
@@ -118,13 +129,17 @@ def _part(index: int, collision: ET.Element) -> Part:
     try:
         pose = origin(collision.find("origin"))
         kind, size = collision_solid(collision)
-        if min(size) < _THINNEST:
-            found = " x ".join(f"{edge:g}" for edge in size)
-            raise ValueError(f"<{kind}>: expected lengths of at least {_THINNEST} m, got {found}")
+        _check_thickness(f"<{kind}>", size)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from error
     x, y, z = (round(value, _DIGITS) for value in pose.t)
     return Part(cast(PartKind, kind), size, (x, y, z), pose.q)
+
+
+def _check_thickness(what: str, size: Vector3) -> None:
+    if min(size) < _THINNEST:
+        found = " x ".join(f"{edge:g}" for edge in size)
+        raise ValueError(f"{what}: expected lengths of at least {_THINNEST} m, got {found}")
 
 
 def _mass(link: ET.Element) -> float:

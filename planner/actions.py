@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from dsr.errors import GraphError
 from dsr.graph.elements import Node
 from dsr.memory import Memory
+from dsr.vocabulary.arms import arm_of_action
 from dsr.vocabulary.intentions import ENDED, FAILED, MIND, PLANNED, PREFIX, RUN, RUNNING
 from planner.grounding import Skill
 
@@ -44,20 +45,27 @@ class Actions:
         """Write a plan behind the present actions; returns the names of its nodes."""
         names = []
         for skill in skills:
-            name = f"{self._stem}{self._next}"
-            self._add(name, skill)
+            name = self.write_apart(skill)
             if self._names:
                 self._memory.add_edge(self._names[-1], name, "next")
             self._names.append(name)
             names.append(name)
-            self._next += 1
         return names
+
+    def write_apart(self, skill: Skill) -> str:
+        """Write an action that is no part of the plan; returns the name of its node. `drop` leaves it alone."""
+        name = f"{self._stem}{self._next}"
+        self._add(name, skill)
+        self._next += 1
+        return name
 
     def _add(self, name: str, skill: Skill) -> None:
         memory = self._memory
         values: dict[str, Any] = {"target": skill.target, "destination": skill.destination}
         if skill.target_pose is not None:
             values["target_pose"] = skill.target_pose
+        if skill.arm:
+            values["arm"] = skill.arm
         values |= {"order": self._next, "skill": skill.name, "status": PLANNED, "request": "", "source": _SOURCE}
         memory.add_node(name, "action", **values)
         parent = self._intention if self._intention in memory else MIND
@@ -103,7 +111,8 @@ def is_under_way(node: Node) -> bool:
     return status == RUNNING or (status == PLANNED and node.get("request", "") == RUN)
 
 
-def other_action(memory: Memory, own: str) -> str | None:
+def other_action(memory: Memory, own: str, arm: str) -> str | None:
     """An action that the arm carries out now, other than `own`."""
-    names = sorted(node.name for node in memory.nodes("action") if _progress(node).status == RUNNING)
+    running = [node for node in memory.nodes("action") if _progress(node).status == RUNNING]
+    names = sorted(node.name for node in running if arm_of_action(memory, node) == arm)
     return next((name for name in names if name != own), None)

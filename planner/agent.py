@@ -55,6 +55,7 @@ class Planner(Agent):
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
         attributes=(
             *("goal", "maintain", "priority", "status", "explanation", "hopeless", "request"),
+            *("arm", "controller", "gripper"),
             *("size", "present", "surprising", "mount"),
             *("detectable", "source", "replans", *INTRINSICS, *HALT_ATTRIBUTES),
         ),
@@ -64,7 +65,7 @@ class Planner(Agent):
         edges=("has", "next"),
         attributes=(
             *("status", "explanation", "replans", "order", "skill", "target", "destination", "target_pose"),
-            *("request", "source"),
+            *("request", "source", "arm"),
         ),
         exclusive=("next",),
     )

@@ -1,4 +1,4 @@
-"""The arm as the planner works with it: run one action, halt it, rest; nothing of it blocks."""
+"""The arms as the planner works with them: run one action, halt it, rest; nothing of it blocks."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import Protocol
 
 from dsr.graph.elements import Edge
 from dsr.memory import Memory
-from dsr.network.keys import agent_of
+from dsr.vocabulary.arms import arm_of_action
 from dsr.vocabulary.intentions import ENDED, EXECUTING, FAILED, HALT, HALTED, PLANNED, RUN, WAITING
 from dsr.vocabulary.relations import read_relations
 from planner.actions import Actions, Progress, is_under_way, other_action
+from planner.arms import Arms, PlannedArm
 from planner.config import PlannerConfig
 from planner.errors import Failure, Interruption, Setback
-from planner.grounding import OBSERVE
+from planner.grounding import Skill
 
 Script = Generator[None, None, None]
 """Does a part of its work each time it is resumed."""
@@ -32,7 +33,9 @@ class Tell(Protocol):
 
 
 class Arm:
-    """Asks the arm controller for one action after the other, on behalf of one intention.
+    """Asks arm controllers for one action after the other, on behalf of one intention.
+
+    With several arms only one at a time moves things. Another one may be on the way to its rest meanwhile.
 
     Args:
         memory: the graph.
@@ -57,31 +60,49 @@ class Arm:
         self.actions = Actions(memory, intention)
         self.running = ""
         """The action that was asked for and has not ended."""
-        self.at_rest = True
-        """Whether it has done nothing since it was at rest."""
+        self.arms = Arms(memory, config)
+        self._away: set[str] = set()
+        """Arms that have done something since they were at rest"""
+        self._leaving: dict[str, str] = {}
+        """Actions by which arms go to their rest while another one works, by arm"""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no arm has done anything since it was at rest."""
+        return not self._away
 
     @property
     def there(self) -> bool:
-        """Whether the arm controller runs."""
-        return any(agent_of(rid) == self._config.arm_agent for rid in self._memory.peers)
+        """Whether the controller of some arm runs."""
+        return self.arms.is_any_there
 
     def tell_gone(self) -> None:
         """Say that it does not run."""
-        self._tell(WAITING, f"agent {self._config.arm_agent!r} does not run")
+        self._tell(WAITING, f"agent {self.arms.all()[0].agent!r} does not run")
+
+    def send_away(self, arm: str) -> None:
+        """Let an arm go to its rest, and do not wait for that: another one is to work."""
+        if arm in self._away:
+            name = self.actions.write_apart(Skill("observe", arm=arm))
+            self.actions.ask(name, RUN)
+            self._leaving[arm] = name
+            self._away.discard(arm)
 
     def run(
         self, name: str, told: str, watch: Callable[[], None], trouble: Callable[[], str] = str
     ) -> Generator[None, None, Progress]:
         """Ask the arm to run an action, and return its outcome. Raises the errors of `watch`, and `Interruption`."""
-        while (busy := other_action(self._memory, name)) is not None:
+        arm = self._arm_of(name)
+        while (busy := other_action(self._memory, name, arm.name)) is not None:
             self._tell(WAITING, f"the arm is busy with {busy}")
             watch()
             yield
         self.actions.ask(name, RUN)
-        self.running, self.at_rest, began = name, False, self._now()
+        self.running, began = name, self._now()
+        self._away.add(arm.name)
         while (progress := self.actions.progress(name)).status not in ENDED:
             elapsed = self._now() - began
-            if not self.there:
+            if not self.arms.runs(arm):
                 raise Interruption("the arm controller is gone")
             if elapsed > self._config.action_limit:
                 raise Failure(f"{name} takes longer than {self._config.action_limit:g} s")
@@ -101,9 +122,11 @@ class Arm:
         if not self.running:
             return
         self.actions.ask(self.running, HALT)
-        began = self._now()
+        began, arm = self._now(), self._arm_of(self.running)
         while self.actions.progress(self.running).status not in ENDED:
-            if not self.there:
+            if not self.arms.runs(arm):
+                if self.there:
+                    break  # it has died; another one goes on
                 self.tell_gone()
                 if self._intention not in self._memory:
                     break  # nobody waits for it
@@ -117,19 +140,38 @@ class Arm:
         self.running = ""
 
     def rest(self, told: str = "looking") -> Script:
-        """Let the arm rest where it hides nothing, and tell meanwhile why. If it cannot, so be it."""
+        """Let the arms rest where they hide nothing, and tell meanwhile why. If one cannot, so be it."""
         while not self.there:
             self.tell_gone()
             yield
-        [name] = self.actions.write([OBSERVE])
-        try:
-            progress = yield from self.run(name, told, lambda: None)
-        except Setback as setback:
-            progress = Progress(FAILED, str(setback))
-            yield from self.halt()
-        self.at_rest = True
-        if progress.status in (FAILED, HALTED):
-            self._log.warning("the arm could not go to its rest: %s", progress.explanation)
+        several = len(self.arms.all()) > 1
+        usable = self.arms.usable()
+        for arm in [arm for arm in usable if several and arm.name in self._away] or usable:
+            [name] = self.actions.write([Skill("observe", arm=arm.name if several else "")])
+            try:
+                progress = yield from self.run(name, told, lambda: None)
+            except Setback as setback:
+                progress = Progress(FAILED, str(setback))
+                yield from self.halt()
+            if progress.status in (FAILED, HALTED):
+                self._log.warning("the arm could not go to its rest: %s", progress.explanation)
+        yield from self.all_left()
+        self._away.clear()
+
+    def all_rest(self, *, done: bool) -> Script:
+        """After the last arm was asked to rest: see that all do; `done` says whether that one does."""
+        if not done:
+            yield from self.rest()
+        yield from self.all_left()
+        self._away.clear()
+
+    def all_left(self) -> Script:
+        """Wait until arms that were sent away have come to their rest, as far as they do."""
+        for arm, name in self._leaving.items():
+            while self.actions.progress(name).status not in ENDED and self.arms.runs(self.arms.named(arm)):
+                yield
+            self._memory.remove_node(name)
+        self._leaving.clear()
 
     def is_hidden(self, things: Iterable[str]) -> bool:
         """Whether no camera can recognise one of `things` although nothing is on it: the arm may be in front of it."""
@@ -148,6 +190,11 @@ class Arm:
         """What the cameras should see of a thing."""
         cameras = {node.name for node in self._memory.nodes("camera")}
         return [edge for edge in self._memory.edges("sees", dst=thing) if edge.src in cameras]
+
+    def _arm_of(self, action: str) -> PlannedArm:
+        """The arm that is to carry out an action."""
+        node = self._memory.get_node(action)
+        return self.arms.named("" if node is None else arm_of_action(self._memory, node))
 
     def _is_under_way(self) -> bool:
         node = self._memory.get_node(self.running)

@@ -61,6 +61,8 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s that an action may take; then it is halted."""
     halt_limit: float = 10.0
     """s that the arm may take to halt."""
+    return_within: float = 5.0
+    """s for which the work of an arm waits whose controller has gone: one that died is started again within 2 s."""
     linger: float = 4.0
     """s after which an intention that was reached is removed."""
     most_failures: int = 4

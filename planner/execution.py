@@ -14,7 +14,7 @@ from dsr.errors import GoalError
 from dsr.memory import Memory
 from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import Goal, parse_goal
-from dsr.vocabulary.halting import HALT_NODE, order_of
+from dsr.vocabulary.halting import order_about
 from dsr.vocabulary.intentions import (
     DONE,
     FAILED,
@@ -27,8 +27,9 @@ from dsr.vocabulary.intentions import (
     WAITING,
     WANTED,
 )
-from dsr.vocabulary.relations import SURFACES, THINGS, Relation, Relations, read_relations
+from dsr.vocabulary.relations import SURFACES, THINGS, Relation, Relations
 from planner.arm import Arm, Script
+from planner.arms import Place
 from planner.config import PlannerConfig
 from planner.contradictions import by_state, searched
 from planner.errors import (
@@ -46,7 +47,7 @@ from planner.errors import (
     Unsolvable,
 )
 from planner.foresight import Foresight
-from planner.grounding import OBSERVE, Place, Skill, stacked
+from planner.grounding import OBSERVE, Skill, stacked
 from planner.intentions import Intention, tell
 from planner.looking import Search
 from planner.making import PlanMaker
@@ -96,6 +97,7 @@ class Execution:
         self._plans = 0
         self._in_vain = 0
         self._avoid: list[Place] = []
+        self._missed: set[str] = set()  # arms that were waited for in vain
         self._told = ""
         self._last = self._relations()
         self._last_since = self._now()
@@ -144,6 +146,7 @@ class Execution:
             yield from self._arm.rest()
         while True:
             self._check_allowed()
+            yield from self._await_return()
             yield from self._settle()
             yield from self._waiting.until_there(goal)
             if goal.holds(self._relations()):
@@ -161,10 +164,10 @@ class Execution:
                 self._check_worth(goal)
 
     def _check_allowed(self) -> None:
-        """Raise `GivingUp` while an emergency stop forbids motion: nothing begins by itself when it is released."""
-        order = order_of(self._memory.get_node(HALT_NODE))
-        if order is not None and order.halted:
-            raise GivingUp(FAILED, order.reason)
+        """Raise `GivingUp` while emergency stops forbid all motion: nothing begins by itself when it is released."""
+        orders = [order_about(self._memory, arm.name) for arm in self._arm.arms.all()]
+        if all(order is not None and order.halted for order in orders) and orders[0] is not None:
+            raise GivingUp(FAILED, orders[0].reason)
 
     def _check_worth(self, goal: Goal) -> None:
         """After a plan that was carried out to its end: raise `GivingUp` if that has been in vain too often."""
@@ -199,6 +202,21 @@ class Execution:
         return goal
 
     # ---- planning
+
+    def _await_return(self) -> Script:
+        """Wait a while for the controllers of arms that have gone: they may only be started again."""
+        began, config = self._now(), self._config
+        while True:
+            arms = self._arm.arms
+            gone = {arm.name: arm.trouble for arm in arms.all() if arm.trouble and not arms.runs(arm)}
+            self._missed &= gone.keys()
+            if gone.keys() <= self._missed:
+                return
+            if self._now() - began > config.return_within:
+                self._missed |= gone.keys()
+                return
+            self._tell(WAITING, f"{', '.join(gone.values())}; goes on without after {config.return_within:g} s")
+            yield
 
     def _settle(self) -> Script:
         """Wait for relations that stay the same and for surprises to be explained, both not for ever.
@@ -259,18 +277,20 @@ class Execution:
     def _act(self, goal: Goal, steps: tuple[PlanStep, ...], skills: list[Skill]) -> Script:
         """Carry out a plan. Raises `Setback` when it cannot be finished."""
         self._actions.drop(ended_too=True)
-        names = self._actions.write([*skills, OBSERVE])
+        names = self._actions.write(self._with_rest(skills))
         self.around.log.info("plan for %s: %s", goal, "; ".join(map(str, steps)))
         before = self._relations()
         at = 0
         while at < len(steps):
             step, name = steps[at], names[at]
+            if at and skills[at].arm != skills[at - 1].arm:
+                self._arm.send_away(skills[at - 1].arm)
             told = f"action {at + 1} of {len(names)}: {skills[at]}"
             try:
                 yield from self._do(step, skills[at], name, before, told)
             except (PlanDeviation, Interruption) as setback:
                 done = yield from self._resumable(step, before, setback)
-                if done is None:
+                if done is None or self._arm.arms.named(skills[at].arm) not in self._arm.arms.usable():
                     raise
                 self.around.log.info("%s; it is as it was, going on", setback)
                 at += done
@@ -281,14 +301,16 @@ class Execution:
             before = self._relations()
         told = f"action {len(names)} of {len(names)}: {OBSERVE}"
         progress = yield from self._arm.run(names[-1], told, lambda: None)
-        if progress.status != DONE:
-            yield from self._arm.rest()
-        self._arm.at_rest = True
+        yield from self._arm.all_rest(done=progress.status == DONE)
+
+    def _with_rest(self, skills: list[Skill]) -> list[Skill]:
+        """The skills, and then the rest of the arm that does the last one."""
+        return [*skills, Skill("observe", arm=skills[-1].arm if skills else "")]
 
     def _replaced(self, skills: list[Skill]) -> list[str]:
         """Fresh nodes for what is left of a plan: an action that was halted is not begun again."""
         self._actions.drop(ended_too=False)
-        return self._actions.write([*skills, OBSERVE])
+        return self._actions.write(self._with_rest(skills))
 
     def _do(self, step: PlanStep, skill: Skill, name: str, before: Relations, told: str) -> Script:
         """Let the arm do a step, and see that it has its effect. Raises `Setback`."""
@@ -387,7 +409,7 @@ class Execution:
     # ---- small things
 
     def _relations(self) -> Relations:
-        return read_relations(self._memory)
+        return self._arm.arms.relations()
 
     def _tell(self, status: str, explanation: str = "") -> None:
         self._told = explanation

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
+from planner.arms import Place, chosen
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.plan import PlanStep
@@ -23,9 +25,6 @@ _CLEARANCES = (1.0, 0.5, 0.2)
 _KEEPS_ROTATION = 0.2
 """rad that a thing may lean and still keep its turn about the vertical when it is put down"""
 
-Place = tuple[float, float]
-"""Position (x, y) in the world, m."""
-
 
 @dataclass(frozen=True)
 class Skill:
@@ -37,6 +36,8 @@ class Skill:
     destination: str = ""
     target_pose: Pose | None = None
     """world_from_object wanted, for a place on the table."""
+    arm: str = ""
+    """Name of the arm that does it; empty for the only one."""
 
     def __str__(self) -> str:
         where = f"on {self.destination}" if self.destination else ""
@@ -51,17 +52,42 @@ def ground(
 ) -> list[Skill]:
     """The skills for `steps`, one each, with a place for whatever is put on the table.
 
-    `avoid` are places that have proved bad. Equal arguments give equal results. Raises `NoPlace`.
+    Of several arms each thing is moved by the nearest that reaches it and where it goes. `avoid` are places that have
+    proved bad. Equal arguments give equal results. Raises `NoPlace`, also where no arm reaches.
     """
     skills = []
-    for step in steps:
+    doer = _holder(state)
+    for step, following in zip_longest(steps, steps[1:]):
         if step.name == "pick":
-            skills.append(Skill("pick", step.thing))
+            doer = _doer(step, following, state, config)
+            skills.append(Skill("pick", step.thing, arm=doer))
             continue
-        pose = place_on_table(step.thing, state, config, avoid) if step.name == "putdown" else None
-        skills.append(Skill("place", step.thing, step.support, pose))
+        pose = place_on_table(step.thing, state, config, avoid, doer) if step.name == "putdown" else None
+        skills.append(Skill("place", step.thing, step.support, pose, doer))
         state = _moved(state, step, pose)
     return skills
+
+
+def _holder(state: WorldState) -> str:
+    """The arm that holds something at the start; empty for the only one."""
+    grippers = {gripper for gripper, _ in state.relations.grasping}
+    holders = [arm.name for arm in state.arms.values() if arm.gripper in grippers]
+    return holders[0] if holders and state.is_shared else ""
+
+
+def _doer(pick: PlanStep, following: PlanStep | None, state: WorldState, config: PlannerConfig) -> str:
+    """The arm that picks a thing up and does with it what follows; empty for the only one. Raises `NoPlace`."""
+    names = [pick.thing]
+    if following is not None and following.name == "stack" and following.thing == pick.thing:
+        names.append(following.support)
+    places = [(x, y) for name in names if name in state.solids for x, y, _ in [state.solids[name].pose.t]]
+    if not state.is_shared:
+        return ""
+    arm = chosen(state.arms.values(), places, config)
+    if arm is None:
+        why = "".join(f"; {trouble}" for trouble in state.trouble)
+        raise NoPlace(f"no arm that works reaches {' and '.join(names)}{why}")
+    return arm.name
 
 
 def _moved(state: WorldState, step: PlanStep, pose: Pose | None) -> WorldState:
@@ -72,8 +98,10 @@ def _moved(state: WorldState, step: PlanStep, pose: Pose | None) -> WorldState:
     return replace(state, solids={**state.solids, step.thing: KnownSolid(state.solids[step.thing].size, pose)})
 
 
-def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> Pose:
-    """world_from_thing standing on the table: free, within reach, in view of every fixed camera.
+def place_on_table(
+    thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = (), arm: str = ""
+) -> Pose:
+    """world_from_thing standing on the table: free, within reach of the arm, in view of every fixed camera.
 
     Among those places the nearest to where it is now. Raises `NoPlace` with what is in the way.
     """
@@ -82,7 +110,7 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
     if solid is None or table is None:
         raise NoPlace(f"{thing} cannot be put down: {'its size or pose' if table else 'a table'} is not known")
     places = grid(table, solid.radius + config.edge_margin, _PLACE_GRID)
-    places = places[_usable(places, solid, state, config, avoid)]
+    places = places[_usable(places, solid, state, config, avoid, arm)]
     gaps = _gaps(places, thing, solid, state)
     for share in _CLEARANCES:
         free = places[gaps >= share * config.clearance]
@@ -95,13 +123,15 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
     return Pose((x, y, table.pose.t[2] + 0.5 * solid.size[2]), _turn(solid.pose))
 
 
-def is_free(pose: Pose, thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> bool:
+def is_free(
+    pose: Pose, thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = (), arm: str = ""
+) -> bool:
     """Check that a place that was chosen earlier is still good: within reach, in view of the fixed cameras, and with
     enough room around it.
     """
     place = np.array([pose.t[:2]])
     solid = state.solids.get(thing)
-    if solid is None or not _usable(place, solid, state, config, avoid)[0]:
+    if solid is None or not _usable(place, solid, state, config, avoid, arm)[0]:
         return False
     return bool(_gaps(place, thing, solid, state)[0] >= _CLEARANCES[-1] * config.clearance)
 
@@ -125,11 +155,10 @@ def grid(table: KnownSolid, margin: float, step: float) -> Array:
 
 
 def _usable(
-    places: Array, solid: KnownSolid, state: WorldState, config: PlannerConfig, avoid: Collection[Place]
+    places: Array, solid: KnownSolid, state: WorldState, config: PlannerConfig, avoid: Collection[Place], arm: str
 ) -> NDArray[np.bool_]:
     """(n,) which of the places (n, 2) are within reach, in view of all fixed cameras, and not to be avoided."""
-    reach = np.hypot(*(places - state.base).T)
-    usable: NDArray[np.bool_] = (config.least_reach <= reach) & (reach <= config.most_reach)
+    usable = within_reach(places, state, config, arm)
     for bad in avoid:
         usable &= np.hypot(*(places - bad).T) >= _PLACE_GRID
     table = state.solids.get(state.table or "")
@@ -138,6 +167,15 @@ def _usable(
     for view in state.views:
         usable &= view.sees(points, config.image_margin)
     return usable
+
+
+def within_reach(places: Array, state: WorldState, config: PlannerConfig, arm: str = "") -> NDArray[np.bool_]:
+    """(n,) which of the places (n, 2) are within reach of the arm; of any arm for an empty name."""
+    within = np.zeros(len(places), dtype=bool)
+    for one in [state.arms[arm]] if arm in state.arms else state.arms.values():
+        reach = np.hypot(*(places - one.base).T)
+        within |= (config.least_reach <= reach) & (reach <= config.most_reach)
+    return within
 
 
 def _gaps(places: Array, thing: str, solid: KnownSolid, state: WorldState) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.vocabulary.arms import arm_nodes, first_arm, gripper_node_of
 from dsr.vocabulary.intentions import DONE
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import nodes_by_name, read_relations
@@ -15,7 +16,7 @@ from planner.actions import other_action
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.errors import Setback
-from planner.grounding import Skill, grid
+from planner.grounding import Skill, grid, within_reach
 from planner.state import KnownSolid, WorldState, read_state
 
 _LOOK_GRID = 0.05
@@ -63,7 +64,7 @@ class Search:
             self.problem = "the arm carries no camera that sends images"
         elif not self._arm.there:
             self.problem = "the arm controller does not run"
-        elif (busy := other_action(self._memory, "")) is not None:
+        elif (busy := other_action(self._memory, "", carrier_of(self._memory, camera))) is not None:
             self.problem = f"the arm is busy with {busy}"
         elif held := read_relations(self._memory).held:
             self.problem = f"the gripper holds {min(held)}"
@@ -75,7 +76,8 @@ class Search:
         return camera, []
 
     def _look_from(self, view: Pose, camera: str, wanted: Callable[[], bool], told: str) -> Script:
-        [name] = self._arm.actions.write([Skill("look", camera, target_pose=view)])
+        arm = carrier_of(self._memory, camera) if len(self._arm.arms.all()) > 1 else ""
+        [name] = self._arm.actions.write([Skill("look", camera, target_pose=view, arm=arm)])
         try:
             progress = yield from self._arm.run(name, told, lambda: None)
         except Setback as setback:
@@ -101,6 +103,13 @@ def carried_camera(memory: Memory) -> tuple[str, Intrinsics | None]:
         if intrinsics is not None and any(edge.src in grippers for edge in memory.edges("RT", dst=camera.name)):
             return camera.name, intrinsics
     return "", None
+
+
+def carrier_of(memory: Memory, camera: str) -> str:
+    """Name of the arm that carries a camera; the first arm for a camera that none carries."""
+    grippers = {edge.src for edge in memory.edges("RT", dst=camera)}
+    carrier = next((arm.name for arm in arm_nodes(memory) if gripper_node_of(arm) in grippers), None)
+    return carrier or first_arm(memory)
 
 
 def viewpoints(state: WorldState, intrinsics: Intrinsics, config: PlannerConfig) -> list[Pose]:
@@ -134,6 +143,5 @@ def _radius(intrinsics: Intrinsics, config: PlannerConfig) -> float:
 def _within_reach(table: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
     """(n, 2) places on the table, x and y in the world (m), where the arm can put something."""
     places = grid(table, 0.0, _LOOK_GRID)
-    reach = np.hypot(*(places - state.base).T)
-    near_enough: Array = places[(config.least_reach <= reach) & (reach <= config.most_reach)]
+    near_enough: Array = places[within_reach(places, state, config)]
     return near_enough

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Generator
+from dataclasses import replace
 
 from dsr.clock import Clock
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.goals import Goal
 from dsr.vocabulary.relations import Relation
+from planner.arms import Place
 from planner.config import PlannerConfig
 from planner.errors import NoPlace, SolverFailed, Unsolvable
-from planner.grounding import Place, Skill, ground, is_free, place_on_table
+from planner.grounding import Skill, ground, is_free, place_on_table
 from planner.pddl import DOMAIN, names_of, problem
 from planner.plan import PlanStep, leads_to, read_plan
 from planner.solver import Solver, SolverAnswer
@@ -63,12 +65,10 @@ class PlanMaker:
     def still_good(self, skill: Skill, state: WorldState, avoid: Collection[Place]) -> Skill:
         """The same skill, or one with another place on the table if somebody has taken this one."""
         pose: Pose | None = skill.target_pose
-        if pose is None or is_free(pose, skill.target, state, self._config, avoid):
+        if pose is None or is_free(pose, skill.target, state, self._config, avoid, skill.arm):
             return skill
         try:
-            return Skill(
-                skill.name, skill.target, skill.destination, place_on_table(skill.target, state, self._config, avoid)
-            )
+            return replace(skill, target_pose=place_on_table(skill.target, state, self._config, avoid, skill.arm))
         except NoPlace:
             return skill
 

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.vocabulary.arms import ARM, CONTROLLER, gripper_of
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.relations import Relations, nodes_by_name, read_relations
+from dsr.vocabulary.relations import Relations, nodes_by_name
+from planner.arms import Arms, PlannedArm
 from planner.config import PlannerConfig
 
 FLAT = ("cube", "box")
@@ -68,15 +70,23 @@ class WorldState:
     """Things that fit between the fingers and that nobody else holds."""
     flat: frozenset[str] = frozenset()
     """Things on which something can be put."""
-    base: tuple[float, float] = (0.0, 0.0)
-    """x, y (m) of the arm's base in the world."""
+    arms: Mapping[str, PlannedArm] = field(default_factory=lambda: {ARM: PlannedArm(ARM, CONTROLLER, gripper_of(ARM))})
+    """Those that can be used, by name; of several."""
+    trouble: tuple[str, ...] = ()
+    """Why others cannot be used, with their names."""
     views: tuple[TableCamera, ...] = ()
     """Cameras that do not move with the arm."""
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether the graph has several arms, of which perhaps only one can be used."""
+        return len(self.arms) > 1 or bool(self.trouble)
 
 
 def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
     """Read the present state of `memory`."""
-    relations = read_relations(memory)
+    arms = Arms(memory, config)
+    relations = arms.relations()
     solids: dict[str, KnownSolid] = {}
     for name in sorted(relations.things | relations.tables):
         node, pose = memory.get_node(name), memory.get_transform(WORLD, name, types=BELIEVED)
@@ -91,7 +101,8 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
             name for name in relations.things - relations.taken if name in solids and _fits(solids[name], config)
         ),
         flat=frozenset(node.name for node in memory.nodes(FLAT) if node.name in relations.things),
-        base=_base(memory, config.robot),
+        arms={arm.name: arm for arm in arms.usable()},
+        trouble=tuple(f"{arm.name}: {arm.trouble}" for arm in arms.all() if arm.trouble),
         views=_views(memory),
     )
 
@@ -105,11 +116,6 @@ def _choose_table(relations: Relations, solids: Mapping[str, KnownSolid]) -> str
 
 def _fits(solid: KnownSolid, config: PlannerConfig) -> bool:
     return min(solid.size[:2]) <= config.widest_grip
-
-
-def _base(memory: Memory, robot: str) -> tuple[float, float]:
-    pose = memory.get_transform(WORLD, robot, types=BELIEVED) if robot in memory else None
-    return (0.0, 0.0) if pose is None else (pose.t[0], pose.t[1])
 
 
 def _views(memory: Memory) -> tuple[TableCamera, ...]:

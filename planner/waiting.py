@@ -12,6 +12,7 @@ from dsr.vocabulary.intentions import FAILED, INVALID, WAITING
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present, read_relations
 from dsr.vocabulary.tags import tag_of
 from planner.arm import Script, Tell
+from planner.arms import Arms
 from planner.config import PlannerConfig
 from planner.errors import GivingUp
 from planner.looking import Search
@@ -56,6 +57,7 @@ class Waiting:
     ) -> None:
         self._memory, self._config, self._now, self._tell = memory, config, now, tell
         self._looking = looking
+        self._arms = Arms(memory, config)
         self._believed: set[str] = set()  # what once was
         self._lacks = False
 
@@ -66,7 +68,8 @@ class Waiting:
 
     def missing_agents(self) -> list[str]:
         """Names of the agents that must run before an action begins, and do not."""
-        return self._away((self._config.arm_agent, *self._config.belief_agents))
+        arms = [] if self._arms.is_any_there else [self._arms.all()[0].agent]
+        return [*arms, *self._away(self._config.belief_agents)]
 
     def tell_missing(self) -> None:
         """Say who they are."""

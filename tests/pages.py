@@ -47,14 +47,19 @@ QUICK = re.compile(
     r"ls( --all)?|show \w+|tree|top|worlds|stamps( --clean)?|logs( --lines \d+)?|visibility"
     r"|relations( cube_3)?( --from camera_overhead)?( -r \w+)*( --json)?"
     r"|timeline( (-k|-p|--kind|--since|--type|--relation|--of) [\w:-]+| --json| --open)*|timeline recording\.mcap .*"
+    r"|ask \"[^\"]+\"( recording\.mcap)?( --at \d+| --evidence| --json)*"
+    r"|tell( (--since|--about) [\w-]+| --json)*|tell recording\.mcap .*"
     r"|record (info|export) recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
-    r"|save scene\.json|mission --list|bench --list|drivers list|new \w+|scenario (list|(check|truth) \S+)"
+    r"|save scene\.json|mission --list|bench --list|drivers list|new \w+"
+    r"|scenario (list|(check|truth) \S+|generate \S+ --seed \d+ -o \S+)"
     r"|robots (list|check \w+)"
     r"|security (init|add|show)(?!.*--renew) .*"
 )
 """Commands of `dsr` that end by themselves within about a second; all others are only parsed."""
-LOOKS = {"ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "what-if", "stamps"}
+LOOKS = {
+    "ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "tell", "ask", "what-if", "stamps",
+}  # fmt: skip
 """Quick commands that change nothing: running one of them once is enough."""
 ALONE = re.compile(r"(new|scenario|security|bench|drivers|robots)\b.*")
 """Quick commands that need no running system."""

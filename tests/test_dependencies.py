@@ -71,7 +71,7 @@ def imported_below(folder: str) -> set[str]:
 
 
 MEMORY = names(PROJECT["dependencies"])
-OF_SYSTEM = ("cli", "sim", "view", "hands", "dynamixel", "realsense", "ros", "ros-dds", "xacro")
+OF_SYSTEM = ("assist", "cli", "sim", "view", "hands", "dynamixel", "realsense", "ros", "ros-dds", "xacro")
 """Extras whose libraries the system imports, and which can be installed together."""
 DECLARED = MEMORY.union(*(names(EXTRAS[extra]) for extra in OF_SYSTEM)) - TOOLS
 ALLOWED = {

@@ -194,6 +194,7 @@ def test_extras_are_those_of_the_project() -> None:
         canonicalize_name(Requirement(text).name): extra
         for extra in (
             "cli", "sim", "view", "planning", "hands", "mediapipe", "dynamixel", "realsense", "ros", "ros-dds", "xacro",
+            "assist",
         )
         for text in PROJECT["optional-dependencies"][extra]
     }

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
 from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.execution import MotionExecution
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.grip import GripperControl
 from agents.arm_controller.holding import GraspEdges
@@ -23,10 +25,11 @@ from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.trajectory import Trajectory
 from agents.camera_feed import CameraFeed
-from agents.drivers import ArmDriver, ArmState, make_driver
+from agents.drivers import ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
+from dsr.vocabulary.arms import ARM, CONTROLLER
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import FAILED, HALTED
 from dsr.vocabulary.intrinsics import INTRINSICS
@@ -46,7 +49,7 @@ agent itself did not run, on an overloaded machine, samples may have come that i
 
 
 class ArmController(Agent):
-    """Stands between one arm with its cameras and the working memory.
+    """Stands between one arm with its cameras and the working memory; each arm of a graph has one of its own.
 
     Writes at 50 Hz the kinematic chain as RT edges, joint values and gripper opening, and forwards camera
     frames. Follows `target_joints`, `target_pose` (the tool point in the world frame) and `target_speed` of
@@ -54,15 +57,16 @@ class ArmController(Agent):
     `explanation` why it does not.
     """
 
-    name = "arm_controller"
+    name = CONTROLLER
     rate_hz = 50.0
     reads = Access(
         nodes=("arm", "gripper", "camera", "table", "action", "zone", HALT_NODE, *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
-            *("size", "bounds", "mesh", "present", "perceived"),
+            *("size", "shape", "bounds", "mesh", "present", "perceived"),
             *("target_joints", "target_pose", "target_speed", "target_opening"),
-            *("skill", "target", "destination", "request"),
+            *("skill", "target", "destination", "request", "arm"),
+            *("way", "way_times", "way_since", "waits_for", "gripper"),
             *HALT_ATTRIBUTES,
         ),
     )
@@ -72,13 +76,15 @@ class ArmController(Agent):
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
             *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
-            *("bounds", "source", "since"),
+            *("bounds", "source", "since", "controller", "gripper"),
+            *("way", "way_times", "way_since", "waits_for"),
             *HALT_ATTRIBUTES,
             *("stream", *INTRINSICS),
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
+        several=True,
     )
-    publishes = ("blob/*", "device/arm/command", "device/halted/*")
+    publishes = ("blob/*", "device/*/command", "device/halted/*")
     Config = ArmControllerConfig
     config: ArmControllerConfig
 
@@ -93,9 +99,9 @@ class ArmController(Agent):
             names = ", ".join(drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
         self._check_config()
-        self._body = RobotNodes(self.memory, self._model, config)
+        self._body = RobotNodes(self.memory, self._model, config, self.name)
         self._body.build()
-        self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
+        self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **self._driver_options())
         self._feeds: list[CameraFeed] = []
         self._make_feeds()
         self._state: ArmState | None = None
@@ -104,15 +110,15 @@ class ArmController(Agent):
         self._gone = ""
         """Since when the arm's driver tells nothing, in words; empty if it does"""
         self._complained = False
-        self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log)
-        self._watchdog = Watchdog(self._chain, self.config.stale)
+        self._emergency = EmergencyStop(self.memory, self.bus, self.keys, self.name, self.log, config.arm)
+        self._watchdog = Watchdog(self._chain, self.config.stale, self.config.effort_limits)
         self._patience = Patience(SLOWER, self.config.stale, SILENCE)
         self._obeyed = ""
         """The reason to stop that the driver was told of"""
         self._scene = ArmScene(self.memory)
         gripper_from_tool = self._model.palm_from_tool
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        manipulator = self._make_manipulator()
+        manipulator = self._manipulator = self._make_manipulator()
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
@@ -173,6 +179,12 @@ class ArmController(Agent):
             if closer is not None:
                 closer.close()
 
+    def _driver_options(self) -> dict[str, Any]:
+        """As configured; a driver of several arms is told which one it is, unless it is the first."""
+        config = self.config
+        told = {"arm": config.arm} if config.arm != ARM and has_option(config.driver, "arm") else {}
+        return {**told, **config.options}
+
     def _check_config(self) -> None:
         config, joints = self.config, len(self._chain)
         if not 0.0 < config.default_speed <= 1.0:
@@ -181,6 +193,11 @@ class ArmController(Agent):
             given = len(getattr(config, name))
             if given not in (0, joints):
                 raise ConfigError(f"{name} of {given} positions: expected {joints} or none")
+
+        for name, limit in config.effort_limits.items():
+            if name not in self._chain.names or limit <= 0.0:
+                hint = suggest(name, self._chain.names)
+                raise ConfigError(f"effort_limits: {name!r} = {limit}; expected a limit above 0 of a joint: {hint}")
 
     def _make_feeds(self) -> None:
         for node, camera in self.config.cameras.items():
@@ -192,9 +209,9 @@ class ArmController(Agent):
         config = self.config
         figure = Figure(self._model)
         rng = np.random.default_rng([self.seed, 1])
-        return Manipulator(
-            self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng
-        )
+        move, stop = self._follow_trajectory, self._driver.stop
+        execution = MotionExecution(self._chain, figure, self._scene, config, move, stop)
+        return Manipulator(self._chain, figure, self._scene, self._holding, self._driver, execution, config, rng)
 
     def _new_sample(self, now: float) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""
@@ -238,6 +255,8 @@ class ArmController(Agent):
 
     def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
+        if not self._actions.running and self._is_moving and (near := self._manipulator.near_arm(joints)):
+            self._motion.stop_for(near)
         for follower in (self._motion, self._grip):
             if self._actions.running:
                 follower.give_way(self._actions.running)

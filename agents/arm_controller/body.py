@@ -13,6 +13,7 @@ from agents.arm_controller.urdf import Joint
 from dsr import Memory
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.arms import CONTROLLER
 
 STILL = 1e-4
 """rad or m; a joint that moved less stands still"""
@@ -58,10 +59,14 @@ class RobotNodes:
         memory: where to.
         model: the robot and its arm.
         config: names, mounts and cameras. Raises `ConfigError` for links and parents that do not exist.
+        agent: which moves the arm, as its node tells.
     """
 
-    def __init__(self, memory: Memory, model: ArmModel, config: ArmControllerConfig) -> None:
+    def __init__(
+        self, memory: Memory, model: ArmModel, config: ArmControllerConfig, agent: str = CONTROLLER
+    ) -> None:
         self._memory = memory
+        self._agent = agent
         self._config = config
         self._chain = model.chain
         self._plan = _plan(model, config)
@@ -105,7 +110,9 @@ class RobotNodes:
         with memory.batch():
             for name, kind in plan.nodes.items():
                 memory.add_node(name, kind)
-            memory.update_node(config.arm, joint_names=self._joint_names)
+            memory.update_node(
+                config.arm, joint_names=self._joint_names, controller=self._agent, gripper=config.gripper
+            )
             for name, box in plan.bounds.items():
                 memory.update_node(name, bounds=box)
             for part in ("body", "mind"):

@@ -12,6 +12,7 @@ from agents.arm_controller.safety.separation import Separation
 from agents.arm_controller.safety.zones import Zone
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.arms import gripper_of
 
 
 class Mount(msgspec.Struct, frozen=True):
@@ -67,9 +68,11 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     robot: str = "robot"
     """Name of the robot's node."""
     arm: str = "arm"
-    """Name of the arm's node, from which the names of its links' nodes are made: `arm_link_1`, `arm_link_2`, ..."""
-    gripper: str = "gripper"
-    """Name of the gripper's node, whose frame is that of `end_effector_link`."""
+    """Name of the arm's node, by which it is told apart from others of the same graph (`dsr.vocabulary.arms`). From it
+    are made the names of its links' nodes, `arm_link_1`, `arm_link_2`, ..., and the keys of its device"""
+    gripper: str = ""
+    """Name of the gripper's node, whose frame is that of `end_effector_link`. If empty: `gripper`, and `left_gripper`
+    for an arm `left`"""
     mount: Mount = Mount()
     """world_from_robot"""
     arm_mount: Mount = Mount()
@@ -98,12 +101,19 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     stale: float = 0.05
     """s without a new sample after which the arm is stopped: three ticks, so that it brakes within 0.1 s; longer for a
     device that tells samples more rarely than at 30 Hz"""
+    effort_limits: dict[str, float] = {}
+    """By joint, N m, N or A as the driver tells efforts: more, either way, stops the arm, because it presses against
+    something. Joints that are not named are not watched."""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01
     """rad/s below which a joint stands still"""
     opening_tolerance: float = 0.0015
     """m, how close a reached gripper opening is"""
+
+    def __post_init__(self) -> None:
+        if not self.gripper:
+            msgspec.structs.force_setattr(self, "gripper", gripper_of(self.arm))
 
     def load_arm(self, folder: Path) -> ArmModel:
         """The arm in the file `urdf`, relative to `folder`, with what is named here. Raises `ConfigError`."""

@@ -11,10 +11,15 @@ from agents.arm_controller.arm_model import ArmModel
 from agents.arm_controller.shapes import LinkBox
 from agents.arm_controller.urdf import fixed_pose
 from dsr.errors import ConfigError
-from dsr.math3d.boxes import Array, Boxes, gaps
+from dsr.math3d.boxes import Array, Boxes, gaps, stacked
+from dsr.math3d.transforms import Pose
 
 _NEIGHBOURS = 2
 """Links this many joints apart or less touch by construction."""
+
+
+_DEPTH_STEP = 0.001  # m between two depths behind the pads that are looked at
+_DEEPEST = 0.15  # m behind the pads; no gripper's palm is farther away
 
 
 class Figure:
@@ -52,6 +57,19 @@ class Figure:
         fingers = [box.seen_from(self._tool_from_palm) for box in self._gripper.boxes(0.0)]
         return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
 
+    def throat(self, width: float) -> float:
+        """How far (m) something of that width between the pads may reach from the tool point towards the palm.
+
+        Fingers of a linkage come together behind the pads.
+        """
+        depths = np.arange(_DEPTH_STEP, _DEEPEST, _DEPTH_STEP)
+        half = max(width / 2 - _DEPTH_STEP, _DEPTH_STEP / 2)
+        between = stacked((Pose((0.0, 0.0, -deep / 2)), (2 * half, _DEPTH_STEP, deep)) for deep in depths.tolist())
+        parts = stacked((box.pose, box.size) for box in self.gripper(width))
+        one, other = (index.ravel() for index in np.indices((len(depths), len(parts.centers))))
+        free = (gaps(between.at(one), parts.at(other)) > 0.0).reshape(len(depths), -1).all(axis=1)
+        return float(depths[free].max(initial=0.0))
+
     def gripper(self, opening: float) -> list[LinkBox]:
         """Boxes of all that is fixed to the tool, and of fingers `opening` m apart, in the tool's frame."""
         fingers = self._gripper.boxes(opening)
@@ -88,7 +106,7 @@ class Figure:
         near = np.flatnonzero(close)
         hit = np.zeros(len(close), dtype=bool)
         hit[near] = gaps(a.at(near), b.at(near)) < margin
-        return np.asarray(hit.reshape(len(boxes.centers), -1).any(axis=1))
+        return np.asarray(hit.reshape(len(boxes.centers), len(one)).any(axis=1))
 
 
 def _check_complete(model: ArmModel, links: Sequence[str]) -> None:

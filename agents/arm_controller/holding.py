@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.forms import PLAIN, form
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.scene import ArmScene, Obstacle
 from dsr import Memory
@@ -25,6 +27,17 @@ _SEARCH_PERIOD = 0.1  # s between two looks at the belief while what is touched 
 _ASKEW = 0.35  # rad about the vertical up to which pads turn a face towards them
 _BESIDE = 0.012  # m that the tool point may be outside of the believed object
 _CATCHING_UP = 1.0  # s in which the belief of what is known to be held may come to where the gripper is
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What fingers are about to close on."""
+
+    name: str
+    width: float
+    """m of it between the pads"""
+    tool_from_object: Pose
+    """Where it will be between them."""
 
 
 class GraspEdges:
@@ -56,9 +69,14 @@ class GraspEdges:
         """Name of the object in the gripper."""
         self.tool_from_object: Pose | None = None
         """Where it was in the gripper when it was grasped: as believed, with its faces on the pads."""
+        self._expected: Expected | None = None
         self._contact_at = -math.inf
         self._look_at = -math.inf
         self._doubtful_since: float | None = None
+
+    def expect(self, expected: Expected | None) -> None:
+        """Tell what the fingers are about to close on; None: whatever is there."""
+        self._expected = expected
 
     def tick(self, joints: Joints) -> None:
         """Take over one sample of the gripper."""
@@ -79,19 +97,43 @@ class GraspEdges:
         except TransformError:
             return
         candidates = [thing for name in known if (thing := self._scene.object(name)) is not None]
+        if not known and (meant := self._meant(world_from_tool, joints.opening)) is not None:
+            self._take(meant, world_from_tool, joints.stamp, known)
+            return
         found = _between(candidates or self._scene.objects(), world_from_tool, joints.opening)
         if found is None and candidates:
             self._look_at = joints.stamp
             found = None if self._is_catching_up(joints.stamp) else candidates[0]
         if found is None:
             return
+        self._take(found, world_from_tool, joints.stamp, known)
+
+    def _meant(self, world_from_tool: Pose, opening: float) -> Obstacle | None:
+        """What the fingers were to close on, if that is between them."""
+        expected = self._expected
+        thing = None if expected is None else self._scene.object(expected.name)
+        if expected is None or thing is None or abs(opening - expected.width) > WIDTH_TOLERANCE:
+            return None
+        away = expected.tool_from_object.distance(world_from_tool.inverse() @ thing.pose)[0]
+        return thing if away <= _BESIDE else None
+
+    def _take(self, found: Obstacle, world_from_tool: Pose, stamp: float, known: list[str]) -> None:
+        """The gripper holds this, as the graph may know already."""
         self._doubtful_since = None
-        self.tool_from_object = _between_pads(world_from_tool.inverse() @ found.pose)
+        self.tool_from_object = self._corrected(world_from_tool.inverse() @ found.pose, found)
         self.held = found.name
         if found.name not in known:
             held_at = self.gripper_from_tool @ self.tool_from_object
-            values = {"since": joints.stamp, "source": "gripper", "held_at": held_at}
+            values = {"since": stamp, "source": "gripper", "held_at": held_at}
             self._memory.add_edge(self._config.gripper, found.name, "grasping", **values)
+
+    def _corrected(self, tool_from_object: Pose, found: Obstacle) -> Pose:
+        """The believed pose, corrected by what closed pads know of the form between them."""
+        expected = self._expected
+        if expected is not None and expected.name == found.name and form(found) != PLAIN:
+            _, y, z = tool_from_object.t
+            return Pose((expected.tool_from_object.t[0], y, z), tool_from_object.q)
+        return _between_pads(tool_from_object)
 
     def _is_catching_up(self, now: float) -> bool:
         """Whether the belief may still be where the gripper was before this agent was restarted."""

@@ -27,6 +27,8 @@ class Joints(msgspec.Struct, frozen=True):
     """m between the finger pads"""
     contact: bool
     """Whether both pads touch something."""
+    efforts: tuple[float, ...] = ()
+    """N m, N or A of each joint, as the driver tells it; empty if it tells none."""
 
 
 def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
@@ -34,9 +36,12 @@ def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
     count = len(state.names)
     if len(state.positions) != count or len(state.velocities) != count:
         raise JointsError(f"{count} joint names, {len(state.positions)} positions, {len(state.velocities)} velocities")
+    if len(state.efforts) not in (0, count):
+        raise JointsError(f"{count} joint names, {len(state.efforts)} efforts")
     if missing := set(names) - set(state.names):
         raise JointsError(f"the driver does not know joint {min(missing)!r}, only {', '.join(state.names)}")
-    if not all(map(math.isfinite, (state.stamp, state.gripper_opening, *state.positions, *state.velocities))):
+    told = (state.stamp, state.gripper_opening, *state.positions, *state.velocities, *state.efforts)
+    if not all(map(math.isfinite, told)):
         raise JointsError(f"not all numbers of the sample at {state.stamp} s are finite")
     order = [state.names.index(name) for name in names]
     return Joints(
@@ -45,6 +50,7 @@ def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
         velocities=tuple(state.velocities[index] for index in order),
         opening=state.gripper_opening,
         contact=state.gripper_contact,
+        efforts=tuple(state.efforts[index] for index in order) if state.efforts else (),
     )
 
 

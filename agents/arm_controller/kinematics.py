@@ -134,7 +134,7 @@ class JointChain:
         """
         first = np.asarray(start, dtype=float)
         wanted = first if posture is None else first + self.difference(first, posture)
-        q = self._starts(first, restarts, rng)
+        q = self.starts(first, restarts, rng)
         q, errors = self._iterate(q, base_from_tip.matrix, wanted)
         q = np.where(self.turning, first + _wrapped(q - first), q)
         distance, angle = _residuals(errors)
@@ -160,8 +160,8 @@ class JointChain:
         q, errors = self._iterate(starts, base_from_tips, near, patient=True)
         return np.where(self.turning, starts + _wrapped(q - starts), q), _reached(errors)
 
-    def _starts(self, first: Array, restarts: int, rng: np.random.Generator) -> Array:
-        """(1 + restarts, n) starting points, `first` in front."""
+    def starts(self, first: Array, restarts: int, rng: np.random.Generator) -> Array:
+        """(1 + restarts, n) joint positions to begin a search at, `first` (n,) in front, the others at random."""
         lower = np.where(self.turning, first - np.pi, self.lower)
         upper = np.where(self.turning, first + np.pi, self.upper)
         others = rng.uniform(lower, upper, (restarts, len(self)))

@@ -125,6 +125,11 @@ class MotionControl:
             self.report.say(REFUSED, f"{written[0]}: {refusal}")
         self._yields = (status, told)
 
+    def stop_for(self, other: str) -> None:
+        """Stop on the way to the target, because the arm moves into another one."""
+        if self._goal is not None:
+            self._halt(STOPPED, f"{other} is near")
+
     def resume(self, joints: Joints) -> None:
         """Follow the target again, because the driver may have forgotten it."""
         node = self._memory.get_node(self._config.arm)

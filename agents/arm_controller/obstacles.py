@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.overlap import room
@@ -73,6 +74,16 @@ class Obstacles:
         found = [*self._meetings(boxes, load, final), *self._leavings(path)]
         return min(found)[1] if found else None
 
+    def free(self, rows: Array, load: Load, spare: float = 0.0) -> NDArray[np.bool_]:
+        """(m,) whether the arm at joint positions (m, n) keeps away from everything, by `spare` m beyond the margin."""
+        boxes = self._figure.boxes(rows, load.opening, load.held)
+        good = np.asarray((self._room(boxes, load, 0) >= spare).all(axis=1))
+        if self._workspace is not None:
+            good &= self._workspace.room(self._tips(rows)) >= 0.0
+        left = np.flatnonzero(good)
+        good[left] &= ~self._figure.meets_itself(boxes.at(left), 0.0)
+        return good
+
     def _meetings(self, boxes: Boxes, load: Load, final: int) -> list[tuple[int, str]]:
         """Rows at which things are met, and their names."""
         left = self._room(boxes, load, final)
@@ -84,10 +95,13 @@ class Obstacles:
         """The row at which the tool point leaves the workspace, if it does."""
         if self._workspace is None:
             return []
-        world = self._world_from_arm
-        tips = self._figure.tips(path) @ world.rotation_matrix.T + np.array(world.t)
-        row = _first_met(self._workspace.room(tips))
+        row = _first_met(self._workspace.room(self._tips(path)))
         return [] if row is None else [(row, EDGE)]
+
+    def _tips(self, path: Array) -> Array:
+        """(m, 3) m, where the tool point is in the world."""
+        world = self._world_from_arm
+        return np.asarray(self._figure.tips(path) @ world.rotation_matrix.T + np.array(world.t))
 
     def _room(self, boxes: Boxes, load: Load, final: int) -> Array:
         """(m, k) m that is left between the arm and each thing beyond the margin; inf where there is plenty."""
@@ -95,7 +109,7 @@ class Obstacles:
         held = len(load.held)
         gripper = parts - self._figure.gripper_boxes(load.opening) - held
         margins = np.full((rows, parts), MARGIN)
-        late = rows - final
+        late = rows - final  # where the final line begins
         margins[late:, gripper:] = GRIPPER_MARGIN
         margins[late:, parts - held :] = HELD_MARGIN
         checked = np.ones((rows, parts, len(self._names)), dtype=bool)

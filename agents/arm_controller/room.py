@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.obstacles import STANDOFF
+from agents.arm_controller.obstacles import GRIPPER_MARGIN, STANDOFF
 from agents.arm_controller.overlap import room
 from agents.arm_controller.scene import Obstacle
 from dsr.math3d.boxes import Array, Boxes, stacked
@@ -26,7 +26,8 @@ class Room:
     """
 
     def __init__(self, figure: Figure, things: Sequence[Obstacle]) -> None:
-        self._figure = figure
+        self._figure, self.things = figure, tuple(things)
+        """What must not be touched."""
         self._names = [thing.name for thing in things]
         self._boxes = stacked((thing.pose, thing.size) for thing in things)
 
@@ -34,6 +35,14 @@ class Room:
     def reach(self) -> float:
         """Length (m) by which the fingers reach beyond the tool point."""
         return self._figure.reach
+
+    def beside(self, things: Sequence[Obstacle]) -> Room:
+        """The same with further things that must not be touched."""
+        return Room(self._figure, [*self.things, *things])
+
+    def throat(self, width: float) -> float:
+        """How far (m) an object of that width between the pads may reach towards the palm from the tool point."""
+        return self._figure.throat(width) - GRIPPER_MARGIN
 
     def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[tuple[str, ...]]:
         """Name the things that the gripper is too close to, with the tool at each of `tools` (world_from_tool).

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr import Memory, Node
+from dsr.errors import SchemaError
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.geometry import own_bounds
 from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape, from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.relations import MODELLED, is_present
 
@@ -28,6 +30,8 @@ class Obstacle:
     """world_from_thing, at the centre of its box"""
     size: Vector3
     """m, along its own axes"""
+    shape: Shape = ()
+    """Its parts, in its own frame; none for a solid box"""
 
     @property
     def reach(self) -> Array:
@@ -60,7 +64,7 @@ class ArmScene:
         if edge is None or node is None or not is_present(node):
             return None
         pose, size = edge.get("pose"), node.get("size")
-        return None if pose is None or size is None else Obstacle(name, pose, size)
+        return None if pose is None or size is None else Obstacle(name, pose, size, _shape(node))
 
     def is_perceived(self, name: str) -> bool:
         """Whether the object is seen now."""
@@ -130,3 +134,11 @@ class ArmScene:
     def world_from(self, node: str) -> Pose:
         """Pose of a part of the robot in the world. Raises `TransformError` if it is unknown."""
         return self._memory.transform(WORLD, node)
+
+
+def _shape(node: Node) -> Shape:
+    """The parts of a thing; none for a box, and for a shape that nobody can read."""
+    try:
+        return from_numbers(node["shape"]) if "shape" in node else ()
+    except SchemaError:
+        return ()

@@ -50,11 +50,17 @@ class Trajectory:
     """(m,) s since it begins"""
     positions: Array
     """Joint positions (m, n), rad: m samples of n joints."""
+    final: int = 1
+    """How many of the last positions are on a straight line of the tool, on which the gripper works between things."""
 
     @property
     def duration(self) -> float:
         """Duration of the trajectory, s."""
         return float(self.times[-1])
+
+    def nearest(self, positions: Array) -> int:
+        """Index of the one that is nearest to joint `positions` (n,) rad."""
+        return int(np.abs(self.positions - positions).max(axis=1).argmin())
 
 
 def resampled(path: Array) -> Array:

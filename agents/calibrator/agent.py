@@ -48,11 +48,11 @@ class Calibrator(Agent):
     rate_hz = 10.0
     shares_process = True
     reads = Access(
-        nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
+        nodes=(CALIBRATION, "camera", "arm", "gripper", "action", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),
         attributes=(
             *("target", "method", "forced", "views", "moves_arm", "undo", "status", "present", "mount"),
-            *("surprising", "source", "request", "changes"),
+            *("surprising", "source", "request", "changes", "arm", "controller", "gripper"),
             *WRITTEN_ATTRIBUTES,
         ),
     )
@@ -61,7 +61,7 @@ class Calibrator(Agent):
         edges=("RT", "has", *WRITTEN_EDGES),
         attributes=(
             *("target", "method", "forced", "views", "moves_arm", "status", "explanation", "report", "mount", "source"),
-            *("skill", "target_pose", "request"),
+            *("skill", "target_pose", "request", "arm"),
             *WRITTEN_ATTRIBUTES,
         ),
         exclusive=("mount",),

@@ -92,11 +92,12 @@ def _surprise(node: Node, now: float) -> ChronicledFact:
 
 
 def _halts(memory: Memory, now: float) -> Iterator[ChronicledFact]:
-    """The emergency stop, while it forbids motion."""
-    order = order_of(memory.get_node(HALT_NODE))
-    if order is not None and order.halted:
-        begin = min(order.stamp or now, now)
-        yield ChronicledFact(FORBIDDEN, (HALT_NODE,), begin, order.id, True, order.reason, order.by)
+    """The emergency stops, while they forbid motion."""
+    for node in memory.nodes(HALT_NODE):
+        order = order_of(node)
+        if order is not None and order.halted:
+            begin = min(order.stamp or now, now)
+            yield ChronicledFact(FORBIDDEN, (node.name,), begin, order.id, True, order.reason, order.by)
 
 
 def _doings(memory: Memory, now: float) -> Iterator[ChronicledFact]:

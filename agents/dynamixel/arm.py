@@ -21,6 +21,7 @@ from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.halting import HaltLatch
 
 _log = logging.getLogger("agents.dynamixel")
@@ -50,6 +51,7 @@ class DynamixelArm:
         pulses: of a turn, for each servo; one for all if there is one.
         speed: rad/s, the most of a joint.
         baud: bit/s.
+        arm: name of the arm, which `dsr halt --arm` uses.
 
     Raises:
         ConfigError: for options that fit no arm, or a port that cannot be opened.
@@ -60,6 +62,7 @@ class DynamixelArm:
     def __init__(
         self, bus: Transport, keys: Keys, *, port: str, joints: Sequence[str], ids: Sequence[int] = (),
         series: str = "P", pulses: Sequence[int] = (1_003_846,), speed: float = 1.0, baud: int = 1_000_000,
+        arm: str = ARM,
     ) -> None:  # fmt: skip
         ids = tuple(ids) or tuple(range(1, len(joints) + 1))
         turns = tuple(pulses) * len(joints) if len(pulses) == 1 else tuple(pulses)
@@ -76,7 +79,7 @@ class DynamixelArm:
         self._counts: Counter[str] = Counter()
         self._trouble = ""
         self._over = threading.Event()
-        self._halt = HaltLatch(bus, keys)
+        self._halt = HaltLatch(bus, keys, arm=arm)
         self._thread = threading.Thread(target=self._run, name="dynamixel", daemon=True)
         self._thread.start()
 
@@ -161,14 +164,14 @@ class DynamixelArm:
         with self._lock:
             self._watch()
         try:
-            positions, velocities = self._servos.read()
+            positions, velocities, currents = self._servos.read()
             faults = self._servos.faults()
         finally:
             self._send()
         with self._lock:
             self._judge(positions, faults)
             fault = self._halt.reason or self._fault
-        self._state = ArmState(self.clock.now(), self._names, positions, velocities, 0.0, False, fault)
+        self._state = ArmState(self.clock.now(), self._names, positions, velocities, 0.0, False, fault, currents)
 
     def _watch(self) -> None:
         """Stop if that is ordered, or if the controller gives no sign of life."""

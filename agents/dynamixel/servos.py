@@ -23,16 +23,18 @@ class Series(NamedTuple):
     watchdog: int
     goal: int
     present: int
-    """Velocity, and behind it the position, of 4 bytes each"""
+    """Velocity, and behind it the position, of 4 bytes each; before it the current, of 2 bytes"""
     velocity_unit: float
     """rad/s"""
+    current_unit: float
+    """A"""
     zero: int
     """Pulses at 0 rad: the middle of a turn"""
 
 
 SERIES = {
-    "P": Series(512, 518, 546, 564, 576, 0.01 * 2 * math.pi / 60, 0),
-    "X": Series(64, 70, 98, 116, 128, 0.229 * 2 * math.pi / 60, 2048),
+    "P": Series(512, 518, 546, 564, 576, 0.01 * 2 * math.pi / 60, 0.001, 0),
+    "X": Series(64, 70, 98, 116, 128, 0.229 * 2 * math.pi / 60, 0.00269, 2048),
 }
 """By the first letter of the names: PH54, PM42; XM430, XL330. Of the e-Manual of ROBOTIS."""
 FAULTS = {0x01: "input voltage", 0x04: "overheated", 0x08: "encoder", 0x10: "electrical shock", 0x20: "overloaded"}
@@ -40,6 +42,7 @@ FAULTS = {0x01: "input voltage", 0x04: "overheated", 0x08: "encoder", 0x10: "ele
 WATCHDOG_UNIT = 0.02
 """s, of the servos' own watchdog"""
 _TURN = 2 * math.pi
+_CURRENT = 2  # bytes
 
 
 class Servos:
@@ -68,22 +71,24 @@ class Servos:
             self._port.setBaudRate(baud)
         except (OSError, ValueError) as error:
             raise ConfigError(f"serial port {port!r} cannot be opened: {error}") from error
-        self._state = sdk.GroupSyncRead(self._port, self._packets, self.table.present, 8)
+        self._state = sdk.GroupSyncRead(self._port, self._packets, self.table.present - _CURRENT, 8 + _CURRENT)
         self._error = sdk.GroupSyncRead(self._port, self._packets, self.table.error, 1)
         for id in self._ids:
             self._state.addParam(id)
             self._error.addParam(id)
 
-    def read(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Positions (rad) and velocities (rad/s). Raises `ServoError` if a servo does not answer."""
+    def read(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+        """Positions (rad), velocities (rad/s) and currents (A). Raises `ServoError` if a servo does not answer."""
         self._ask(self._state, "joints")
-        velocities, positions = [], []
+        velocities, positions, currents = [], [], []
         for id, pulses in zip(self._ids, self._pulses, strict=True):
             raw = (self._value(self._state, id, self.table.present + place, 4) for place in (0, 4))
             velocity, position = map(_signed, raw)
+            current = self._value(self._state, id, self.table.present - _CURRENT, _CURRENT)
+            currents.append(_signed(current, _CURRENT) * self.table.current_unit)
             velocities.append(velocity * self.table.velocity_unit)
             positions.append((position - self.table.zero) * _TURN / pulses)
-        return tuple(positions), tuple(velocities)
+        return tuple(positions), tuple(velocities), tuple(currents)
 
     def faults(self) -> dict[int, str]:
         """What servos say is wrong with them, by id. Raises `ServoError` if a servo does not answer."""
@@ -131,8 +136,10 @@ class Servos:
             raise ServoError(f"servo {id} does not answer: {self._packets.getTxRxResult(result)}")
 
 
-def _signed(value: int) -> int:
-    return value - (1 << 32) if value >> 31 else value
+def _signed(value: int, length: int = 4) -> int:
+    """The number that an unsigned one of `length` bytes stands for."""
+    bits = 8 * length
+    return value - (1 << bits) if value >> (bits - 1) else value
 
 
 def _words(bits: int) -> str:

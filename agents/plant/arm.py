@@ -102,6 +102,11 @@ class SimulatedArm:
         return tuple(state[1] for state in self._bullet.getJointStates(self.body, self._own))
 
     @property
+    def efforts(self) -> tuple[float, ...]:
+        """N m or N that the motor of each joint gave in the last step."""
+        return tuple(state[3] for state in self._bullet.getJointStates(self.body, self._own))
+
+    @property
     def opening(self) -> float:
         """Measured distance between the pads, m."""
         states = self._bullet.getJointStates(self.body, self._fingers)

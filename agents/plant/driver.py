@@ -32,6 +32,7 @@ from dsr.images.blobs import Frame
 from dsr.images.frame_reader import FrameReader
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Transport
+from dsr.vocabulary.arms import ARM
 
 log = logging.getLogger("agents.plant.driver")
 
@@ -71,12 +72,18 @@ class NewestSample(Generic[T]):
 
 
 class PlantArm:
-    """The simulated arm, an `ArmDriver`."""
+    """A simulated arm, an `ArmDriver`.
 
-    def __init__(self, bus: Transport, keys: Keys) -> None:
+    Args:
+        bus: where the plant is heard.
+        keys: of the plant's graph.
+        arm: its name in the scenario; `arm` for that of `[robot]`.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys, arm: str = ARM) -> None:
         self._bus = bus
-        self._key = arm_command_key(keys)
-        self._states = NewestSample(bus, arm_state_key(keys), decode_arm_state)
+        self._key = arm_command_key(keys, arm)
+        self._states = NewestSample(bus, arm_state_key(keys, arm), decode_arm_state)
         self._state: ArmState | None = None
 
     def state(self) -> ArmState | None:

@@ -44,13 +44,13 @@ def lifted(stage: Stage, name: str) -> bool:
 
 
 def held(stage: Stage, name: str) -> bool:
-    """The object is in the gripper."""
-    return stage.arm.held == name
+    """The object is in a gripper."""
+    return stage.is_gripped(name)
 
 
 def lowering(stage: Stage, upper: str, lower: str) -> bool:
-    """The gripper holds `upper` over `lower`, its bottom less than `LOWERED` above the other's top."""
-    if stage.arm.held != upper:
+    """A gripper holds `upper` over `lower`, its bottom less than `LOWERED` above the other's top."""
+    if not stage.is_gripped(upper):
         return False
     (x, y, z), (x_below, y_below, z_below) = stage.world.pose(upper).t, stage.world.pose(lower).t
     sizes = stage.world.specs[upper].size, stage.world.specs[lower].size
@@ -59,8 +59,8 @@ def lowering(stage: Stage, upper: str, lower: str) -> bool:
 
 
 def idle(stage: Stage) -> bool:
-    """The gripper holds nothing and the arm does not move."""
-    return stage.arm.held is None and max(map(abs, stage.arm.velocities), default=0.0) < STILL_JOINT
+    """The grippers hold nothing and no arm moves."""
+    return all(arm.held is None and max(map(abs, arm.velocities)) < STILL_JOINT for arm in stage.arms.values())
 
 
 PREDICATES: dict[str, Callable[..., bool]] = {

@@ -15,6 +15,7 @@ from dsr.errors import WireError
 from dsr.math3d.transforms import Pose
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.intrinsics import Intrinsics
 
 MOST_HANDS = 16
@@ -67,6 +68,17 @@ class KeepAlive(msgspec.Struct, frozen=True, tag="keep_alive"):
 Command = MoveJoints | Follow | MoveGripper | Stop | KeepAlive
 
 
+class ArmTruth(msgspec.Struct, frozen=True):
+    """One instant of an arm beside the first one."""
+
+    positions: tuple[float, ...]
+    """rad, joint positions"""
+    gripper: float
+    """m between the pads"""
+    held: str | None
+    """Object in the gripper."""
+
+
 class Truth(msgspec.Struct, frozen=True):
     """One instant of the true world: for judges and recordings, never for agents."""
 
@@ -75,11 +87,11 @@ class Truth(msgspec.Struct, frozen=True):
     objects: dict[str, Seven]
     """world_from_object by name, at the centre; removed objects are not there."""
     robot: tuple[float, ...]
-    """rad, joint positions"""
+    """rad, joint positions of the first arm"""
     gripper: float
-    """m between the pads"""
+    """m between its pads"""
     held: str | None
-    """Object in the gripper."""
+    """Object in its gripper."""
     camera: dict[str, Seven]
     """world_from_camera (optical frame) by name, of the cameras in use"""
     moving: tuple[str, ...] = ()
@@ -87,7 +99,7 @@ class Truth(msgspec.Struct, frozen=True):
     in_view: tuple[str, ...] = ()
     """Objects whose tag, or enough of whose colour, the camera could see in its last frame."""
     grasped: dict[str, str] = {}
-    """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
+    """Objects that are held, and by what: the node of a gripper or a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """Begin and end (s after the start) of the moves that the experimenter has begun, by the event's number in the file
     (from 1)
@@ -100,6 +112,12 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects on which fingertips of a human hand just lie, and the node of the hand."""
     persons: dict[str, Seven] = {}
     """world_from_person of those in the scene, by name: between the eyes, x along the gaze, y left"""
+    arms: dict[str, ArmTruth] = {}
+    """Arms beside the first one, by name."""
+    apart: float | None = None
+    """m, the least distance between two arms, with what they hold, since the instant before; negative where one is in
+    the other. None if they were farther apart than is measured, or there is one arm.
+    """
 
 
 _arm_state_decoder = msgspec.msgpack.Decoder(ArmState)
@@ -155,7 +173,9 @@ def _read_arm_state(payload: bytes) -> ArmState:
     state = _arm_state_decoder.decode(payload)
     if not len(state.names) == len(state.positions) == len(state.velocities):
         raise ValueError(f"{len(state.positions)} positions and {len(state.velocities)} velocities of {state.names}")
-    _check_finite(state.stamp, state.gripper_opening, *state.positions, *state.velocities)
+    if len(state.efforts) not in (0, len(state.names)):
+        raise ValueError(f"{len(state.efforts)} efforts of {state.names}")
+    _check_finite(state.stamp, state.gripper_opening, *state.positions, *state.velocities, *state.efforts)
     return state
 
 
@@ -236,14 +256,14 @@ def seven(pose: Pose) -> Seven:
     return (*pose.t, *pose.q)
 
 
-def arm_state_key(keys: Keys) -> str:
-    """Key on which the arm sends its state (`agents.drivers.ArmState`)."""
-    return keys.device("arm/state")
+def arm_state_key(keys: Keys, arm: str = ARM) -> str:
+    """Key on which an arm sends its state (`agents.drivers.ArmState`)."""
+    return keys.device(f"{arm}/state")
 
 
-def arm_command_key(keys: Keys) -> str:
-    """Key on which the arm takes commands (`Command`)."""
-    return keys.device("arm/command")
+def arm_command_key(keys: Keys, arm: str = ARM) -> str:
+    """Key on which an arm takes commands (`Command`)."""
+    return keys.device(f"{arm}/command")
 
 
 def frame_key(keys: Keys, camera: str) -> str:

@@ -23,8 +23,9 @@ from agents.scenario.format.scenario import load_scenario
 from dsr.agent import Agent
 from dsr.errors import WireError
 from dsr.images.blobs import frame_chunks
-from dsr.network.transport import Qos, Subscription
-from dsr.vocabulary.halting import HaltLatch, HaltReport, halt_report_key
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos, Subscription, Transport
+from dsr.vocabulary.halting import HaltLatch, HaltOrder, HaltReport, halt_report_key
 from dsr.vocabulary.scenario_start import decode_start, start_key
 
 MOST_STEPS = RATE_HZ // 4
@@ -45,7 +46,7 @@ class Plant(Agent):
     name = "plant"
     rate_hz = 60.0
     uses_memory = False
-    publishes = ("device/arm/state", "device/camera/**", "device/persons", "device/halted/*", "truth")
+    publishes = ("device/*/state", "device/camera/**", "device/persons", "device/halted/*", "truth")
     Config = PlantConfig
     config: PlantConfig
 
@@ -58,17 +59,14 @@ class Plant(Agent):
         self._steps = 0
         self._start: float | None = self.config.start or None
         self._start_message: bytes | None = None
-        self._commands: deque[bytes] = deque(maxlen=_COMMANDS_KEPT)
+        self._arms = {name: _ArmDevice(self.bus, self.keys, name) for name in self._reality.arms}
         self._waited = self._next_complaint = 0.0
         self.dropped = 0
         """Messages that could not be understood."""
-        self._halt = HaltLatch(self.bus, self.keys)
-        self._answered = 0
         self._state_due, self._truth_due, self._camera_due = (
             _Every(hz) for hz in (self.config.state_hz, self.config.truth_hz, self.config.camera_hz)
         )
         self._subscriptions: list[Subscription] = [
-            self.bus.subscribe(arm_command_key(self.keys), lambda _, payload: self._commands.append(payload)),
             self.bus.subscribe(start_key(self.keys), self._keep_start),
         ]
 
@@ -87,8 +85,8 @@ class Plant(Agent):
         """Free the world."""
         for subscription in getattr(self, "_subscriptions", ()):
             subscription.close()
-        if hasattr(self, "_halt"):
-            self._halt.close()
+        for device in getattr(self, "_arms", {}).values():
+            device.close()
         if hasattr(self, "_reality"):
             self._reality.close()
 
@@ -136,21 +134,26 @@ class Plant(Agent):
             self._reality.step(step * STEP)
 
     def _take_commands(self) -> None:
-        while self._commands:
-            try:
-                self._reality.obey(decode_command(self._commands.popleft(), len(self._reality.arm.names)))
-            except WireError as error:
-                self._drop(str(error))
+        for name, device in self._arms.items():
+            joints = len(self._reality.arms[name].names)
+            while device.commands:
+                try:
+                    self._reality.obey(decode_command(device.commands.popleft(), joints), name)
+                except WireError as error:
+                    self._drop(str(error))
 
     def _obey_halt(self) -> None:
-        """Stop the arm by itself when an emergency stop is ordered, whatever became of its controller, and say so."""
-        self._reality.forbid(self._halt.reason)
-        order = self._halt.order
-        if order is None or self._answered == self._halt.heard:
-            return
-        self._answered = self._halt.heard
-        report = HaltReport(self.name, order.id, order.halted, self._reality.is_moving)
-        self.bus.publish(halt_report_key(self.keys, self.name), msgspec.msgpack.encode(report), Qos.STREAM)
+        """Stop arms by themselves when an emergency stop is ordered, whatever became of their controllers; say so."""
+        told: dict[str, HaltReport] = {}
+        for name, device in self._arms.items():
+            self._reality.forbid(device.halt.reason, name)
+            order = device.unanswered()
+            if order is not None:
+                others = told.get(order.id)
+                moving = self._reality.is_moving(name) or (others is not None and others.moving)
+                told[order.id] = HaltReport(self.name, order.id, order.halted, moving)
+        for report in told.values():
+            self.bus.publish(halt_report_key(self.keys, self.name), msgspec.msgpack.encode(report), Qos.STREAM)
 
     def _drop(self, reason: str) -> None:
         if self.dropped == 0:
@@ -159,8 +162,9 @@ class Plant(Agent):
 
     def _publish(self) -> None:
         reality, stamp, keys = self._reality, self.stamp, self.keys
-        if self._state_due(self._steps) and (state := reality.arm_state(stamp)) is not None:
-            self.bus.publish(arm_state_key(keys), msgspec.msgpack.encode(state), Qos.STREAM)
+        for name in self._arms if self._state_due(self._steps) else ():
+            state = reality.arm_state(stamp, name)
+            self.bus.publish(arm_state_key(keys, name), msgspec.msgpack.encode(state), Qos.STREAM)
         if self._truth_due(self._steps):
             self.bus.publish(keys.truth(), msgspec.msgpack.encode(reality.truth(stamp)), Qos.STREAM)
         if self._camera_due(self._steps):
@@ -182,6 +186,29 @@ class Plant(Agent):
 
     def _keep_start(self, key: str, payload: bytes) -> None:
         self._start_message = payload
+
+
+class _ArmDevice:
+    """What comes for one arm: commands of its controller, and emergency stops."""
+
+    def __init__(self, bus: Transport, keys: Keys, name: str) -> None:
+        self.commands: deque[bytes] = deque(maxlen=_COMMANDS_KEPT)
+        self.halt = HaltLatch(bus, keys, arm=name)
+        self._answered = 0
+        key = arm_command_key(keys, name)
+        self._subscription = bus.subscribe(key, lambda _, payload: self.commands.append(payload))
+
+    def unanswered(self) -> HaltOrder | None:
+        """The newest order, if it was heard again since the last call."""
+        if self._answered == self.halt.heard:
+            return None
+        self._answered = self.halt.heard
+        return self.halt.order
+
+    def close(self) -> None:
+        """Hear nothing more."""
+        self._subscription.close()
+        self.halt.close()
 
 
 class _Every:

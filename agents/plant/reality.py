@@ -19,23 +19,25 @@ from agents.plant.experimenter import Experimenter
 from agents.plant.guard import ArmGuard
 from agents.plant.hand_sensor import read_hands
 from agents.plant.hands import Hands
-from agents.plant.messages import Command, Point, Truth, seven
+from agents.plant.messages import ArmTruth, Command, Point, Truth, seven
 from agents.plant.no_arm import NoArm
 from agents.plant.noise import SensorModel
 from agents.plant.persons import Persons
 from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
+from agents.plant.separation import ArmSeparation
 from agents.plant.stage import Stage
 from agents.plant.world import STEP, World
 from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, start_poses
 from agents.urdf_files import find_robot
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.intrinsics import Intrinsics
 
 
 class Reality:
-    """World, arm, cameras and experimenter of one scenario; objects lie still when it is made.
+    """World, arms, cameras and experimenter of one scenario; objects lie still when it is made.
 
     Args:
         scenario: what there is and what happens.
@@ -53,37 +55,39 @@ class Reality:
 
     def step(self, elapsed: float | None) -> None:
         """Advance physics by one step, `elapsed` s after the start of the scenario (None: before it)."""
-        if self._guard is not None:
-            self._guard.step()
-        self.arm.step()
+        for guard in self._guards.values():
+            guard.step()
+        for arm in self.arms.values():
+            arm.step()
         if elapsed is not None:
             self.experimenter.step(elapsed)
         self.world.step()
+        self._separation.step()
 
-    def obey(self, command: Command) -> None:
-        """Do what a driver asks of the arm, if the arm's own guard lets it."""
-        if self._guard is not None:
-            self._guard.obey(command)
+    def obey(self, command: Command, arm: str = ARM) -> None:
+        """Do what a driver asks of an arm, if the arm's own guard lets it."""
+        if arm in self._guards:
+            self._guards[arm].obey(command)
 
-    def forbid(self, reason: str) -> None:
-        """Stop the arm and keep it from moving for this reason; with none, it may move again."""
-        if self._guard is not None:
-            self._guard.forbid(reason)
+    def forbid(self, reason: str, arm: str = ARM) -> None:
+        """Stop an arm and keep it from moving for this reason; with none, it may move again."""
+        if arm in self._guards:
+            self._guards[arm].forbid(reason)
 
-    @property
-    def is_moving(self) -> bool:
-        """Whether the arm is on its way."""
-        return isinstance(self.arm, SimulatedArm) and self.arm.is_driven
+    def is_moving(self, arm: str = ARM) -> bool:
+        """Whether an arm is on its way."""
+        return arm in self.arms and self.arms[arm].is_driven
 
-    def arm_state(self, stamp: float) -> ArmState | None:
-        """Read the arm's sensors; None without an arm."""
-        arm = self.arm
-        if isinstance(arm, NoArm) or self._guard is None:
+    def arm_state(self, stamp: float, name: str = ARM) -> ArmState | None:
+        """Read an arm's sensors; None without that arm."""
+        arm = self.arms.get(name)
+        if arm is None:
             return None
         positions = arm.positions
-        if any(self._stage.arm_error):
+        if arm is self.arm and any(self._stage.arm_error):
             positions = displaced(arm, self._stage.arm_error)
-        return ArmState(stamp, arm.names, positions, arm.velocities, arm.opening, arm.contact, self._guard.fault)
+        velocities, fault = arm.velocities, self._guards[name].fault
+        return ArmState(stamp, arm.names, positions, velocities, arm.opening, arm.contact, fault, arm.efforts)
 
     def truth(self, stamp: float) -> Truth:
         """The true state of the world: poses of all things, and the moves of the experimenter."""
@@ -102,6 +106,12 @@ class Reality:
             hands={hand.number: _points(hand.landmarks) for hand in self.hands.present},
             touched=dict(self.hands.holding("touch")),
             persons={person.name: seven(person.pose) for person in self.persons.present},
+            arms={
+                name: ArmTruth(arm.positions, arm.opening, arm.held)
+                for name, arm in self.arms.items()
+                if arm is not self.arm
+            },
+            apart=self._separation.take(),
         )
 
     def frame(self, stamp: float) -> Frame:
@@ -139,8 +149,12 @@ class Reality:
             resources.callback(self._renderer.close)
         self.world = World(bullet, scenario.table, start_poses(scenario, layout))
         self.world.settle()
-        self.arm = _make_arm(self.world, scenario.robot, config) if scenario.robot.exists else NoArm()
-        self._guard = ArmGuard(self.arm, config.deadman, STEP) if isinstance(self.arm, SimulatedArm) else None
+        self.arms = {name: _make_arm(self.world, name, spec, config) for name, spec in scenario.arms.items()}
+        """By name, the first one first."""
+        self.arm = self.arms.get(ARM) or NoArm()
+        """The first one."""
+        self._guards = {name: ArmGuard(arm, config.deadman, STEP) for name, arm in self.arms.items()}
+        self._separation = ArmSeparation(self.world, tuple(self.arms.values()))
         cameras = self._make_cameras(scenario, config, {"overhead": overhead, "wrist": wrist, "fixed": fixed})
         self.camera = cameras[scenario.camera_name]
         """The one that the scenario uses."""
@@ -151,7 +165,7 @@ class Reality:
         """Those that can come."""
         self.persons = Persons(scenario.persons)
         """Those who may be in the scene."""
-        self._stage = Stage(self.world, self.arm, cameras, scenario.camera_name, self.hands, self.persons)
+        self._stage = Stage(self.world, self.arms, cameras, scenario.camera_name, self.hands, self.persons)
         self.experimenter = Experimenter(scenario.events, self._stage)
 
     def _make_cameras(
@@ -172,9 +186,9 @@ class Reality:
         }
 
 
-def _make_arm(world: World, robot: RobotSpec, config: PlantConfig) -> SimulatedArm:
-    """The arm of the scenario, or the one that the configuration names, which begins at its home posture."""
-    if config.robot:
+def _make_arm(world: World, name: str, robot: RobotSpec, config: PlantConfig) -> SimulatedArm:
+    """An arm of the scenario; in place of the first the one that the configuration names, at its home posture."""
+    if config.robot and name == ARM:
         return SimulatedArm(world, find_robot(config.robot, Path()), base=robot.base)
     folder = Path(config.scenario).parent
     return SimulatedArm(world, find_robot(robot.model, folder), robot.chosen_start, robot.base)

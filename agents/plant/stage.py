@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 from agents.plant.arm import SimulatedArm
 from agents.plant.camera import SimulatedCamera
 from agents.plant.hands import Hands
-from agents.plant.no_arm import NoArm
 from agents.plant.persons import Persons
 from agents.plant.world import GRAVITY, STEP, World
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.arms import gripper_of
 
 
 class RigidGrip:
@@ -57,11 +57,11 @@ class RigidGrip:
 
 
 class Stage:
-    """The true world with its arm and cameras, as the experimenter's moves see it.
+    """The true world with its arms and cameras, as the experimenter's moves see it.
 
     Args:
         world: the objects.
-        arm: loses what the experimenter takes.
+        arms: by name; they lose what the experimenter takes.
         cameras: by name.
         default_camera: the one meant when a move names none.
         hands: the experimenter's hands that can be seen.
@@ -71,21 +71,21 @@ class Stage:
     def __init__(
         self,
         world: World,
-        arm: SimulatedArm | NoArm,
+        arms: Mapping[str, SimulatedArm],
         cameras: Mapping[str, SimulatedCamera],
         default_camera: str,
         hands: Hands,
         persons: Persons,
     ) -> None:
         self.world = world
-        self.arm = arm
+        self.arms = arms
         self.hands = hands
         self.persons = persons
         self._cameras = cameras
         self._default_camera = default_camera
         self._grips: dict[str, RigidGrip] = {}
         self.arm_error: Vector3 = (0.0, 0.0, 0.0)
-        """m, world: where the arm's sensors say the tool is, minus where it is"""
+        """m, world: where the first arm's sensors say the tool is, minus where it is"""
 
     def camera(self, name: str | None) -> SimulatedCamera:
         """The camera called `name`, or the scenario's."""
@@ -118,19 +118,24 @@ class Stage:
         self._grips.pop(name, None)
         for grip in self._grips.values():
             grip.drop(name)
-        if self.arm.held == name:
-            self.arm.let_go()
+        for arm in self.arms.values():
+            if arm.held == name:
+                arm.let_go()
+
+    def is_gripped(self, name: str) -> bool:
+        """Whether an arm's gripper holds the object."""
+        return any(arm.held == name for arm in self.arms.values())
 
     def is_held(self, name: str) -> bool:
-        """Whether the experimenter or the gripper holds the object."""
-        return self.arm.held == name or any(name in grip.names for grip in self._grips.values())
+        """Whether the experimenter or a gripper holds the object."""
+        return self.is_gripped(name) or any(name in grip.names for grip in self._grips.values())
 
     def grasped(self) -> dict[str, str]:
         """Names of the held objects, each with its holder.
 
-        `gripper`, `human_hand_0`, or `unknown` for the experimenter; not what only comes along.
+        A gripper's node, `human_hand_0`, or `unknown` for the experimenter; not what only comes along.
         """
-        held = {} if self.arm.held is None else {self.arm.held: "gripper"}
+        held = {arm.held: gripper_of(name) for name, arm in self.arms.items() if arm.held is not None}
         dragged = {name: hand for name, hand in self.hands.holding("touch").items() if name in self._grips}
         return held | dict.fromkeys(self._grips, "unknown") | dict(self.hands.holding("pinch")) | dragged
 

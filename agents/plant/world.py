@@ -99,7 +99,7 @@ class World:
             shapes = (self._make_shapes(files, spec, index) for index, spec in enumerate(self.specs.values()))
             self._shapes = dict(zip(self.specs, shapes, strict=True))
             for spec in self.specs.values():
-                self._add(spec.name, upright(spec.position, spec.yaw))
+                self._add(spec.name, spec.pose)
 
     def __iter__(self) -> Iterator[str]:
         """Names of the objects that are in the scene."""

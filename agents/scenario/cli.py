@@ -1,4 +1,4 @@
-"""The commands `dsr scenario list | check | truth | run | sweep` and `dsr demo`."""
+"""The commands `dsr scenario list | check | truth | generate | run | sweep` and `dsr demo`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from rich.table import Table
 from agents.scenario.check.file_check import Findings, look_through, show_all, show_doubts
 from agents.scenario.check.truth_report import truth
 from agents.scenario.format.scenario import load_scenario, scenario_files
+from agents.scenario.generate_cli import generate_episode
 from agents.scenario.judge.result import write_result
 from agents.scenario.options import Hands, SensorChoice, UntaggedOption, complete_scenario
 from agents.scenario.run.report import ProgressBar, show_result
@@ -71,6 +72,7 @@ app = typer.Typer(
 )
 app.command()(sweep)
 app.command()(truth)
+app.command("generate")(generate_episode)
 demo = typer.Typer(name="demo", invoke_without_command=True, subcommand_metavar="")
 
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import csv
 import enum
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import msgspec
 import typer
+from rich.console import Console
 
 from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
-from agents.scenario.options import Hands, SensorChoice, UntaggedOption, complete_scenario
+from agents.scenario.generate_cli import write_episodes
+from agents.scenario.options import Hands, SensorChoice, UntaggedOption, complete_scenario, parse_seeds
 from agents.scenario.run.staging import HandFinder, Policy, Sensor, make_run, staged_system
 from agents.scenario.run.statistics import RunSummary, Spread, summarise
 from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
@@ -24,9 +26,6 @@ from agents.scenario.run.sweep_worker import SweepJob
 from dsr.cli.common import JsonFileOption, JsonOption, check_writable, for_people, put_json, shown
 from dsr.cli.interrupts import INTERRUPTED
 from dsr.errors import ConfigError
-
-MOST_SEEDS = 100_000
-_PART = re.compile(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?")
 
 
 class SweptPolicy(enum.StrEnum):
@@ -50,8 +49,14 @@ class SweepProgress(msgspec.Struct, frozen=True):
 
 def sweep(
     scenarios: Annotated[
-        list[str], typer.Argument(help="Built-in scenarios or TOML files.", autocompletion=complete_scenario)
-    ],
+        list[str] | None, typer.Argument(help="Built-in scenarios or TOML files.", autocompletion=complete_scenario)
+    ] = None,
+    generate: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FAMILY:SEEDS", help="Random episodes, such as stacks:0-99, each run once with its own seed."
+        ),
+    ] = None,
     seeds: Annotated[str, typer.Option(help="Which seeds: 0-49, 7, or 0-9,20-29.")] = "0-49",
     sensor: Annotated[
         SensorChoice, typer.Option(help="True poses with the noise measured on images (fast), or rendered images.")
@@ -73,31 +78,29 @@ def sweep(
 ) -> None:
     """Run scenarios with many seeds, in lockstep on all cores, and show how often and how well they work.
 
-    A run that crashes or takes too long counts as failed and is listed with its reason.
+    A run that crashes or takes too long counts as failed and is listed with its reason. Random episodes
+    (--generate, see `dsr scenario generate`) are summed up by family.
 
     The exit code is 0 only if every run passed. Ctrl-C stops all and shows what was done, as JSON too.
     """
-    finder = hands and hands.value
-    plan = make_jobs(
-        scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []), hands=finder, untagged=untagged
-    )
-    said = for_people(as_json)
+    said, finder, methods = for_people(as_json), hands and hands.value, _policies(policy or [])
     check_writable(json_file)
     check_writable(curves, "--curves")
-    for scenario in dict.fromkeys(scenarios):
+    names = scenarios or []
+    if not names and not generate:
+        raise ConfigError("nothing to run; expected scenarios, or --generate FAMILY:SEEDS")
+    plan = make_jobs(names, parse_seeds(seeds), sensor.value, methods, hands=finder, untagged=untagged)
+    for scenario in dict.fromkeys(names):
         staged_system(make_run(scenario, sensor=sensor.value, hands=finder, untagged=untagged))
         show_all(scenario, said)
-    outcomes: list[RunOutcome] = []
-    try:
-        with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), said) as bar:
-            for outcome in running.outcomes():
-                outcomes.append(outcome)
-                bar.show(outcomes)
-    except KeyboardInterrupt:
-        said.print(f"stopped after {len(outcomes)} of {len(plan)} runs")
+    with TemporaryDirectory(prefix="dsr-episodes-") as folder:
+        for episode in write_episodes(generate or [], Path(folder)):
+            jobs_of_it = make_jobs([str(episode.file)], [episode.seed], sensor.value, methods, hands=finder)
+            plan += [msgspec.structs.replace(job, name=episode.family, untagged=untagged) for job in jobs_of_it]
+        outcomes = _played(plan, jobs or os.cpu_count() or 1, limit, said)
     complete = len(outcomes) == len(plan)
     summaries = summarise(outcomes)
-    show_sweep(summaries, said, metrics=metrics or len(set(scenarios)) == 1)
+    show_sweep(summaries, said, metrics=metrics or len(summaries) == 1)
     if curves:
         write_curves(summaries, curves)
         said.print(f"curves     {shown(str(curves))}", soft_wrap=True)
@@ -107,24 +110,21 @@ def sweep(
     raise typer.Exit(0 if all(outcome.passed for outcome in outcomes) else 1)
 
 
-def parse_seeds(text: str) -> list[int]:
-    """The seeds of `0-49`, `7` or `0-9,20-29`, each once. Raises `ConfigError`."""
-    seeds: dict[int, None] = {}
-    for part in text.split(","):
-        match = _PART.fullmatch(part)
-        if match is None:
-            raise ConfigError(f"--seeds {text!r}: expected numbers and ranges, like 0-49 or 3,7,20-29; got {part!r}")
-        first, last = int(match[1]), int(match[2] or match[1])
-        if last < first:
-            raise ConfigError(f"--seeds {text!r}: {part.strip()!r} ends before it begins")
-        if last - first >= MOST_SEEDS:
-            raise ConfigError(f"--seeds {text!r}: expected at most {MOST_SEEDS} seeds")
-        seeds |= dict.fromkeys(range(first, last + 1))
-    return list(seeds)
+def _played(plan: list[SweepJob], workers: int, limit: float, said: Console) -> list[RunOutcome]:
+    """The outcomes of all runs, or of those until Ctrl-C."""
+    outcomes: list[RunOutcome] = []
+    try:
+        with Sweep(plan, workers, limit) as running, SweepBar(len(plan), said) as bar:
+            for outcome in running.outcomes():
+                outcomes.append(outcome)
+                bar.show(outcomes)
+    except KeyboardInterrupt:
+        said.print(f"stopped after {len(outcomes)} of {len(plan)} runs")
+    return outcomes
 
 
 def make_jobs(
-    scenarios: list[str],
+    scenarios: Sequence[str],
     seeds: list[int],
     sensor: str,
     policies: list[Policy | None],

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series, topology_view
+from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series, told, topology_view
 from agents.viewer.elapsed import ELAPSED
 from agents.viewer.framing import ANYWHERE, Focus
 
@@ -81,8 +81,9 @@ def _thoughts() -> tuple[rrb.View, rrb.Container]:
     """What the robot is about to do, and what it makes of what it sees."""
     plan = rrb.TextDocumentView(origin=mind.PLAN, name="Mission and plan")
     explanations = rrb.TextDocumentView(origin=mind.EXPLANATIONS, name="Surprises and explanations")
+    words = rrb.TextDocumentView(origin=told.PAGE, name="In words")
     cameras = rrb.TextDocumentView(origin=calibrations.PAGE, name="Calibrations")
-    return plan, rrb.Tabs(explanations, cameras, active_tab=0)
+    return plan, rrb.Tabs(explanations, words, cameras, active_tab=0)
 
 
 def _graph() -> rrb.Container:

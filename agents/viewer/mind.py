@@ -13,7 +13,7 @@ from dsr import Memory, Node
 from dsr.timeline import explanations
 from dsr.vocabulary.intentions import DONE, RUNNING, WANTED, describe_action
 from dsr.vocabulary.relations import nodes_by_name
-from dsr.vocabulary.sentences import explained_sentence, listed, rejected_sentences
+from dsr.vocabulary.sentences import RELATION_WORDS, explained_sentence, listed, rejected_sentences
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -58,8 +58,9 @@ def _held(memory: Memory) -> str:
         node = memory.get_node(edge.src)
         held["" if node is None or node.type != "hand" else edge.src].append(edge.dst)
     own = held.pop("", [])
-    sentences = [f"Holds **{markdown(listed(own))}**." if own else "Holds nothing."]
-    sentences += [f"{markdown(hand)} holds **{markdown(listed(things))}**." for hand, things in held.items()]
+    holds = RELATION_WORDS["grasping"].holds
+    sentences = [f"{holds.capitalize()} **{markdown(listed(own))}**." if own else f"{holds.capitalize()} nothing."]
+    sentences += [f"{markdown(hand)} {holds} **{markdown(listed(things))}**." for hand, things in held.items()]
     return " ".join(sentences)
 
 

@@ -21,6 +21,7 @@ from agents.viewer.mind import MindView
 from agents.viewer.model import read_scene
 from agents.viewer.scene import MeshView, PersonView, SceneView
 from agents.viewer.series import SeriesView
+from agents.viewer.told import ToldView
 from agents.viewer.topology_view import TopologyView
 from dsr.graph.watch import Change
 from dsr.memory import Memory
@@ -66,6 +67,7 @@ class AllViews:
         self._meshes = MeshView(recording, memory)
         self._persons = PersonView(recording)
         self._mind = MindView(recording, self.elapsed)
+        self._told = ToldView(recording)
         self._chronicle = ChronicleView(recording, self.elapsed)
         self._calibrations = CalibrationView(recording)
         self._arranged: tuple[list[str], bool, Focus] | None = None
@@ -96,6 +98,7 @@ class AllViews:
         self._graph.draw(memory, changes, now)
         self._topology.draw(memory)
         self._mind.draw(memory)
+        self._told.draw(memory, now)
         scene = read_scene(memory)
         self._framing.note(scene.beliefs, scene.tables)
         self._scene.draw(scene, now, self._meshes.draw(changes))

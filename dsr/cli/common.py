@@ -25,7 +25,7 @@ from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportErr
 from dsr.files.private_files import FOLDER_MODE, write_json
 from dsr.graph.access import Access, WriteGuard
 from dsr.graph.schema import Schema
-from dsr.math3d.transforms import Pose
+from dsr.math3d.transforms import Pose, position_deviation
 from dsr.memory import Memory
 from dsr.network.keys import BASE, agent_of
 from dsr.network.rendezvous import endpoints, graphs, running_graph
@@ -278,13 +278,6 @@ def add_numbers(table: Table, *columns: str) -> None:
     """Add columns of numbers, right-justified. They keep their width: names beside them give way."""
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)
-
-
-def position_deviation(pose: Pose) -> float:
-    """Standard deviation of the position, m: the root of the mean variance along the three axes."""
-    if pose.covariance is None:
-        return 0.0
-    return float(np.sqrt(np.trace(np.asarray(pose.covariance)[:3, :3]) / 3))
 
 
 def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:

@@ -58,13 +58,14 @@ _GRAPH = 2.0
 def halt(
     why: Annotated[str, typer.Argument(help="The reason, for everybody who asks why nothing moves.")] = "",
     graph: GraphOption = None,
+    arm: Annotated[str, typer.Option("--arm", metavar="NAME", help="Only this arm, such as arm or left.")] = "",
     release: Annotated[bool, typer.Option("--release", help="Allow motion again; nothing moves by that.")] = False,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
     agent: AsOption = HALTER,
 ) -> None:
-    """Stop every arm at once, and keep it from moving until: dsr halt --release
+    """Stop every arm at once, or one, and keep it from moving until: dsr halt --release
 
     Arms come to rest within the limits of their joints, and keep what they hold. The order reaches arm controllers
     and drivers directly: it works without a planner, in the middle of a motion, and when the graph does not answer.
@@ -74,13 +75,14 @@ def halt(
     Example: dsr halt "a hand is in the way"
     """
     name = joinable(graph, router)
-    order = HaltOrder(uuid.uuid4().hex, not release, _who(), why[:500], WALL_CLOCK.now())
+    order = HaltOrder(uuid.uuid4().hex, not release, _who(), why[:500], WALL_CLOCK.now(), arm)
     routers = [router] if router else []
     answers = _spread(name, order, routers, security, agent)
     untold = _write(name, order, routers, security, agent)
     if as_json:
         reports = [msgspec.to_builtins(report) for report in answers.sorted()]
-        print_json({"halted": order.halted, "answers": reports, "written": not untold, "problem": untold})
+        about = {"halted": order.halted, "arm": order.arm}
+        print_json({**about, "answers": reports, "written": not untold, "problem": untold})
     _tell(order, answers, untold, as_json)
     if not answers.obeyed(order):
         raise typer.Exit(1)
@@ -175,10 +177,12 @@ def _tell(order: HaltOrder, answers: _Answers, untold: str, as_json: bool) -> No
             said = "[red]still moves[/]" if report.moving else "stands still, and stays so"
         people.print(f"{shown(report.agent)}: {said}", soft_wrap=True)
     if not answers.reports:
-        told = "nobody who drives an arm has answered" + (": use the arm's own emergency stop" if order.halted else "")
+        whom = f"the arm {shown(order.arm)}" if order.arm else "an arm"
+        told = f"nobody who drives {whom} has answered" + (": use the arm's own emergency stop" if order.halted else "")
         people.print(f"[bold red]{told}[/]", soft_wrap=True)
     if untold:
         late = f"the order is not in the graph ({shown(untold)}): whoever starts now does not know of it"
         people.print(f"[yellow]{late}[/]", soft_wrap=True)
     if order.halted and answers.reports:
-        people.print("to allow motion again: dsr halt --release", soft_wrap=True)
+        again = f"dsr halt --release{f' --arm {shown(order.arm)}' if order.arm else ''}"
+        people.print(f"to allow motion again: {again}", soft_wrap=True)

@@ -10,9 +10,11 @@ from dsr.errors import ConfigError
 DISTRIBUTION = "dsr-memory"
 """Name on the package index."""
 EXTRAS = {
-    "cryptography": "cli", "lz4": "cli", "mcap": "cli", "rich": "cli", "typer": "cli", "zstandard": "cli",
+    "cryptography": "cli", "lark": "cli", "lz4": "cli", "mcap": "cli", "rich": "cli", "typer": "cli",
+    "zstandard": "cli",
     "collada": "sim", "cv2": "sim", "psutil": "sim", "pybullet": "sim", "pybullet_data": "sim", "scipy": "sim",
     "ruckig": "sim", "trimesh": "sim",
+    "mcp": "assist", "anyio": "assist",
     "dynamixel_sdk": "dynamixel",
     "rerun": "view",
     "up_fast_downward": "planning",

@@ -25,6 +25,7 @@ class Access:
         edges: edge types; the pose of a geometric edge needs no further declaration.
         attributes: attributes of those nodes and edges.
         exclusive: those of the names above that no other agent of the system may write.
+        several: whether several agents may declare exactly this, each for nodes of its own, such as those of its arm.
         worlds: the worlds to which this applies, `view_of_*` for all that begin so; all of them if None. The list of
             worlds, nodes of type `world_record`, belongs to none of them.
 
@@ -36,6 +37,7 @@ class Access:
     edges: Collection[str] = ()
     attributes: Collection[str] = ()
     exclusive: Collection[str] = field(default=(), kw_only=True)
+    several: bool = field(default=False, kw_only=True)
     worlds: Collection[str] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -151,6 +153,8 @@ def check_writers(writes: Mapping[str, Access]) -> None:
     for owner, access in writes.items():
         for name in access.exclusive:
             for other, theirs in writes.items():
+                if access.several and theirs == access:
+                    continue
                 if other != owner and theirs.includes(name) and access.meets(theirs):
                     raise ConfigError(
                         f"agents {owner!r} and {other!r} cannot run together: {owner!r} must be the only writer "

@@ -277,6 +277,11 @@ def looking_at(eye: Vector3, target: Vector3, up: Vector3 = (0.0, 0.0, 1.0)) -> 
     return Pose.from_matrix(matrix)
 
 
+def position_deviation(pose: Pose) -> float:
+    """Standard deviation of the position, m: the root of the mean variance along the three axes; 0 if unknown."""
+    return 0.0 if pose.cov is None else math.sqrt((pose.cov[0] + pose.cov[7] + pose.cov[14]) / 3.0)
+
+
 def exp(twist: Iterable[float]) -> Pose:
     """SE(3) exponential of a (6,) twist (translation m, rotation rad); Barfoot and Furgale 2014, eq. 8."""
     rx, ry, rz, x, y, z = _floats("twist", twist, 6)

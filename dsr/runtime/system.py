@@ -99,6 +99,12 @@ class System:
         agents = (dataclasses.replace(spec, process=spec.name) if spec in chosen else spec for spec in self.agents)
         return dataclasses.replace(self, agents=tuple(agents))
 
+    def final(self, *names: str) -> System:
+        """A copy in which agents called so are not started again when they crash. Raises `ConfigError`."""
+        chosen = [self.agent(name) for name in names]
+        agents = (dataclasses.replace(spec, restart=False) if spec in chosen else spec for spec in self.agents)
+        return dataclasses.replace(self, agents=tuple(agents))
+
     def agent(self, name: str) -> AgentSpec:
         """The agent called `name`. Raises `ConfigError`."""
         for spec in self.agents:

@@ -37,7 +37,7 @@ class Timeline:
         self._relations: dict[tuple[str, str, str], str] = {}
         self._present: dict[str, bool] = {}
         self._statuses: dict[str, str] = {}
-        self._order = ""
+        self._orders: dict[str, str] = {}
         self._explained: dict[str, tuple[Any, Any]] = {}
         self._told: dict[str, set[str]] = {}
         self._agents: dict[str, Status] = {}
@@ -87,7 +87,7 @@ class Timeline:
             elif change.type in ("intention", "action"):
                 yield from self._status(change, node, now)
             elif change.type == HALT_NODE:
-                yield from self._halt(node, now)
+                yield from self._halt(change.name, node, now)
             elif change.type in (EVENT, SITUATION):
                 yield from self._entry(change.name, node, now)
 
@@ -143,17 +143,17 @@ class Timeline:
             text = f"{name} ({what}) {status or 'new'}{f': {why}' if why else ''}"
             yield Event(now, kind, name, text, {**details, "status": status, "explanation": why})
 
-    def _halt(self, node: Node | None, now: float) -> Iterator[Event]:
-        """Of an emergency stop: it was ordered, it was released."""
+    def _halt(self, name: str, node: Node | None, now: float) -> Iterator[Event]:
+        """Of an emergency stop, of all arms or of one: it was ordered, it was released."""
         order = order_of(node)
-        if order is None or order.id == self._order:
+        if order is None or order.id == self._orders.get(name):
             return
-        begins, self._order = self._order == "", order.id
+        begins, self._orders[name] = name not in self._orders, order.id
         if order.halted:
-            yield Event(min(order.stamp or now, now), "halted", HALT_NODE, order.reason, {"source": order.by})
+            yield Event(min(order.stamp or now, now), "halted", name, order.reason, {"source": order.by})
         elif not begins:
             text = f"released by {order.by}"
-            yield Event(min(order.stamp or now, now), "released", HALT_NODE, text, {"source": order.by})
+            yield Event(min(order.stamp or now, now), "released", name, text, {"source": order.by})
 
     def _entry(self, name: str, node: Node | None, now: float) -> Iterator[Event]:
         """Of the timeline in the graph."""

@@ -3,6 +3,9 @@
 An order travels as a message of its own, so it needs neither a planner nor a graph that answers. Whoever moves
 something obeys at once, and moves nothing until another order releases it. The arm controllers write the newest order
 to the node `halt`, and so does `dsr halt` if the graph answers.
+
+An order may be about one arm, such as `left`: the other arms do not mind it, and its node is `halt_left`. Of all orders
+that are about an arm the newest counts for this arm.
 """
 
 from __future__ import annotations
@@ -21,11 +24,12 @@ from dsr.memory import Memory
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Transport
+from dsr.vocabulary.arms import ARM
 
 HALT_NODE = "halt"
-"""Name and type of the node that holds the newest order."""
-HALT_ATTRIBUTES = ("halted", "halt_id", "source", "explanation", "since")
-"""Attributes of that node."""
+"""Name of the node that holds the newest order to all arms, and type of all nodes that hold orders."""
+HALT_ATTRIBUTES = ("halted", "halt_id", "source", "explanation", "since", "arm")
+"""Attributes of those nodes."""
 HALTER = "halt"
 """The agent as which `dsr halt` acts, in a secured graph too."""
 _MOST_ORDERS = 1000
@@ -48,6 +52,12 @@ class HaltOrder(msgspec.Struct, frozen=True):
     why: Text = ""
     stamp: float = 0.0
     """Time of the order on the clock of who gave it, s since the Unix epoch."""
+    arm: Annotated[str, Meta(max_length=200)] = ""
+    """Name of the only arm that the order is about; empty for all arms."""
+
+    def concerns(self, arm: str) -> bool:
+        """Whether the order is about the arm of that name."""
+        return self.arm in ("", arm)
 
     @property
     def reason(self) -> str:
@@ -105,25 +115,40 @@ def send_order(bus: Transport, keys: Keys, order: HaltOrder) -> None:
     bus.publish(halt_key(keys), msgspec.msgpack.encode(order), Qos.RELIABLE)
 
 
+def halt_node(arm: str = "") -> str:
+    """Name of the node that holds the newest order to one arm; to all arms if empty."""
+    return f"{HALT_NODE}_{arm}" if arm else HALT_NODE
+
+
 def write_order(memory: Memory, order: HaltOrder) -> None:
-    """Write an order to the node `halt`, if it is not there yet."""
-    node = memory.get_node(HALT_NODE)
+    """Write an order to its node, if it is not there yet."""
+    name = halt_node(order.arm)
+    node = memory.get_node(name)
     values = {"halted": order.halted, "halt_id": order.id, "source": order.by, "explanation": order.why,
               "since": order.stamp}  # fmt: skip
+    if order.arm:
+        values["arm"] = order.arm
     if node is None:
-        memory.add_node(HALT_NODE, HALT_NODE, **values)
+        memory.add_node(name, HALT_NODE, **values)
     elif node.get("halt_id") != order.id:
-        memory.update_node(HALT_NODE, **values)
+        memory.update_node(name, **values)
+
+
+def order_about(memory: Memory, arm: str) -> HaltOrder | None:
+    """The newest order in the graph that is about an arm; None without any. At one time, a halt precedes a release."""
+    found = [order for name in ("", arm) if (order := order_of(memory.get_node(halt_node(name)))) is not None]
+    return max(found, key=lambda order: (order.stamp, order.halted), default=None)
 
 
 def order_of(node: Node | None) -> HaltOrder | None:
-    """The order that the node `halt` holds; None if there is no such node, or nothing can be read off it."""
+    """The order that a node of type `halt` holds; None if there is no such node, or nothing can be read off it."""
     if node is None or node.type != HALT_NODE:
         return None
     halted, id = node.get("halted"), node.get("halt_id")
     if halted is None or not id:
         return None
-    return HaltOrder(id, halted, node.get("source", ""), node.get("explanation", ""), node.get("since", 0.0))
+    by, why = node.get("source", ""), node.get("explanation", "")
+    return HaltOrder(id, halted, by, why, node.get("since", 0.0), node.get("arm", ""))
 
 
 class HaltLatch:
@@ -133,16 +158,19 @@ class HaltLatch:
         bus: where orders are heard.
         keys: of the graph.
         on_order: called for each new order, in the network's thread; must return at once.
+        arm: name of the arm that moves; orders about another one are none of its.
     """
 
-    def __init__(self, bus: Transport, keys: Keys, on_order: Callable[[HaltOrder], None] | None = None) -> None:
+    def __init__(
+        self, bus: Transport, keys: Keys, on_order: Callable[[HaltOrder], None] | None = None, arm: str = ARM
+    ) -> None:
         self.order: HaltOrder | None = None
         """The newest order; None before the first."""
         self.heard = 0
         """Messages with orders so far, repeated ones too: each wants an answer."""
         self.malformed = 0
         """Messages that were no orders. They change nothing."""
-        self._on_order = on_order
+        self._on_order, self._arm = on_order, arm
         self._known: dict[str, None] = {}
         self._lock = threading.Lock()
         self._subscription = bus.subscribe(halt_key(keys), self._receive)
@@ -153,7 +181,9 @@ class HaltLatch:
         return "" if self.order is None else self.order.reason
 
     def take(self, order: HaltOrder) -> bool:
-        """Obey an order, wherever it came from; returns whether it was not known yet."""
+        """Obey an order, wherever it came from; returns whether it is about this arm and was not known yet."""
+        if not order.concerns(self._arm):
+            return False
         with self._lock:
             if order.id in self._known:
                 return False
@@ -175,5 +205,6 @@ class HaltLatch:
         except WireError:
             self.malformed += 1
             return
-        self.take(order)
-        self.heard += 1
+        if order.concerns(self._arm):
+            self.take(order)
+            self.heard += 1

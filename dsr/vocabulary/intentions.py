@@ -6,7 +6,9 @@ below it and asks for them by `request`; the `status` of an action is the arm co
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import count
+from typing import Any
 
 from dsr.graph.elements import Node
 from dsr.memory import Memory
@@ -40,8 +42,12 @@ RUN, HALT = "run", "halt"
 """Requests to an action."""
 
 
-def describe_action(action: Node) -> str:
-    """An action in a few words: `place cube_3 on cube_4`."""
+def describe_action(action: Node | Mapping[str, Any]) -> str:
+    """An action in a few words: `place cube_3 on cube_4`.
+
+    Args:
+        action: its node, or the attributes of that.
+    """
     where = f"on {action['destination']}" if action.get("destination", "") else ""
     return " ".join(part for part in (action.get("skill", ""), action.get("target", ""), where) if part)
 

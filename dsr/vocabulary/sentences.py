@@ -1,4 +1,4 @@
-"""Tells explanations as sentences: `cube_3 moved, and cube_4 beneath it moved along`."""
+"""Has the words of sentences: of explanations (`cube_3 moved, and cube_4 beneath it moved along`) and of relations."""
 
 from __future__ import annotations
 
@@ -37,6 +37,28 @@ _WHOLE = {
     explained.NOTHING_CHANGED: "nothing changed",
 }
 """Kinds of changes without objects."""
+
+
+class RelationWords(NamedTuple):
+    """The words of a relation between two things, each to stand between their names."""
+
+    holds: str
+    """That the relation holds now."""
+    hold: str
+    """The same after "is believed to"."""
+    began: str
+    ended: str
+
+
+RELATION_WORDS = {
+    "on": RelationWords("rests on", "rest on", "came to rest on", "stopped resting on"),
+    "in": RelationWords("is in", "be in", "came to be in", "came out of"),
+    "grasping": RelationWords("holds", "hold", "took hold of", "let go of"),
+    "sees": RelationWords("sees", "see", "came to see", "lost sight of"),
+}
+"""The words of each type of edges that sentences tell of."""
+TOUCHING = RelationWords("touches", "touch", "touched", "stopped touching")
+"""The words of an edge `grasping` from a hand that has hold of one side only."""
 
 
 class Rejected(NamedTuple):

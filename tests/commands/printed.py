@@ -289,6 +289,6 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
 SENTENCES = {
     "new", "run", "stop", "logs", "halt", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
     "record export", "security init", "security add", "ros run", "ros check", "drivers try", "hands fetch",
-    "hands status",
+    "hands status", "tell", "ask", "assist serve", "assist confirm", "scenario generate",
 }  # fmt: skip
 """Commands that print lines only, which the terminal breaks, or what one of `PRINTED` prints: `run`, `demo`."""

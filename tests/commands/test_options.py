@@ -24,7 +24,9 @@ NO_DATA = {
     "security add": "writes files",
     "record": "writes a file",
     "view": "opens a window",
+    "assist serve": "speaks a protocol",
     "ros run": "goes on until Ctrl-C",
+    "scenario generate": "writes a file",
 }
 """Commands that have no outcome but what they do."""
 

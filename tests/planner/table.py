@@ -11,6 +11,7 @@ from dsr import Access, Agent, GraphError, Memory, Pose
 from dsr.graph.elements import Node
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.arms import arm_of_action, gripper_of
 from dsr.vocabulary.intentions import add_intention
 from planner import Planner
 
@@ -76,6 +77,7 @@ class FakeArm(Agent):
     """Takes 1 s for each action and moves things in the middle of it."""
 
     name = "arm_controller"
+    arm = "arm"
     rate_hz = 20.0
     writes = Access(
         nodes=("action", "cube"),
@@ -98,7 +100,7 @@ class FakeArm(Agent):
         self.hidden: dict[str, tuple[float, float]] = {}
         """Cubes, with their places (m), that are seen only from right above."""
         for node in self.memory.nodes("action"):
-            if node.get("status") == "running":
+            if node.get("status") == "running" and arm_of_action(self.memory, node) == self.arm:
                 self.end(node, "failed", "the arm controller was started again")
 
     def tick(self, now: float) -> None:
@@ -109,6 +111,8 @@ class FakeArm(Agent):
 
     def find(self, now: float) -> None:
         for node in sorted(self.memory.nodes("action"), key=lambda node: node.name):
+            if arm_of_action(self.memory, node) != self.arm:
+                continue
             if node.get("status") == "planned" and node.get("request") == "run" and not self.stuck:
                 self.memory.update_node(node.name, status="running")
                 self.task = _Task(node, now)
@@ -143,13 +147,14 @@ class FakeArm(Agent):
 
     def act(self, node: Node) -> str:
         memory, cube, goal = self.memory, node.get("target", ""), node.get("destination", "")
-        held = [edge.dst for edge in memory.edges("grasping")]
+        gripper = gripper_of(self.arm)
+        held = [edge.dst for edge in memory.edges("grasping", src=gripper)]
         if node["skill"] == "pick":
             if held or any(edge.dst == cube for edge in memory.edges("on")):
                 return f"{cube} cannot be grasped"
             for edge in memory.edges("on", src=cube):
                 memory.remove_edge(cube, edge.dst, "on")
-            memory.add_edge("gripper", cube, "grasping", source="gripper")
+            memory.add_edge(gripper, cube, "grasping", source="gripper")
             memory.add_edge("world", cube, "Virtual_RT", pose=Pose((0.3, 0.0, 0.4)))
         elif node["skill"] == "look":
             self.looks.append(node["target_pose"])
@@ -159,7 +164,7 @@ class FakeArm(Agent):
         elif node["skill"] == "place":
             if held != [cube]:
                 return f"{cube} is not held"
-            memory.remove_edge("gripper", cube, "grasping")
+            memory.remove_edge(gripper, cube, "grasping")
             if self.dropping:
                 self.dropping -= 1
                 move(memory, cube, "table", (0.5, 0.25))

@@ -142,7 +142,7 @@ def test_the_state_is_read_from_the_graph(memory: Memory) -> None:
     assert state.relations.things == cubes | {"ball_1", "crate", "cube_9"}
     assert state.graspable == cubes | {"ball_1"}
     assert state.flat == cubes | {"crate", "cube_9"}
-    assert state.table == "table" and state.base == (-0.1, 0.2)
+    assert state.table == "table" and state.arms["arm"].base == (-0.1, 0.2)
     assert set(state.solids) == cubes | {"ball_1", "crate", "table"}
     [view] = state.views
     assert view.sees(np.array([(0.35, 0.0, 0.04), (0.8, 0.0, 0.04), (0.35, 0.0, 0.8)]), 0.2).tolist() == [

@@ -9,12 +9,13 @@ import msgspec
 from dsr.memory import Memory
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Transport
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.halting import (
     HALT_NODE,
     HaltLatch,
     HaltReport,
     halt_report_key,
-    order_of,
+    order_about,
     write_order,
 )
 
@@ -28,11 +29,14 @@ class EmergencyStop:
         keys: of the graph.
         agent: in whose name orders are answered.
         log: where each order is told.
+        arm: name of the arm; orders about another one are none of its.
     """
 
-    def __init__(self, memory: Memory, bus: Transport, keys: Keys, agent: str, log: logging.Logger) -> None:
+    def __init__(
+        self, memory: Memory, bus: Transport, keys: Keys, agent: str, log: logging.Logger, arm: str = ARM
+    ) -> None:
         self._memory, self._bus, self._keys, self._agent, self._log = memory, bus, keys, agent, log
-        self._latch = HaltLatch(bus, keys)
+        self._latch, self._arm = HaltLatch(bus, keys, arm=arm), arm
         self._watch = memory.watch(node_type=HALT_NODE)
         self._written = self._told = ""
         self._answered = 0
@@ -49,7 +53,7 @@ class EmergencyStop:
         Args:
             moving: whether the arm still moves.
         """
-        if any(change.name == HALT_NODE for change in self._watch.poll()):
+        if self._watch.poll():
             self._take_from(self._memory)
         order = self._latch.order
         if order is None:
@@ -71,7 +75,7 @@ class EmergencyStop:
         self._latch.close()
 
     def _take_from(self, memory: Memory) -> None:
-        order = order_of(memory.get_node(HALT_NODE))
+        order = order_about(memory, self._arm)
         if order is not None:
             self._written = order.id
             self._latch.take(order)

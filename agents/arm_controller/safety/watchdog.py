@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import JointChain
@@ -19,12 +20,15 @@ class Watchdog:
     Args:
         chain: joints with their limits.
         late: s that a sample may be late.
+        efforts: N m, N or A by joint, the most that it may need; no others are watched.
     """
 
-    def __init__(self, chain: JointChain, late: float) -> None:
+    def __init__(self, chain: JointChain, late: float, efforts: Mapping[str, float] | None = None) -> None:
         self.danger = ""
         """Why the arm must not move, in words; empty if it may."""
         self._samples = SampleCheck(chain, late)
+        self._efforts = {chain.names.index(name): limit for name, limit in (efforts or {}).items()}
+        self._names = chain.names
         self._sights: dict[str, Sight] = {}
         self._told: dict[str, tuple[str, float]] = {}
         self._had_company = False
@@ -40,6 +44,8 @@ class Watchdog:
         """
         self._tell("samples", error or ("" if joints is None else self._samples.problem(joints, now)), now)
         self._tell("device", fault, now)
+        if joints is not None:
+            self._tell("effort", self._pressed(joints), now)
 
     def note_frame(self, camera: str, now: float) -> None:
         """A frame of a camera came at time `now` (s)."""
@@ -54,6 +60,16 @@ class Watchdog:
             self._tell(camera, sight.trouble(now), now)
         lasting = [what for what, at in self._told.values() if now - at <= CLEARED]
         self.danger = lasting[0] if lasting else ""
+
+    def _pressed(self, joints: Joints) -> str:
+        """Which joint needs more than it may, in words; empty for none."""
+        if self._efforts and not joints.efforts:
+            return "the driver tells no efforts, which `effort_limits` limits"
+        for index, limit in self._efforts.items():
+            effort = joints.efforts[index]
+            if abs(effort) > limit:
+                return f"{self._names[index]} presses with {effort:.3g}, more than {limit:g}"
+        return ""
 
     def _tell(self, kind: str, problem: str, now: float) -> None:
         """Keep the newest trouble of a kind, with the time when it was there last."""

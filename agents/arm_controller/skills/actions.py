@@ -13,6 +13,7 @@ from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
 from dsr import Memory, Node
 from dsr.errors import DsrError, suggest
+from dsr.vocabulary.arms import arm_of_action
 from dsr.vocabulary.intentions import DONE, ENDED, FAILED, HALT, HALTED, RUN, RUNNING
 
 _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
@@ -27,8 +28,14 @@ _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
 }
 
 
+RETREAT = "stepping back"
+"""Stands for the name of an action while the arm steps back for another one: no node has a name with a blank"""
+RETREAT_AGAIN = 1.0
+"""s between two tries to step back"""
+
+
 class RunningActions:
-    """Runs the skills that action nodes request, one at a time.
+    """Runs the skills that action nodes request of this arm, one at a time.
 
     Args:
         memory: holds the nodes.
@@ -48,9 +55,10 @@ class RunningActions:
         """Name of the action under way."""
         self.step = ""
         """Name of its present step."""
-        self._waits_for = ""
+        self._told = ""
+        self._retreat_at = 0.0
         for node in memory.nodes("action"):
-            if node.get("status") == RUNNING:
+            if node.get("status") == RUNNING and self._is_mine(node):
                 self._arm.hold_still()
                 self._say(node.name, FAILED, "the arm controller was restarted")
 
@@ -58,6 +66,8 @@ class RunningActions:
         """Take requests, and do a step of the action under way."""
         self._arm.joints = joints
         self._take_requests(joints)
+        if not self.running and self._arm.others.waits_for_us() and joints.stamp >= self._retreat_at:
+            self._retreat(joints)
         if self._steps is not None:
             self._advance(self._steps)
 
@@ -81,18 +91,31 @@ class RunningActions:
                     self._end(HALTED, "")
             elif node.get("request") == HALT and node.name == self.running:
                 self._end(HALTED, "")
-            elif node.get("request") == RUN and node.get("status") not in (*ENDED, RUNNING):
+            elif node.get("request") == RUN and node.get("status") not in (*ENDED, RUNNING) and self._is_mine(node):
                 self._begin(node, joints, refused, status)
+
+    def _retreat(self, joints: Joints) -> None:
+        """Without anything to do: step back for an arm that waits for this one."""
+        self._retreat_at = joints.stamp + RETREAT_AGAIN
+        self.running, self.step = RETREAT, ""
+        self._arm.begin(joints, self._speed())
+        self._steps = _from_rest(self._arm, self._arm.step_back())
+
+    def _is_mine(self, node: Node) -> bool:
+        """Whether this arm is to carry out the action."""
+        return arm_of_action(self._memory, node) == self._config.arm
 
     def _begin(self, node: Node, joints: Joints | None, refused: str, status: str) -> None:
         skill = node.get("skill", "")
+        if self.running == RETREAT:
+            self._end(HALTED, "")
         if skill == "stop" and self.running:
             self._end(HALTED, f"{node.name} asked to stop")
         problem = refused or self._problem(skill)
         if problem or joints is None:
             self._say(node.name, status if refused else FAILED, problem)
             return
-        self.running, self.step = node.name, ""
+        self.running, self.step, self._told = node.name, "", ""
         try:
             self._arm.begin(joints, self._speed())
             steps = _SKILLS[skill](self._arm, node)
@@ -118,7 +141,7 @@ class RunningActions:
     def _advance(self, steps: Steps[None]) -> None:
         try:
             self.step = next(steps)
-            self._tell_waiting()
+            self._tell_course()
         except StopIteration:
             self._end(DONE, "", moving=False)
         except DsrError as error:
@@ -127,13 +150,14 @@ class RunningActions:
             self._end(FAILED, f"unexpected {type(error).__name__}: {error}")
             raise
 
-    def _tell_waiting(self) -> None:
-        """Say in the action's node for whom the arm stands still."""
-        whom = self._arm.waits_for
-        if whom != self._waits_for:
-            self._waits_for = whom
-            told = f"stands still: {whom} is near" if whom else ""
-            self._memory.update_node(self.running, explanation=told)
+    def _tell_course(self) -> None:
+        """Say in the action's node for whom the arm stands still, or what else it has to tell."""
+        whom = self._arm.execution.waits_for
+        told = f"stands still: {whom} is near" if whom else self._arm.note
+        if told != self._told:
+            self._told = told
+            if self.running in self._memory:
+                self._memory.update_node(self.running, explanation=told)
 
     def _end(self, status: str, explanation: str, *, moving: bool = True, hopeless: bool = False) -> None:
         name, steps = self.running, self._steps
@@ -142,6 +166,7 @@ class RunningActions:
             steps.close()
         if moving:
             self._arm.hold_still()
+        self._arm.finish()
         self._say(name, status, explanation, hopeless)
 
     def _say(self, name: str, status: str, explanation: str, hopeless: bool = False) -> None:

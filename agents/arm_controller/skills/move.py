@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from agents.arm_controller.execution import OvertakenError
 from agents.arm_controller.routes import JointGoal
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.skills.manipulator import Attempt, Manipulator, SkillError, Steps
+from agents.arm_controller.trajectory import Trajectory
+from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
+_MOST_WAYS = 5  # that are planned to one goal, one after the other, as long as things come in the way
 _TURNS = 8
 """Ways in which a camera is turned about its axis for the same look, evenly spaced"""
 
@@ -37,10 +40,27 @@ def look(arm: Manipulator, camera: str, target_pose: Pose | None) -> Steps[None]
 
 def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
     """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
-    solved = arm.solve(poses)
-    opening = arm.joints.opening
-    trajectory = first_free([partial(arm.trajectory_to, JointGoal(q), opening) for _, q in solved])
-    yield from arm.go(trajectory, "move", arm.holding.held)
+    yield from _go_to_one(arm, lambda: [q for _, q in arm.solve(poses)])
+
+
+def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]]) -> Steps[None]:
+    """Go to the first of joint positions that is free; anew if something has come in the way meanwhile."""
+    held = arm.holding.held
+    for left in reversed(range(_MOST_WAYS)):
+        attempt, trajectory = yield from arm.cleared(lambda: _first(arm, goals()), lambda found: found[1])
+        try:
+            yield from arm.go(trajectory, attempt, "move", held)
+            return
+        except OvertakenError:
+            if not left:
+                raise
+
+
+def _first(arm: Manipulator, goals: Sequence[Array]) -> Steps[tuple[Attempt, Trajectory]]:
+    """The first of joint positions that is free, with the way there."""
+    attempts = [Attempt(JointGoal(q), arm.joints.opening) for q in goals]
+    index, trajectory = yield from arm.first_way(attempts)
+    return attempts[index], trajectory
 
 
 def observe(arm: Manipulator) -> Steps[None]:
@@ -48,8 +68,7 @@ def observe(arm: Manipulator) -> Steps[None]:
     joints = arm.config.observe_joints
     if not joints:
         raise SkillError("the arm's configuration has no observe_joints")
-    trajectory = first_free([partial(arm.trajectory_to, JointGoal(np.array(joints)), arm.joints.opening)])
-    yield from arm.go(trajectory, "move", arm.holding.held)
+    yield from _go_to_one(arm, lambda: [np.array(joints)])
 
 
 def stop(arm: Manipulator) -> Steps[None]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
+from agents.arm_controller.execution import OvertakenError, StuckError
 from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
 from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free
+from agents.arm_controller.skills.manipulator import Attempt, Manipulator, SkillError, Steps
 from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
@@ -41,8 +42,11 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         raise SkillError(f"{held} cannot stand on itself")
     for _ in range(_MOST_AIMS):
         before = arm.scene.object(destination)
-        trajectory = _choose(arm, held, _resting(arm, held, destination, target_pose))
-        if (yield from _go_down(arm, trajectory, held, before)):
+        attempt, trajectory = yield from arm.cleared(
+            partial(_plan, arm, held, destination, target_pose), lambda found: found[1]
+        )
+        arm.start(trajectory, attempt)
+        if (yield from _go_down(arm, held, before)):
             break
     else:
         raise SkillError(f"{destination} keeps moving")
@@ -51,15 +55,15 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         yield "release"
     if arm.joints.contact:
         raise SkillError(f"{held} is still in the gripper")
-    yield from arm.rise(None)
+    yield from arm.retreat(arm.out, None)
 
 
-def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: Obstacle | None) -> Steps[bool]:
+def _go_down(arm: Manipulator, held: str, destination: Obstacle | None) -> Steps[bool]:
     """To the place; returns False, with the arm at rest, if the object `destination` is seen to have moved meanwhile.
 
-    What stops the arm a little above its place is what the held object shall stand on.
+    It is False, too, if something came in the way. What stops the arm a little above its place is what the held object
+    shall stand on.
     """
-    arm.start(trajectory)
     try:
         while not arm.has_arrived():
             yield "approach"
@@ -69,6 +73,8 @@ def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: O
                 yield "aim"
                 yield from arm.settle()
                 return False
+    except OvertakenError:
+        return False
     except StuckError:
         if arm.away() > EARLY:
             raise
@@ -105,10 +111,19 @@ def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | 
         raise SkillError(str(error)) from error
 
 
-def _choose(arm: Manipulator, held: str, resting: list[Pose]) -> Trajectory:
+def _plan(
+    arm: Manipulator, held: str, destination: str, target_pose: Pose | None
+) -> Steps[tuple[Attempt, Trajectory]]:
+    """The best way to put the held object there, as things are believed to be now."""
+    attempts = _attempts(arm, held, _resting(arm, held, destination, target_pose))
+    index, trajectory = yield from arm.first_way(attempts)
+    return attempts[index], trajectory
+
+
+def _attempts(arm: Manipulator, held: str, resting: list[Pose]) -> list[Attempt]:
+    """Ways to bring the held object to one of these poses (world_from_object); the least motion first."""
     object_in_tool = arm.tool_from_held
     assert object_in_tool is not None
     tool_from_object = object_in_tool.inverse()
     solved = arm.solve([pose @ tool_from_object for pose in resting])
-    approach = arm.config.approach
-    return first_free([partial(arm.trajectory_to, JointGoal(q, approach), arm.joints.opening, held) for _, q in solved])
+    return [Attempt(JointGoal(q, arm.config.approach), arm.joints.opening, held) for _, q in solved]

@@ -10,10 +10,12 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.watch.decision import Decision
 from dsr.errors import DsrError
 from dsr.frames.tree import WORLD
+from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
+from dsr.vocabulary.arms import CONTROLLER, arm_nodes, arm_of_action, controller_of, first_arm, gripper_node_of
 from dsr.vocabulary.intentions import DONE, ENDED, FAILED, HALT, NOTHING_GRASPED, PLANNED, RUN, RUNNING
 from dsr.vocabulary.relations import nodes_by_name
 
@@ -36,7 +38,7 @@ _SEEN_WITHIN = 1.5  # s beyond the span of a view
 def can_look(memory: Memory, parent: str) -> bool:
     """Whether the frame that carries a camera is part of an arm that can be asked to move."""
     node = memory.get_node(parent)
-    return node is not None and node.type == "gripper" and _has_controller(memory)
+    return node is not None and node.type == "gripper" and _has_controller(memory, parent)
 
 
 class Looking:
@@ -65,6 +67,8 @@ class Looking:
         self._most = most
         self._memory = memory
         self._parent = parent
+        arm = _arm_with(memory, parent)
+        self._arm = first_arm(memory) if arm is None else arm.name
         self._camera = camera
         self._middle = middle
         self._views = views
@@ -139,6 +143,7 @@ class Looking:
         names = (f"action_look_{self._memory.rid}_{number}" for number in count(1))
         self._name = next(name for name in names if name not in self._memory)
         values = {"skill": "move", "status": PLANNED, "request": RUN, "source": SOURCE, "explanation": ""}
+        values["arm"] = self._arm
         self._memory.add_node(self._name, "action", target_pose=tool, **values)
         began = self._now()
         while (node := self._memory.get_node(self._name)) is not None and node.get("status") not in ENDED:
@@ -161,6 +166,7 @@ class Looking:
         """Whether the arm does something for somebody else, or is about to."""
         return any(
             node.name != self._name
+            and arm_of_action(self._memory, node) == self._arm
             and (node.get("status") == RUNNING or (node.get("status") == PLANNED and node.get("request") == RUN))
             for node in self._memory.nodes("action")
         )
@@ -189,8 +195,15 @@ def _orbited(world_from_camera: Pose, middle: Vector3, turn: float, azimuth: flo
     return Pose(middle) @ lean @ about @ nearer
 
 
-def _has_controller(memory: Memory) -> bool:
-    return any(agent_of(rid) == "arm_controller" for rid in memory.peers)
+def _arm_with(memory: Memory, gripper: str) -> Node | None:
+    """The arm that moves a gripper."""
+    return next((arm for arm in arm_nodes(memory) if gripper_node_of(arm) == gripper), None)
+
+
+def _has_controller(memory: Memory, gripper: str) -> bool:
+    arm = _arm_with(memory, gripper)
+    agent = CONTROLLER if arm is None else controller_of(arm)
+    return any(agent_of(rid) == agent for rid in memory.peers)
 
 
 _FAR = 0.025  # m that an object would be elsewhere, for a grasp of it to tell

@@ -21,6 +21,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.halting import HaltLatch, HaltOrder
 
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -56,6 +57,7 @@ class RosArm(RosDevice):
         deadman: s without `keep_alive` after which a process of its own cancels all goals; 0 for no such process.
         link: how ROS is reached, see `LinkConfig`.
         restamp: take the time of arrival for the stamps of ROS.
+        arm: name of the arm, which `dsr halt --arm` uses.
 
     Raises:
         ConfigError: for options that fit no arm, and for DDS without an installed ROS to ask its actions.
@@ -67,7 +69,7 @@ class RosArm(RosDevice):
         states: str = "/joint_states", speed: float = 1.0, gripper: str = "", gripper_joint: str = "",
         gripper_closed: float = 0.0, gripper_open: float = 0.085, stroke: float = 0.085, effort: float = 0.0,
         deadman: float = 0.1,
-        link: Mapping[str, Any] | None = None, restamp: bool = False,
+        link: Mapping[str, Any] | None = None, restamp: bool = False, arm: str = ARM,
     ) -> None:  # fmt: skip
         if not joints or speed <= 0.0 or stroke <= 0.0 or gripper_open == gripper_closed:
             raise ConfigError(
@@ -98,7 +100,7 @@ class RosArm(RosDevice):
         self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
         self._grip = RosGripper(self.link, self.types, self.tally, gripper, gripper_joint, effort) if gripper else None
         self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
-        self._halt = HaltLatch(bus, keys, self._obey_halt)
+        self._halt = HaltLatch(bus, keys, self._obey_halt, arm)
 
     # ---- state
 
@@ -129,7 +131,7 @@ class RosArm(RosDevice):
         values = [self._table[name] for name in self._names]
         return ArmState(
             stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
-            self._opening(), self._stalled, self._halt.reason,
+            self._opening(), self._stalled, self._halt.reason, tuple(value[2] for value in values),
         )  # fmt: skip
 
     def _opening(self) -> float:

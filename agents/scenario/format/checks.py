@@ -54,6 +54,7 @@ from agents.scenario.format.naming import GROUND, of_own_system, taken_names
 from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.runtime.system import agent_names, find_system
+from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.observed_actions import parse_pattern
 
@@ -99,8 +100,26 @@ def _found(checks: Iterable[Callable[[], None]]) -> list[InconsistencyError]:
 
 
 def _check_robot(scenario: Scenario, etc: FilePath | None) -> None:
-    if etc is not None and scenario.robot.exists and not FilePath(scenario.robot.model).suffix:
-        _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
+    places: list[tuple[Path, RobotSpec]] = [(("robot",), scenario.robot)]
+    places += [(("arm", index), spec) for index, spec in enumerate(scenario.more_arms)]
+    for path, spec in places:
+        if etc is not None and spec.exists and not FilePath(spec.model).suffix:
+            _check_file((*path, "model"), spec.model, etc / "robots", ".urdf")
+        require(spec.exists or path == ("robot",), (*path, "model"), "expected an arm; leave it out if there is none")
+        fits = spec.model != GEN3 or len(spec.start) == len(RobotSpec().start)
+        message = f"expected {len(RobotSpec().start)} joint positions (rad), got {len(spec.start)}"
+        require(fits, (*path, "start"), message)
+    _check_arm_names(scenario)
+
+
+def _check_arm_names(scenario: Scenario) -> None:
+    known = {ARM}
+    for index, spec in enumerate(scenario.more_arms):
+        require(scenario.robot.exists, ("arm", index), "expected a first arm in [robot]")
+        check_given_name(("arm", index, "name"), spec.name)
+        message = f"the name {spec.name!r} is taken; expected a name used once"
+        require(spec.name not in known, ("arm", index, "name"), message)
+        known.add(spec.name)
 
 
 def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
@@ -153,9 +172,6 @@ def _check_settings(scenario: Scenario) -> None:
     )
     low, high = scenario.sensor.depth_bias
     require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
-    model, start, default = scenario.robot.model, scenario.robot.start, RobotSpec().start
-    fits = model != GEN3 or len(start) == len(default)
-    require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
 
 
 def _check_names(scenario: Scenario, folder: FilePath) -> None:
@@ -178,7 +194,7 @@ def _check_recognised(spec: ObjectSpec, path: Path) -> None:
     if spec.marker_id is not None:
         message = f"{spec.name!r} has no closed upper face for a tag; leave `marker_id` out, to recognise it by colour"
         require(has_face(spec.shape, spec.size), (*path, "marker_id"), message)
-    if spec.model is None or spec.marker_id is not None:
+    if (spec.model is None and not spec.shape) or spec.marker_id is not None:
         return
     require(spec.color is not None, path, f"{spec.name!r}: expected a `marker_id` or a `color` to recognise it by")
     message = f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`"

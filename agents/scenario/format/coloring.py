@@ -68,8 +68,9 @@ def _surroundings(scenario: Scenario, robots: FilePath | None) -> Iterator[tuple
     yield from (("the table", TABLE), ("the floor", FLOOR), ("tags and all that is grey", GREY))
     if any(getattr(event, "hand", None) is not None for event in scenario.events):
         yield from (("hands", SKIN), ("sleeves", SLEEVE))
-    if robots is not None and scenario.robot.exists and not FilePath(scenario.robot.model).suffix:
-        file = robots / f"{scenario.robot.model}.urdf"
+    models = dict.fromkeys(spec.model for spec in scenario.arms.values() if not FilePath(spec.model).suffix)
+    for model in models if robots is not None else ():
+        file = FilePath(robots or "") / f"{model}.urdf"
         for color in parse_urdf(read_urdf(file), str(file), _robot_colors):
             yield "the arm", color
 

@@ -363,7 +363,7 @@ class PersonLeave(PersonEvent, frozen=True, kw_only=True, tag="person_leave"):
 
 
 class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
-    """Kill an agent's process without warning (SIGKILL); the launcher restarts it.
+    """Kill an agent's process without warning (SIGKILL); the launcher restarts it, unless it shall stay away.
 
     In lockstep the agent is dropped and made anew after a back-off. The plant tells when its `when` has come true.
     """
@@ -371,6 +371,8 @@ class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
     by_runner: ClassVar[bool] = True
 
     agent: str
+    restart: bool = True
+    """Whether it is started again."""
 
 
 Event = (

@@ -202,6 +202,15 @@ class Recovered(Expectation, frozen=True, kw_only=True, tag="recovered"):
     within: Seconds = 10.0
 
 
+class ArmsApart(Expectation, frozen=True, kw_only=True, tag="arms_apart"):
+    """In the true world, no two arms, with what they hold, come closer to one another than `least`."""
+
+    least: Noise = 0.02
+    """m, least distance between two arms"""
+    after: Seconds = 0.0
+    """s after the start"""
+
+
 class TrueRelationsCheck(Expectation, frozen=True, kw_only=True, tag="true_relations"):
     """In the true world, what is `present` rests on one another and what is `absent` does not."""
 
@@ -298,6 +307,7 @@ Check = (
     | ActionsCheck
     | CameraError
     | Calibrations
+    | ArmsApart
 )
 CHECKS: dict[str, type[Check]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Check)}
 """The kinds of expectation by their `check`."""

@@ -11,6 +11,7 @@ import msgspec
 from agents.scenario.format.events import EVENTS
 from agents.scenario.format.expectations import CHECKS
 from agents.scenario.format.model import (
+    ArmSpec,
     CameraSpec,
     MissionSpec,
     ObjectSpec,
@@ -31,6 +32,7 @@ _STEP = re.compile(r"\.(\w+)|\[(\d+)\]")
 _UNKNOWN_FIELD = re.compile(r"unknown field `(.*)`")
 _SECTIONS: dict[str, type[msgspec.Struct]] = {
     "robot": RobotSpec,
+    "arm": ArmSpec,
     "camera": CameraSpec,
     "table": TableSpec,
     "sensor": SensorSpec,

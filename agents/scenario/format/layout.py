@@ -34,7 +34,8 @@ def start_poses(scenario: Scenario, rng: np.random.Generator) -> list[ObjectSpec
 
 def object_box(spec: ObjectSpec) -> ScenarioBox:
     """The box that an object fills at its start."""
-    return upright_box(spec.position, spec.yaw, spec.size)
+    pose = spec.pose
+    return ScenarioBox(pose.translation, pose.rotation_matrix, np.array(spec.size))
 
 
 def table_box(table: TableSpec) -> ScenarioBox:

@@ -26,6 +26,7 @@ from dsr.graph.schema import Schema
 from dsr.imagining import parse_step
 from dsr.network.keys import BASE
 from dsr.runtime.system import agent_names, find_system
+from dsr.vocabulary.arms import gripper_of
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT, PROVISIONAL, STEADY
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.intentions import ACTIVE, ENDED, FULFILLED, GIVEN_UP, HALT, PLANNED, RUN, RUNNING
@@ -190,7 +191,7 @@ def check_reach(event: HandGraspEvent, path: Path, scenario: Scenario) -> None:
 def check_doer(name: str, path: Path, scenario: Scenario) -> None:
     """Check that an expected actor is a hand of some event, or the gripper; systems of one's own may have others."""
     known = {f"human_hand_{hand}" for hand in _hands(scenario)} | {UNKNOWN}
-    known |= {"gripper"} if scenario.robot.exists else set()
+    known |= set(map(gripper_of, scenario.arms))
     require(of_own_system(scenario) or name in known, path, f"nobody is called {name!r} here; {suggest(name, known)}")
 
 

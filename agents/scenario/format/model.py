@@ -11,10 +11,12 @@ from msgspec import Meta
 from agents.object_models import HEAVIEST, LIGHTEST
 from agents.scenario.format.events import Event
 from agents.scenario.format.expectations import Check
-from agents.scenario.format.units import Bias, Noise, Radians, Seconds, Size, Vector3
+from agents.scenario.format.units import Bias, Noise, Radians, Rotation, Seconds, Size, Vector3
+from dsr.math3d.quaternions import from_rotvec, product
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose, looking_at
 from dsr.vocabulary import tags
+from dsr.vocabulary.arms import ARM
 
 GEN3 = "gen3"
 """The model of the robot of most scenarios."""
@@ -56,6 +58,13 @@ class RobotSpec(Section, frozen=True, kw_only=True):
     def exists(self) -> bool:
         """Whether there is an arm."""
         return self.model != NO_ROBOT
+
+
+class ArmSpec(RobotSpec, frozen=True, kw_only=True):
+    """Another arm, beside that of `[robot]`."""
+
+    name: str
+    """Name of the arm's node, by which it is told apart from the first one, `arm`"""
 
 
 class CameraSpec(Section, frozen=True, kw_only=True):
@@ -116,7 +125,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     size: Size = (0.04, 0.04, 0.04)
     """m, along its own x, y and z"""
     shape: Shape = ()
-    """Parts of the shape, from the model alone; without any the object is a solid box"""
+    """Parts of the shape, moved so that their bounding box is centred; without any the object is a solid box"""
     mass: Annotated[float, Meta(ge=LIGHTEST, le=HEAVIEST)] = 0.05
     """kg, mass of the object"""
     friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
@@ -129,8 +138,16 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     """m, centre, world"""
     yaw: Radians = 0.0
     """rad about world z"""
+    lean: Rotation = (0.0, 0.0, 0.0)
+    """Rotation vector, rad, about world axes, by which it leans or lies before it is turned by `yaw`"""
     known: bool = False
     """The working memory starts with a node of this object (size, shape, mass, marker, colour), without a pose."""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_object at the start"""
+        turned = from_rotvec((0.0, 0.0, self.yaw))
+        return Pose(self.position, product(turned, from_rotvec(self.lean)) if any(self.lean) else turned)
 
     @property
     def by_color(self) -> bool:
@@ -196,6 +213,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     camera: Literal["overhead", "wrist"] | CameraSpec = "overhead"
     """The camera that sees the objects; a table for one on a stand."""
     robot: RobotSpec = RobotSpec()
+    more_arms: list[ArmSpec] = msgspec.field(name="arm", default_factory=list)
+    """Those beside that of `robot`."""
     table: TableSpec = TableSpec()
     sensor: SensorSpec = SensorSpec()
     random: RandomSpec = RandomSpec()
@@ -207,6 +226,12 @@ class Scenario(Section, frozen=True, kw_only=True):
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)
+
+    @property
+    def arms(self) -> dict[str, RobotSpec]:
+        """All arms by name, the first one first."""
+        first = {ARM: self.robot} if self.robot.exists else {}
+        return {**first, **{spec.name: spec for spec in self.more_arms}}
 
     @property
     def camera_name(self) -> str:

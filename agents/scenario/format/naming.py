@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from agents.scenario.format.model import Scenario
 from dsr.runtime.system import agent_names, find_system
 from dsr.timeline import TIMELINE
+from dsr.vocabulary.arms import ARM, gripper_of
 from dsr.vocabulary.observed_actions import UNKNOWN
 
 HANDS = frozenset(
@@ -14,14 +15,14 @@ HANDS = frozenset(
 )
 """Nodes of hands and fingertips."""
 _ALWAYS = frozenset({"world", "table", "mind", TIMELINE})
-_BODY = frozenset({"robot", "arm", "gripper", "body"})
+_BODY = frozenset({"robot", "body"})
 _CAMERAS = frozenset({"camera_overhead", "camera_wrist", "camera_fixed"})
 
 
 def taken_names(scenario: Scenario, folder: FilePath) -> set[str]:
     """Names that agents give or have themselves, and that of somebody unknown; `folder` is that of the file."""
     agents = agent_names(find_system(scenario.system, folder))
-    return {*_ALWAYS, *_BODY, *_CAMERAS, *_arm_links(scenario), *HANDS, UNKNOWN, *agents}
+    return {*_ALWAYS, *_BODY, *_CAMERAS, *_arm_parts(scenario), *HANDS, UNKNOWN, *agents}
 
 
 def node_names(scenario: Scenario) -> set[str]:
@@ -29,7 +30,7 @@ def node_names(scenario: Scenario) -> set[str]:
     has_arm = scenario.robot.exists
     things = {spec.name for spec in scenario.objects} | {person.name for person in scenario.persons}
     tags = {f"cube_{spec.marker_id}" for spec in scenario.objects if spec.marker_id is not None}
-    body = {*_BODY, *_arm_links(scenario)} if has_arm else set[str]()
+    body = {*_BODY, *_arm_parts(scenario)} if has_arm else set[str]()
     cameras = {"camera_overhead", "camera_wrist"} if has_arm else {"camera_fixed"}
     return {*things, *tags, *_ALWAYS, *HANDS, *body, *cameras, f"camera_{scenario.camera_name}"}
 
@@ -39,9 +40,11 @@ def of_own_system(scenario: Scenario) -> bool:
     return scenario.system.endswith(".toml")
 
 
-def _arm_links(scenario: Scenario) -> set[str]:
-    """Nodes of the links that joints of the arm move."""
-    return {f"arm_link_{joint}" for joint, _ in enumerate(scenario.robot.start, start=1)}
+def _arm_parts(scenario: Scenario) -> set[str]:
+    """Nodes of all arms, of their grippers, and of the links that their joints move; there may be a first arm."""
+    arms = {ARM: scenario.robot, **scenario.arms}
+    links = {f"{arm}_link_{joint}" for arm, spec in arms.items() for joint, _ in enumerate(spec.start, start=1)}
+    return {*arms, *map(gripper_of, arms), *links}
 
 
 GROUND = ("table",)

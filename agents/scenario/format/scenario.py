@@ -55,6 +55,7 @@ from agents.scenario.format.explain import syntax_error, type_error, value_error
 from agents.scenario.format.inconsistency import InconsistencyError
 from agents.scenario.format.layout import start_poses
 from agents.scenario.format.model import (
+    ArmSpec,
     CameraSpec,
     MissionSpec,
     ObjectSpec,
@@ -77,6 +78,7 @@ __all__ = [
     "EVENTS",
     "PREDICATES",
     "ArmError",
+    "ArmSpec",
     "CameraBump",
     "CameraCover",
     "CameraSpec",

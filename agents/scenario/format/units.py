@@ -47,7 +47,7 @@ UNITS = {
     **dict.fromkeys(("translation", "tolerance"), "m"),
     **dict.fromkeys(("direction", "side"), "along x and y"),
     **dict.fromkeys(("depth_bias", "depth_jitter"), "m"),
-    **dict.fromkeys(("yaw", "turn", "angle", "start", "rotation"), "rad"),
+    **dict.fromkeys(("yaw", "turn", "angle", "start", "rotation", "lean"), "rad"),
     "mass": "kg",
     "velocity": "m/s",
     "impulse": "N s",

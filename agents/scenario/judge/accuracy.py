@@ -54,16 +54,16 @@ def _of_actions(history: History) -> dict[str, float]:
 def _of_relations(history: History, window: Sequence[Sample]) -> dict[str, float]:
     """Precision and recall over all moments, and how long after it began a true relation was believed."""
     metrics: dict[str, float] = {}
-    moments = _thinned(window)
+    moments = thinned(window)
     truths = TrueRelations(history.scenario)
     of_kind: dict[str, Callable[[Sample], tuple[_Pairs, _Pairs]]] = {
-        "on": truths.on, "in": truths.inside, "grasping": _grasping,
+        "on": truths.on, "in": truths.inside, "grasping": true_holders,
     }  # fmt: skip
     for kind, true_of in of_kind.items():
         compared = [(sample, *true_of(sample)) for sample in moments]
-        told = [_told(sample, kind) - ignored for sample, _, ignored in compared]
-        right = sum(len(pairs & true) for pairs, (_, true, _) in zip(told, compared, strict=True))
-        metrics |= _shares(kind, right, sum(map(len, told)), sum(len(true) for _, true, _ in compared))
+        claimed = [told(sample, kind) - ignored for sample, _, ignored in compared]
+        right = sum(len(pairs & true) for pairs, (_, true, _) in zip(claimed, compared, strict=True))
+        metrics |= _shares(kind, right, sum(map(len, claimed)), sum(len(true) for _, true, _ in compared))
         delays = _delays([(sample, true) for sample, true, _ in compared], kind)
         if delays:
             metrics |= {f"{kind}_delay_median_s": float(np.median(delays)), f"{kind}_delay_max_s": max(delays)}
@@ -85,8 +85,8 @@ class TrueRelations:
         """
         self._update(sample)
         busy = sample.moving | sample.grasped.keys()
-        told = _told(sample, "on")
-        ignored = frozenset(pair for pair in told | self._on if pair[0] in busy or pair in self._in)
+        claimed = told(sample, "on")
+        ignored = frozenset(pair for pair in claimed | self._on if pair[0] in busy or pair in self._in)
         return self._on - ignored, ignored
 
     def inside(self, sample: Sample) -> tuple[_Pairs, _Pairs]:
@@ -98,24 +98,25 @@ class TrueRelations:
         last = self._last
         if last is None or not _is_same(last, sample):
             self._last = sample
-            self._on = true_relations(self._scenario, sample.truth, sample.held)
+            self._on = true_relations(self._scenario, sample.truth, sample.gripped)
             self._in = true_contents(self._scenario, sample.truth)
 
 
 def _is_same(a: Sample, b: Sample) -> bool:
-    if a.truth.keys() != b.truth.keys() or a.held != b.held:
+    if a.truth.keys() != b.truth.keys() or a.gripped != b.gripped:
         return False
     return all(_SAME.covers(pose, b.truth[name]) for name, pose in a.truth.items())
 
 
-def _grasping(sample: Sample) -> tuple[_Pairs, _Pairs]:
+def true_holders(sample: Sample) -> tuple[_Pairs, _Pairs]:
     """Who truly holds what; what the experimenter holds without a hand, and mere touch, does not count."""
     true = frozenset((by, name) for name, by in sample.grasped.items() if by != UNKNOWN)
     ignored = frozenset((by, name) for name, by in sample.touched.items()) - true
     return true, ignored
 
 
-def _told(sample: Sample, kind: str) -> _Pairs:
+def told(sample: Sample, kind: str) -> _Pairs:
+    """The pairs of a kind of edge that the memory tells."""
     return frozenset((src, dst) for type, src, dst in sample.edges if type == kind)
 
 
@@ -144,9 +145,9 @@ def _stretches(compared: Sequence[tuple[Sample, _Pairs]], pair: tuple[str, str])
 
 def _delay(stretch: Sequence[Sample], pair: tuple[str, str], kind: str) -> float | None:
     before, *during = stretch
-    if pair in _told(before, kind):
+    if pair in told(before, kind):
         return None
-    return next((sample.time - during[0].time for sample in during if pair in _told(sample, kind)), None)
+    return next((sample.time - during[0].time for sample in during if pair in told(sample, kind)), None)
 
 
 def unseen_curves(history: History, window: Sequence[Sample]) -> dict[str, list[tuple[float, float]]]:
@@ -197,7 +198,8 @@ def _shares(name: str, right: int, told: int, true: int) -> dict[str, float]:
     return metrics | ({f"{name}_recall": right / true} if true else {})
 
 
-def _thinned(window: Sequence[Sample]) -> list[Sample]:
+def thinned(window: Sequence[Sample]) -> list[Sample]:
+    """The samples at moments `PERIOD` apart."""
     kept: list[Sample] = []
     for sample in window:
         if not kept or sample.time >= kept[-1].time + PERIOD - 1e-6:

@@ -63,12 +63,12 @@ def why_missing(history: History, number: int) -> str:
 
 
 def _true_relations(check: TrueRelationsCheck, history: History, sample: Sample) -> Finding:
-    found = true_relations(history.scenario, sample.truth, sample.held)
+    found = true_relations(history.scenario, sample.truth, sample.gripped)
     return found.issuperset(check.present) and found.isdisjoint(check.absent), pairs(found)
 
 
 def _relations_right(check: RelationsRight, history: History, sample: Sample) -> Finding:
-    true = true_relations(history.scenario, sample.truth, sample.held)
+    true = true_relations(history.scenario, sample.truth, sample.gripped)
     believed = {(src, dst) for kind, src, dst in sample.edges if kind == "on"}
 
     def find(name: str) -> Finding:

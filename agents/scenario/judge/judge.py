@@ -42,13 +42,15 @@ class TruthReader(msgspec.Struct, frozen=True):
     objects: dict[str, _Seven]
     """Poses by name: position (m) and quaternion (x, y, z, w) in the world frame."""
     held: str | None = None
-    """Object in the gripper."""
+    """Object in the first arm's gripper."""
+    apart: float | None = None
+    """m, the least distance between two arms since the instant before; None if they were far apart"""
     moving: frozenset[str] = frozenset()
     """Names of the objects that do not lie still."""
     in_view: frozenset[str] = frozenset()
     """Objects whose tag the camera could see in its last frame."""
     grasped: dict[str, str] = {}
-    """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
+    """Objects that are held, and by what: the node of a gripper or a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """Begin and end (s after the start) of each move, by the number of its event in the file (from 1)."""
     given_up: dict[int, str] = {}
@@ -221,6 +223,7 @@ class Judge:
             attributes=self._attributes(),
             held=truth.held,
             grasped=truth.grasped,
+            apart=truth.apart,
             touched=truth.touched,
             moving=truth.moving,
             in_view=truth.in_view,

@@ -46,6 +46,8 @@ def measure(history: History) -> tuple[dict[str, float], list[str]]:
     metrics |= accuracy(history, window)
     metrics |= _course_metrics(history)
     metrics |= camera_metrics(history)
+    if distances := [sample.apart for sample in history.samples if sample.apart is not None]:
+        metrics["arms_apart_min_m"] = min(distances)
     return metrics, [*notes, *missing_events(history), *_unrecovered(history), *_about_actions(history)]
 
 

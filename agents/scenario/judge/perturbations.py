@@ -83,20 +83,20 @@ def clear_from(history: History, begin: float, end: float, until: float) -> floa
         return None
     first, before = samples[0], history.before(begin) or history.samples[0]
     disturbed = {name for name, pose in first.truth.items() if not _stays(before.truth.get(name), pose)}
-    taken = {sample.held for sample in samples if sample.time <= end + _TAKING}  # the gripper moves what it closes on
-    disturbed = (disturbed | (first.moving - taken)) - {before.held, first.held}
+    taken = {name for sample in samples if sample.time <= end + _TAKING for name in sample.gripped}  # as grippers close
+    disturbed = (disturbed | (first.moving - taken)) - before.gripped - first.gripped
     still = next(
         (
             earlier
             for earlier, later in pairwise(samples)
-            if not (earlier.moving | later.moving) & disturbed - {earlier.held, later.held}
+            if not (earlier.moving | later.moving) & disturbed - earlier.gripped - later.gripped
         ),
         None,
     )
     if still is None:
         return None
     covered = {lower for _, lower in true_relations(history.scenario, still.truth)}
-    open_ones = disturbed - covered - {still.held}
+    open_ones = disturbed - covered - still.gripped
     seen = (next((one.time for one in samples if name in one.in_view), still.time) for name in open_ones)
     return max((still.time, *seen))
 
@@ -141,7 +141,7 @@ def recovery_in_view(history: History, after: Perturbation, tolerance: float) ->
         bad = [time for time, error in _errors(samples, name) if error > tolerance]
         if not bad:
             continue
-        top = _top(name, true_relations(history.scenario, samples[0].truth, samples[0].held))
+        top = _top(name, true_relations(history.scenario, samples[0].truth, samples[0].gripped))
         shown = next((sample.time for sample in samples if top in sample.in_view), after.end)
         right = next((time for time, _ in _errors(samples, name) if time > bad[-1]), math.inf)
         worst = max(worst, right - max(shown, after.end))
@@ -160,7 +160,7 @@ def _errors(samples: Sequence[Sample], name: str) -> list[tuple[float, float]]:
     found = []
     for sample in samples:
         true, belief = sample.truth.get(name), sample.beliefs.get(name)
-        if name == sample.held or not _stays(start, true):
+        if name in sample.gripped or not _stays(start, true):
             break
         if true is None:
             error = 0.0 if belief is None else math.inf
@@ -196,14 +196,14 @@ def wrong_explanations(history: History) -> list[Explained]:
 
 def is_wrong(history: History, sample: Sample) -> bool:
     """Whether an object at rest is believed elsewhere, or on something else, than it is."""
-    resting = {name for name in sample.truth if name not in sample.moving and name != sample.held}
+    resting = {name for name in sample.truth if name not in sample.moving and name not in sample.gripped}
     for name in resting:
         belief = sample.beliefs.get(name)
         if belief is None or belief.distance(sample.truth[name])[0] > WRONG:
             return True
     if any(name in sample.beliefs for name in {spec.name for spec in history.scenario.objects} - set(sample.truth)):
         return True
-    true = true_relations(history.scenario, sample.truth, sample.held)
+    true = true_relations(history.scenario, sample.truth, sample.gripped)
     believed = {(src, dst) for kind, src, dst in sample.edges if kind == "on"}
     return any(_of(true, name) != _of(believed, name) for name in resting)
 

@@ -9,6 +9,7 @@ from typing import Any
 from agents.scenario.format.events import Kill
 from agents.scenario.format.expectations import (
     ActionsCheck,
+    ArmsApart,
     Attribute,
     BeliefCloser,
     BeliefError,
@@ -195,7 +196,7 @@ def _belief_error(check: BeliefError, history: History, sample: Sample) -> Findi
 
 def _lies_still(sample: Sample, name: str) -> bool:
     """Whether the true object is there, does not move, and nobody holds it."""
-    return name in sample.truth and name not in sample.moving and name not in sample.grasped and name != sample.held
+    return name in sample.truth and name not in sample.moving | sample.grasped.keys() | sample.gripped
 
 
 def _is_near(check: BeliefError, error: Error) -> bool:
@@ -230,6 +231,14 @@ def _edges(check: Edges, history: History, sample: Sample) -> Finding:
     return True, pairs((src, dst) for kind, src, dst in sample.edges if kind == check.type)
 
 
+def _arms_apart(check: ArmsApart, history: History, sample: Sample) -> Finding:
+    measured = [(one.apart, one.time) for one in history.window(check.after, sample.time) if one.apart is not None]
+    if not measured:
+        return True, "never near one another"
+    least, time = min(measured)
+    return least >= check.least, f"{mm(least)} at {time:.2f} s"
+
+
 def _recovered(check: Recovered, history: History, sample: Sample) -> Finding:
     numbered = enumerate(history.scenario.events, start=1)
     kills = [number for number, event in numbered if isinstance(event, Kill) and event.agent == check.agent]
@@ -250,6 +259,7 @@ _JUDGES: dict[type, Callable[[Any, History, Sample], Finding]] = {
     Attribute: _attribute,
     Edges: _edges,
     Recovered: _recovered,
+    ArmsApart: _arms_apart,
     **WORLDS,
     **COURSE,
     **DOINGS,

@@ -15,7 +15,7 @@ from agents.scenario.format.model import Scenario
 from agents.scenario.judge.judge import Judge
 from agents.scenario.judge.result import Result
 from agents.scenario.run.mission_giver import MissionGiver
-from agents.scenario.run.staging import Run, plant_alone, staged_system, without
+from agents.scenario.run.staging import PlantSensor, Run, plant_alone, staged_system, without
 from agents.scenario.run.story import Line, Story
 from agents.scenario.truth.history import History
 from dsr.errors import AgentError
@@ -141,31 +141,51 @@ class Conductor:
         return sorted((time, number) for number, time in begun.items() if number in self._kills and time <= elapsed)
 
 
-def run_lockstep(run: Run, observer: RunObserver | None = None) -> Result:
+Onlooker = Callable[[float, Memory, History], None]
+"""Called at each step of a lockstep run with s since the start, the runner's replica, and the truth: both only read."""
+
+
+def run_lockstep(run: Run, observer: RunObserver | None = None, onlooker: Onlooker | None = None) -> Result:
     """Run in one process as fast as the machine allows; the same seed gives the same metrics.
+
+    Args:
+        run: what is run.
+        observer: is told what happens.
+        onlooker: looks at memory and truth at each step.
 
     Raises:
         ConfigError: if the scenario does not fit its system.
         AgentError: if an agent cannot be started.
     """
     system = staged_system(run)
-    return run_system(run, system if run.viewer else without(system, "viewer"), observer)
+    return run_system(run, system if run.viewer else without(system, "viewer"), observer, onlooker)
 
 
-def run_system(run: Run, system: System, observer: RunObserver | None = None) -> Result:
+def run_system(
+    run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None
+) -> Result:
     """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
+    return play(run, system, observer, onlooker).result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
+
+
+def play(run: Run, system: System, observer: RunObserver | None = None, onlooker: Onlooker | None = None) -> Judge:
+    """Play as `run_system` does; the judge with all that it has seen, for those who measure something else."""
     observer = observer or Silent()
     scenario = run.scenario
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
         away: list[tuple[float, str]] = []
 
-        agents = {spec.name for spec in system.agents}
+        restarts = {spec.name: spec.restart for spec in system.agents}
+        gone: set[str] = set()
 
         def kill(agent: str) -> None:
-            """What is just being restarted, or does not run in lockstep, cannot be killed."""
-            if agent in agents - {name for _, name in away}:
+            """What is just being restarted, stays away, or does not run in lockstep, cannot be killed."""
+            if agent in restarts.keys() - {name for _, name in away} - gone:
                 lockstep.kill(agent)
-                away.append((lockstep.clock.now() + RESTART_AFTER, agent))
+                if restarts[agent]:
+                    away.append((lockstep.clock.now() + RESTART_AFTER, agent))
+                else:
+                    gone.add(agent)
 
         judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
         _get_ready(lockstep, [spec.name for spec in system.agents])
@@ -176,13 +196,16 @@ def run_system(run: Run, system: System, observer: RunObserver | None = None) ->
         teller = Teller(observer, scenario, lockstep.memory, judge)
 
         def on_step(now: float) -> bool:
-            teller.tell(conductor.step(now))
+            elapsed = conductor.step(now)
+            teller.tell(elapsed)
+            if onlooker is not None:
+                onlooker(elapsed, lockstep.memory, judge.history)
             while away and away[0][0] <= now:
                 lockstep.restart(away.pop(0)[1])
             return conductor.is_over
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
-        return judge.result(run.seed, "lockstep", run.sensor, run.policy, run.hands)
+        return judge
 
 
 def mission_giver_of(run: Run, memory: Memory, judge: Judge) -> MissionGiver | None:
@@ -191,13 +214,17 @@ def mission_giver_of(run: Run, memory: Memory, judge: Judge) -> MissionGiver | N
     return MissionGiver(mission, memory, judge.names) if run.untagged and mission is not None else None
 
 
-def true_course(run: Run) -> History:
+def true_course(run: Run, sensor: PlantSensor = "none") -> History:
     """Play the true course without any agent: the plant alone, with the experimenter's moves. `kill` is only noted.
+
+    Args:
+        run: what is played.
+        sensor: with `poses`, the samples tell what the camera could recognise; that takes longer.
 
     Raises:
         ConfigError: if the scenario cannot be played.
     """
-    scenario, system = run.scenario, plant_alone(run)
+    scenario, system = run.scenario, plant_alone(run, sensor)
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
         judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
         _get_ready(lockstep, [spec.name for spec in system.agents])

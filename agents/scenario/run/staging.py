@@ -16,10 +16,12 @@ from dsr.config.extras import check_installed
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
+from dsr.vocabulary.arms import ARM, CONTROLLER
 
 Sensor = Literal["pixels", "poses"]
 """The output of the plant's camera: rendered images, or the poses that would be measured in them."""
-
+PlantSensor = Literal["pixels", "poses", "none"]
+"""The same, or nothing at all: what the camera could recognise is not worked out then."""
 
 Policy = Literal["hypotheses", "algorithm1", "published"]
 """Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
@@ -28,8 +30,6 @@ HandFinder = Literal["model", "colour"]
 """Find hands in images by the real model, or by the colour of skin."""
 PLANT = "plant"
 """Name of the agent that plays the simulated reality."""
-ARM = "arm_controller"
-"""Name of the agent that moves the arm."""
 ESTIMATOR = "scene_estimator"
 """Name of the agent that recognises objects."""
 MISSION = "mission"
@@ -92,9 +92,9 @@ def staged_system(run: Run) -> System:
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)
-    if ARM in _names(system) and (run.robot or _is_other_robot(run.scenario.robot)):
-        system = _with_robot(system, run)
+    system = _with_robots(system, run)
     system = system.apart(*_names(system).intersection(_killed(run.scenario)))
+    system = system.final(*_names(system).intersection(_killed(run.scenario, for_good=True)))
     _check_hands(run, system)
     if "recorder" in _names(system):
         system = system.with_config("recorder", about=_about(run, system))
@@ -110,12 +110,12 @@ def _check_finds_blocks(run: Run, system: System) -> None:
         )
 
 
-def plant_alone(run: Run) -> System:
+def plant_alone(run: Run, sensor: PlantSensor = "none") -> System:
     """The simulated reality of the scenario without anybody who looks at it. Raises `ConfigError`."""
     system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT], beside=run.beside)
     if not system.agents:
         raise ConfigError(f"the system {run.scenario.system!r} has no agent {PLANT!r}: nothing happens in it")
-    return system.with_config(PLANT, scenario=str(run.file), sensor="none", untagged=run.untagged)
+    return system.with_config(PLANT, scenario=str(run.file), sensor=sensor, untagged=run.untagged)
 
 
 def without(system: System, *agents: str) -> System:
@@ -123,8 +123,9 @@ def without(system: System, *agents: str) -> System:
     return system.without(*_names(system).intersection(agents))
 
 
-def _killed(scenario: Scenario) -> list[str]:
-    return [event.agent for event in scenario.events if isinstance(event, Kill)]
+def _killed(scenario: Scenario, *, for_good: bool = False) -> list[str]:
+    kills = [event for event in scenario.events if isinstance(event, Kill)]
+    return [event.agent for event in kills if not (for_good and event.restart)]
 
 
 def _settings(run: Run) -> dict[str, dict[str, Any]]:
@@ -160,19 +161,47 @@ def _robot_file(run: Run) -> str:
     return str(find_robot(run.robot, Path()).resolve()) if run.robot else ""
 
 
-def _with_robot(system: System, run: Run) -> System:
-    """The system whose arm controller knows the description and place of the arm that the plant has.
+def _with_robots(system: System, run: Run) -> System:
+    """The system whose arm controllers know the arms that the plant has. Raises `ConfigError` for an arm without one.
+
+    A controller without an arm is refused, too: it would wait for ever.
+    """
+    arms, controllers = run.scenario.arms, _controllers(system)
+    if len(arms) == len(controllers) == 1:
+        controllers = dict.fromkeys(arms, next(iter(controllers.values())))
+    for name in [*arms, *controllers] if len(arms) > 1 or len(controllers) > 1 else ():
+        if name not in controllers or name not in arms:
+            whose, lacks = ("the scenario", "system") if name in arms else ("the system", "scenario")
+            raise ConfigError(f"{whose} has an arm {name!r}, and its {lacks} has none of that name")
+    for name in [name for name in arms if name in controllers]:
+        given = run.robot if name == ARM else ""
+        if given or name != ARM or _is_other_robot(arms[name]):
+            system = _with_robot(system, run, name, controllers[name])
+    return system
+
+
+def _controllers(system: System) -> dict[str, str]:
+    """The agents that move arms, by the arms' names."""
+    own = [spec for spec in system.agents if spec.kind.name == CONTROLLER]
+    return {spec.config.get("arm", ARM): spec.name for spec in own}
+
+
+def _with_robot(system: System, run: Run, arm: str, agent: str) -> System:
+    """The system whose controller of an arm knows its description and place.
 
     Links, home posture and fingers are those of the description; a camera on a link that it lacks is not there.
     """
-    robot = run.scenario.robot
-    file = Path(_robot_file(run)) if run.robot else find_robot(robot.model, run.file.parent).resolve()
+    robot, first = run.scenario.arms[arm], run.scenario.robot
+    other = run.robot and arm == ARM
+    file = Path(_robot_file(run)) if other else find_robot(robot.model, run.file.parent).resolve()
     links = load_arm(file).robot.parents
-    cameras = system.agent(ARM).config.get("cameras", {})
+    cameras = system.agent(agent).config.get("cameras", {})
+    place = first.base.inverse() @ robot.base
     return system.with_config(
-        ARM,
+        agent,
         urdf=str(file),
-        mount={"translation": robot.position, "rotation": robot.base.q},
+        mount={"translation": first.position, "rotation": first.base.q},
+        **({} if arm == ARM else {"arm_mount": {"translation": place.t, "rotation": place.q}}),
         observe_joints=(),
         posture=(),
         cameras={name: camera for name, camera in cameras.items() if camera.get("link", "") in ("", *links)},

@@ -57,9 +57,11 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     attributes: dict[tuple[str, str], Any] = {}
     """The attributes that the scenario asks for, by node and name."""
     held: str | None = None
-    """True: the object in the gripper."""
+    """True: the object in the first arm's gripper."""
     grasped: dict[str, str] = {}
-    """True: objects that are held, and by what: `gripper`, the node of a hand, or `unknown`."""
+    """True: objects that are held, and by what: the node of a gripper or a hand, or `unknown`."""
+    apart: float | None = None
+    """m, true: the least distance between two arms since the sample before; None if they were far apart."""
     touched: dict[str, str] = {}
     """True: objects on which fingertips just lie, and the node of the hand."""
     moving: frozenset[str] = frozenset()
@@ -73,6 +75,12 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """Objects believed to have left the scene."""
     worlds: dict[str, WorldSample | None] = {}
     """The listed worlds by name, without the base; None for those that no expectation looks into."""
+
+    @property
+    def gripped(self) -> frozenset[str]:
+        """True: the objects in grippers."""
+        others = (name for name, holder in self.grasped.items() if holder.endswith("gripper"))
+        return frozenset((*others, *([] if self.held is None else [self.held])))
 
     def poses(self, source: Source) -> dict[str, Pose]:
         """The percepts or the beliefs."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import permutations
 
 import msgspec
@@ -26,7 +26,9 @@ _ROUNDING = 1e-6  # of an area
 _LEAST_OVERLAP = 0.001  # m, of the outlines seen from above: things side by side do not carry each other
 
 
-def true_relations(scenario: Scenario, truth: dict[str, Pose], held: str | None = None) -> frozenset[tuple[str, str]]:
+def true_relations(
+    scenario: Scenario, truth: dict[str, Pose], held: Collection[str] = ()
+) -> frozenset[tuple[str, str]]:
     """Pairs (upper, lower) of which the upper rests on the lower: an object or `table`; nothing that is `held`.
 
     One rests on the other if lowering it by `REACH` makes it reach into the top of one of the other's pieces, and
@@ -36,7 +38,7 @@ def true_relations(scenario: Scenario, truth: dict[str, Pose], held: str | None 
     touching = {
         (upper, lower): pairs
         for upper, lower in permutations(bodies, 2)
-        if upper != "table" and held not in (upper, lower)
+        if upper != "table" and upper not in held and lower not in held
         if (pairs := [(u, d) for u in bodies[upper] for d in bodies[lower] if _rests(u, d)])
     }
 

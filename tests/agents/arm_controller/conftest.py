@@ -39,6 +39,7 @@ class FakeArm:
         self.velocities = np.zeros(7)
         self.opening = 0.085
         self.obstacle = 0.0
+        self.efforts: tuple[float, ...] = ()
         self.stuck = False
         self.drift = 0.0
         self.pace = 1.0
@@ -68,7 +69,8 @@ class FakeArm:
 
     def sample(self, now: float) -> ArmState:
         contact = 0 < self.opening == self.obstacle
-        return ArmState(now, self.names, tuple(self.positions), tuple(self.velocities), self.opening, contact)
+        measured = tuple(self.positions), tuple(self.velocities), self.opening, contact
+        return ArmState(now, self.names, *measured, efforts=self.efforts)
 
     def state(self) -> ArmState | None:
         return self.present
@@ -119,6 +121,7 @@ class Bench:
 
     def __init__(self, config: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("agents.arm_controller.agent.make_driver", self.driver)
+        monkeypatch.setattr("agents.arm_controller.agent.has_option", lambda name, option: False)
         self.clock = ManualClock()
         self.network = LocalNetwork(self.clock)
         self.arm = FakeArm()

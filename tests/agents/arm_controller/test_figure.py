@@ -94,3 +94,10 @@ def hidden(boxes: Boxes, points: np.ndarray) -> np.ndarray:
         enters, leaves = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
         result |= (enters <= leaves) & (leaves >= 0.0) & (enters <= 1.0)
     return result
+
+
+def test_the_throat_ends_at_the_palm_or_where_fingers_come_together(figure: Figure) -> None:
+    assert figure.throat(0.04) == pytest.approx(0.04, abs=2e-3)  # the Gen3's palm
+    linkage = Figure(load_arm(GEN3.with_name("open_manipulator_p.urdf")))
+    narrow, wide = linkage.throat(0.04), linkage.throat(0.1)
+    assert 0.002 < narrow < wide < 0.06

@@ -84,7 +84,7 @@ def test_what_is_low_beside_the_object_is_passed_over(figure: Figure) -> None:
 def test_beside_a_wall_it_is_held_off_its_middle_with_the_camera_on_the_other_side(figure: Figure) -> None:
     """Flange, wrist and the camera at the wrist move with the tool; the camera looks along the tool's y axis."""
     found = grasps(box(0.06, 0.03), Room(figure, [TABLE, wall(0.45)]), WIDEST)
-    assert found and all(grasp.rank[1] == 1 for grasp in found)
+    assert found and all(grasp.rank[2] == 1 for grasp in found)
     deepest = [grasp for grasp in found if low(grasp) < 0.005]
     assert deepest
     for grasp in deepest:

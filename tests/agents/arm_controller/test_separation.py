@@ -116,3 +116,35 @@ def test_it_can_be_switched_off(make_bench: Callable[..., Any]) -> None:
     show(table, NEAR)
     assert table.act("move", target_pose=GOAL)[0] == DONE
     assert max(speeds(table)) > Separation().reduced
+
+
+def stop_for_a_hand(table: Table) -> str:
+    """A move that has begun and stands still, because a hand is at the gripper."""
+    name = table.request("move", target_pose=GOAL)
+    table.run(0.5)
+    assert len(speeds(table)) == 1
+    x, y, z = table.memory.transform("world", "gripper").t
+    show(table, (x, y, z - 0.1))
+    table.run(0.5)
+    assert table.said(name) == (RUNNING, "stands still: human_1 is near")
+    return name
+
+
+def test_what_came_in_the_way_while_the_arm_stood_still_is_gone_around(table: Table) -> None:
+    name = stop_for_a_hand(table)
+    table.believe("box", Pose((0.4, -0.1, 0.25)), (0.05, 0.02, 0.1))
+    show(table, FAR)
+    assert table.finish(name)[0] == DONE
+    chain = JointChain(load_robot(GEN3).between("base_link", "tool_link"))
+    way = np.array([told for told in table.arm.told if told[0] == "follow"][-1][2])
+    tips = chain.frames(way)[:, -1, :3, 3]
+    assert np.linalg.norm(tips - (0.4, -0.1, 0.25), axis=1).min() > 0.05
+
+
+def test_a_goal_that_was_taken_while_the_arm_stood_still_is_not_gone_to(table: Table) -> None:
+    name = stop_for_a_hand(table)
+    told = len(speeds(table))
+    table.believe("box", Pose((0.4, -0.2, 0.3)), (0.1, 0.1, 0.1))
+    show(table, FAR)
+    assert table.finish(name) == ("failed", "box is in the way")
+    assert len(speeds(table)) == told

@@ -220,9 +220,21 @@ def test_where_walls_leave_no_room_the_arm_does_not_set_out_and_says_so(table: T
 
 
 def test_what_is_in_the_way_of_the_arm_is_not_hopeless(table: Table) -> None:
-    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.02))
+    for name, x, y in (("left", 0.0, 0.15), ("right", 0.0, -0.15), ("far", 0.15, 0.0), ("near", -0.15, 0.0)):
+        table.believe(name, Pose((0.42 + x, 0.08 + y, 0.12)), (0.3, 0.02, 0.24) if y else (0.02, 0.28, 0.24))
+    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.34, 0.34, 0.02))
     assert table.act("pick", target="cube_3") == ("failed", "roof is in the way")
     assert not hopeless(table)
+
+
+def test_below_a_roof_an_object_is_grasped_from_its_side(table: Table, tool: JointChain) -> None:
+    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.02))
+    name = table.request("pick", target="cube_3")
+    table.run_to("close")
+    at = table.tool_pose(tool)
+    assert at.rotation_matrix[2, 2] > -0.9 and abs(at.rotation_matrix[2, 0]) < 1e-3
+    assert math.dist(at.t, (0.42, 0.08, 0.02)) < 0.015
+    assert table.finish(name) == ("done", "")
 
 
 @pytest.mark.parametrize("height", [0.010, 0.020, 0.035, 0.036])
@@ -357,3 +369,81 @@ def test_look_brings_the_camera_there_turned_as_it_suits(
 )
 def test_a_look_that_cannot_be_says_why(table: Table, attributes: dict[str, Any], reason: str) -> None:
     assert table.act("look", **attributes) == ("failed", reason)
+
+
+def test_a_wall_that_is_too_high_is_passed_at_its_end(table: Table, tool: JointChain) -> None:
+    """Over it there is no way; the arm goes between the wall and its own base."""
+    assert table.act("move", target_pose=Pose((0.40, 0.25, 0.20), DOWN)) == ("done", "")
+    table.believe("wall", Pose((0.55, 0.0, 0.7)), (0.5, 0.02, 1.4))
+    there = Pose((0.40, -0.25, 0.20), DOWN)
+    assert table.act("move", target_pose=there) == ("done", "")
+    assert there.distance(table.tool_pose(tool))[0] < 1e-3
+    rows = np.array([told for told in table.arm.told if told[0] == "follow"][-1][2])
+    tips = np.array([tool.forward(row).t for row in rows])
+    assert tips[np.abs(tips[:, 1]) < 0.02, 0].max() < 0.29
+
+
+def test_what_is_held_stays_upright_on_a_searched_way(table: Table, tool: JointChain) -> None:
+    pick(table)
+    table.believe("wall", Pose((0.65, 0.0, 0.7)), (0.5, 0.02, 1.4))
+    table.believe("cube_5", Pose((0.44, -0.15, 0.02)))
+    assert table.act("place", target="cube_3", destination="cube_5") == ("done", "")
+    rows = np.array([told for told in table.arm.told if told[0] == "follow"][-2][2])
+    assert min(-tool.forward(row).rotation_matrix[2, 2] for row in rows) > math.cos(0.61)
+
+
+def test_a_goal_behind_walls_on_all_sides_is_given_up_with_what_is_in_the_way(table: Table) -> None:
+    for name, x, y, size in (
+        ("left", 0.4, 0.15, (0.4, 0.02, 0.8)), ("right", 0.4, -0.15, (0.4, 0.02, 0.8)),
+        ("near", 0.22, 0.0, (0.02, 0.3, 0.8)), ("far", 0.58, 0.0, (0.02, 0.3, 0.8)),
+    ):  # fmt: skip
+        table.believe(name, Pose((x, y, 0.4)), size)
+    table.believe("roof", Pose((0.4, 0.0, 0.45)), (0.4, 0.3, 0.02))
+    status, why = table.act("move", target_pose=Pose((0.40, 0.0, 0.15), DOWN))
+    assert status == "failed" and why.endswith("is in the way")
+
+
+def test_a_search_is_ended_by_a_halt(table: Table) -> None:
+    assert table.act("move", target_pose=Pose((0.40, 0.25, 0.20), DOWN)) == ("done", "")
+    table.believe("wall", Pose((0.55, 0.0, 0.7)), (0.5, 0.02, 1.4))
+    name = table.request("move", target_pose=Pose((0.40, -0.25, 0.20), DOWN))
+    table.run_to("plan")
+    table.memory.update_node(name, request="halt")
+    table.run(0.06)
+    assert table.said(name)[0] == "halted"
+
+
+def slip(table: Table) -> None:
+    """Let what is being lifted slip out of the gripper, which then sets out again."""
+    table.run_to("rise")
+    table.arm.opening, table.arm.obstacle = 0.0, 0.0
+    table.run_to("approach")
+    table.arm.obstacle = 0.04
+
+
+def test_what_slips_out_is_grasped_again_and_that_is_told(table: Table) -> None:
+    name = table.request("pick", target="cube_3")
+    slip(table)
+    assert table.said(name)[0] == "running"
+    assert table.said(name)[1] in ("dropped cube_3: grasp 2 of 3", "cube_3 slipped out: grasp 2 of 3")
+    assert table.finish(name) == ("done", "")
+    assert table.grasped == ["cube_3"]
+
+
+def test_what_slips_out_again_and_again_is_given_up(table: Table) -> None:
+    name = table.request("pick", target="cube_3")
+    slip(table)
+    slip(table)
+    table.run_to("rise")
+    table.arm.opening, table.arm.obstacle = 0.0, 0.0
+    status, why = table.finish(name)
+    assert status == "failed" and why.endswith(", as 3 times")
+    assert table.arm.opening > 0.05 and table.grasped == []
+
+
+@pytest.mark.parametrize("perceived", [True, False])
+def test_what_is_seen_where_it_stood_was_left_behind(table: Table, perceived: bool) -> None:
+    """The pads touch something, but the object is still on the table; what is not seen may well be in the gripper."""
+    table.memory.update_node("cube_3", perceived=perceived)
+    said = table.act("pick", target="cube_3")
+    assert said == (("failed", "cube_3 was left behind, as 3 times") if perceived else ("done", ""))

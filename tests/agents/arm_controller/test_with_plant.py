@@ -10,7 +10,7 @@ import pytest
 
 from agents.plant import Plant
 from agents.plant.reality import Reality
-from benchmarks.pick_bench import CUBE, Bench, Block, cubes
+from benchmarks.pick_bench import CUBE, Bench, Block, BlockForm, cubes
 from dsr import Pose
 
 PLACES = [(0.42, 0.08, 0.4), (0.30, 0.08, -1.2), (0.30, -0.08, 2.0), (0.42, -0.08, 0.1)]
@@ -163,3 +163,72 @@ def test_the_same_seed_gives_the_same_run() -> None:
             ends.append([bench.pose(name) for name in ("cube_3", "cube_4")])
     assert ends[0] == ends[1]
     assert np.isfinite(ends[0][0].t).all()
+
+
+def carried(bench: Bench, high: float) -> None:
+    """Pick the thing and put it down elsewhere on the table: it is truly lifted, and truly stands there."""
+    before = bench.pose("thing").t
+    assert bench.act("pick", target="thing") == "done"
+    assert grasped(bench) == ["thing"]
+    bench.run(0.3)
+    assert bench.pose("thing").t == pytest.approx((*before[:2], before[2] + 0.08), abs=4e-3)
+    goal = Pose((0.38, 0.15, high / 2))
+    assert bench.act("place", target="thing", destination="table", target_pose=goal) == "done"
+    assert grasped(bench) == []
+    bench.run(0.5)
+    assert bench.pose("thing").t == pytest.approx(goal.t, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("form", "wide", "high"),
+    [
+        ("ball", 0.01, 0.01), ("ball", 0.04, 0.04), ("ball", 0.08, 0.08), ("cylinder", 0.01, 0.06),
+        ("cylinder", 0.08, 0.06), ("cup", 0.06, 0.08), ("cup", 0.10, 0.09), ("box", 0.04, 0.45),
+    ],
+)  # fmt: skip
+def test_round_things_cups_and_tall_things_are_carried(form: BlockForm, wide: float, high: float) -> None:
+    """A cup of 100 mm is wider than the gripper: it is held at its rim."""
+    with Bench([Block("thing", (0.40, 0.0, 0.3), (wide, wide, high), form=form)]) as bench:
+        carried(bench, high)
+
+
+@pytest.mark.parametrize(
+    ("form", "wide", "high"), [("box", 0.04, 0.10), ("cylinder", 0.06, 0.12), ("ball", 0.06, 0.06)]
+)
+def test_from_a_shelf_things_are_taken_by_their_side(form: BlockForm, wide: float, high: float) -> None:
+    shelf = [
+        Block("roof", (0.62, 0.0, 0.0), (0.3, 0.4, 0.02), mass=5.0, above=0.24),
+        *(Block(f"leg_{number}", (0.62, y, 0.0), (0.3, 0.02, 0.24), mass=5.0) for number, y in ((1, 0.19), (2, -0.19))),
+    ]
+    with Bench([Block("thing", (0.56, 0.0, 0.1), (wide, wide, high), form=form), *shelf]) as bench:
+        before = [bench.pose(block.name) for block in shelf]
+        carried(bench, high)
+        assert all(bench.pose(block.name).distance(pose)[0] < 2e-3 for block, pose in zip(shelf, before, strict=True))
+
+
+def test_what_is_too_wide_from_above_is_held_above_and_below() -> None:
+    foot = Block("foot", (0.40, 0.0, 0.3), (0.05, 0.05, 0.08), mass=1.0)
+    with Bench([Block("thing", (0.40, 0.0, 0.3), (0.14, 0.14, 0.03), above=0.08), foot]) as bench:
+        assert bench.act("pick", target="thing") == "done"
+        bench.run(0.3)
+        assert bench.pose("thing").t[2] == pytest.approx(0.175, abs=4e-3)
+        assert tilt(bench.pose("thing")) < 0.05
+
+
+def test_what_slipped_out_of_the_gripper_is_grasped_again(bench: Bench) -> None:
+    name = bench.request("pick", target="cube_3")
+    place = bench.pose("cube_3")
+    while bench.pose("cube_3").t[2] < place.t[2] + 0.04:
+        bench.run(0.02)
+    simulated = reality(bench)
+    simulated.arm.let_go()
+    simulated.world.put("cube_3", place)
+    told = set()
+    for _ in range(200):
+        bench.run(0.1)
+        told.add(bench.memory.node(name)["explanation"])
+        if bench.memory.node(name)["status"] != "running":
+            break
+    assert "cube_3 slipped out: grasp 2 of 3" in told
+    assert bench.memory.node(name)["status"] == "done" and grasped(bench) == ["cube_3"]
+    assert bench.pose("cube_3").t[2] == pytest.approx(place.t[2] + 0.08, abs=4e-3)

@@ -28,6 +28,7 @@ class Servo:
         self.position, self.goal, self.velocity = position, position, 0.0
         self.memory = bytearray(1024)
         self.stalled = False
+        self.current = 0.0
         self.silent = False
         self._heard = 0.0
 
@@ -58,6 +59,8 @@ class Servo:
         self.velocity = (self.position - before) / passed if passed else 0.0
         present = round(self.position * self.pulses / _TURN) + self.table.zero
         told = round(self.velocity / self.table.velocity_unit)
+        drawn = round(self.current / self.table.current_unit)
+        self.memory[self.table.present - 2 : self.table.present] = drawn.to_bytes(2, "little", signed=True)
         self.memory[self.table.present : self.table.present + 4] = told.to_bytes(4, "little", signed=True)
         self.memory[self.table.present + 4 : self.table.present + 8] = present.to_bytes(4, "little", signed=True)
 

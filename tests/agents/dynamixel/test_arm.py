@@ -87,6 +87,17 @@ def test_servos_of_the_x_series_have_other_registers() -> None:
         arm.close()
 
 
+@pytest.mark.parametrize("series", list(SERIES))
+def test_currents_are_told_as_efforts(series: str) -> None:
+    servos = {3: Servo(SERIES[series], 4096, 0.7)}
+    servos[3].current = -1.25
+    with Emulator(servos) as line:
+        bus = LocalNetwork(ManualClock()).connect("arm")
+        arm = DynamixelArm(bus, Keys("g"), port=line.port, joints=["a"], ids=[3], series=series, pulses=[4096])
+        assert until(arm.state).efforts == pytest.approx((-1.25,), abs=2e-3)
+        arm.close()
+
+
 @pytest.mark.parametrize("how", ["move_joints", "follow"])
 def test_the_arm_goes_where_it_is_sent(arm: DynamixelArm, how: str) -> None:
     if how == "move_joints":

@@ -75,7 +75,7 @@ def test_true_relations_follow_from_poses():
     leaning = {"a": Pose.from_rotvec((0.3, 0.045, 0.04), (0.4, 0.0, 0.0)), "b": BEFORE["b"]}
     beside = {"a": Pose((0.34, 0.0, 0.02)), "b": BEFORE["b"]}
     assert true_relations(scenario, BEFORE) == {("a", "b"), ("b", "table")}
-    assert true_relations(scenario, BEFORE, held="a") == {("b", "table")}
+    assert true_relations(scenario, BEFORE, held={"a"}) == {("b", "table")}
     assert true_relations(scenario, beside) == {("a", "table"), ("b", "table")}
     assert true_relations(scenario, {"a": Pose((0.3, 0.0, 0.065)), "b": BEFORE["b"]}) == {("b", "table")}
     assert true_relations(scenario, {"a": Pose((0.3, 0.0, -0.70))}) == set()

@@ -581,3 +581,51 @@ def test_an_event_of_somebody_unknown_is_refused_with_the_names_that_are_known()
     leaving = '[[event]]\nat = 1.0\ndo = "person_leave"\nperson = "{}"\n'
     assert "unknown person 'ann'; did you mean 'anne'" in refusal(BASE + person + leaving.format("ann"))
     assert parse_scenario(BASE + person + leaving.format("anne")).persons[0].present
+
+
+SHAPED = """
+name = "shaped"
+title = "x"
+duration = 5.0
+[[object]]
+name = "thing"
+marker_id = 1
+"""
+
+
+def test_an_object_is_made_of_parts_that_the_file_gives():
+    parts = 'shape = [["cylinder", [0.04, 0.04, 0.1]], ["box", [0.1, 0.02, 0.02], [0.03, 0, 0.06], [0, 0, 0, 1.0001]]]'
+    colored = SHAPED.replace("marker_id = 1", "known = true\ncolor = [0.1, 0.2, 0.9]")
+    (spec,) = parse_scenario(colored + f'type = "box"\nposition = [0.3, 0.0, 0.06]\n{parts}').objects
+    assert spec.size == pytest.approx((0.1, 0.04, 0.12))
+    assert [part.position for part in spec.shape] == [
+        pytest.approx((-0.03, 0.0, -0.01)), pytest.approx((0.0, 0.0, 0.05))
+    ]  # fmt: skip
+    assert spec.shape[1].rotation == pytest.approx((0.0, 0.0, 0.0, 1.0), abs=1e-9)
+
+
+def test_a_leaning_object_lies_before_it_is_turned():
+    text = SHAPED + "size = [0.04, 0.06, 0.1]\nposition = [0.3, 0.0, 0.03]\nlean = [1.5708, 0.0, 0.0]\nyaw = 1.5708"
+    (spec,) = parse_scenario(text).objects
+    assert spec.pose.rotation_matrix[:, 2] == pytest.approx((1.0, 0.0, 0.0), abs=1e-4), "its z axis is along world x"
+    box = object_box(spec)
+    assert (box.bottom, box.top) == (pytest.approx(0.0, abs=1e-5), pytest.approx(0.06, abs=1e-5))
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ('shape = [["box", [0.1, 0.1, 0.0001]]]', "part 1 (box): expected lengths of at least 0.001 m"),
+        ('shape = [["box", [0.1, 0.1, 0.1], [0, 0, 0], [0, 0, 0, 2]]]', "norm 2, expected 1"),
+        ('shape = [["box", [0.1, 0.1, 0.1]]]\nsize = [0.1, 0.1, 0.1]', "expected no `shape` where there is a `size`"),
+        ('shape = [["box", [0.1, 0.1, 0.1]]]\nmodel = "cup"', "expected no `shape` where there is a `model`"),
+        ('type = "ball"\nshape = [["box", [0.1, 0.1, 0.1]]]', "a ball is one sphere"),
+        ("shape = []", "0 parts; expected 1 to 16"),
+        ('shape = [["box", [0.1, 0.1, 0.1], [0, 0, 0], [0, 0, 0, 1], [[0, 0, 0]]]]', "a part with corners"),
+        ("lean = [90.0, 0.0, 0.0]", "lean"),
+    ],
+)
+def test_a_shape_that_cannot_be_is_refused(fields: str, message: str):
+    with pytest.raises(ConfigError) as caught:
+        parse_scenario(SHAPED + f"position = [0.3, 0.0, 0.06]\n{fields}")
+    assert message in str(caught.value)

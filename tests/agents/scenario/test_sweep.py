@@ -18,12 +18,13 @@ from typer.testing import CliRunner
 
 from agents.scenario import sweep_cli
 from agents.scenario.cli import app
+from agents.scenario.options import parse_seeds
 from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import make_run
 from agents.scenario.run.statistics import summarise
 from agents.scenario.run.sweep import RunOutcome, Sweep
 from agents.scenario.run.sweep_report import show_sweep
-from agents.scenario.sweep_cli import make_jobs, parse_seeds, write_curves
+from agents.scenario.sweep_cli import make_jobs, write_curves
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 

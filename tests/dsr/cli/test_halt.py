@@ -87,6 +87,17 @@ def test_an_order_is_heard_answered_and_written(memory: Memory) -> None:
         assert memory.node(HALT_NODE)["halted"] is False
 
 
+def test_one_arm_is_halted_alone(memory: Memory) -> None:
+    with driven(memory) as driver:
+        code, told = halt("--arm", "left")
+        assert code == 1 and told["arm"] == "left" and told["answers"] == [] and not driver.orders
+        assert memory.node("halt_left")["halted"] is True and HALT_NODE not in memory
+        code, told = halt("--arm", "arm")
+        assert code == 0 and driver.orders[0].arm == "arm"
+        result = CliRunner().invoke(app, ["halt", "--arm", "arm"], catch_exceptions=False)
+        assert "to allow motion again: dsr halt --release --arm arm" in result.output
+
+
 def test_an_arm_that_still_moves_is_a_failure(memory: Memory) -> None:
     with driven(memory, moving=True):
         result = CliRunner().invoke(app, ["halt"], catch_exceptions=False)

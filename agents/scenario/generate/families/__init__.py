@@ -1,0 +1,1 @@
+"""The families of random episodes, by what happens in them."""

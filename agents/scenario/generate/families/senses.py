@@ -1,0 +1,66 @@
+"""Episodes of senses that fail: cameras that are bumped or covered, and sensors that err."""
+
+from __future__ import annotations
+
+from agents.scenario.format.model import SensorSpec
+from agents.scenario.format.scenario import CameraBump, CameraCover, FalsePercept
+from agents.scenario.generate.bodies import SOLIDS, ball
+from agents.scenario.generate.draft import EpisodeDraft
+from agents.scenario.generate.draw import NumberRange
+from agents.scenario.generate.families.piles import perturb
+
+BUMP, BUMP_TURN = NumberRange(-0.02, 0.02), NumberRange(-0.04, 0.04)
+"""m and rad along each axis, of a stand that somebody bumps into"""
+DARK = NumberRange(1.5, 5.0)
+"""s for which a camera sees nothing"""
+BIAS, JITTER = NumberRange(-0.015, 0.015), NumberRange(0.0, 0.005)
+"""m, errors of depth of one object and of one frame: of an RGB-D camera at 0.3 to 1 m (dsr/perception/noise.py)"""
+GHOST, GHOST_TURN = NumberRange(-0.15, 0.15), NumberRange(-0.6, 0.6)
+"""m and rad along each axis, by which a false percept is off"""
+
+MOST_FRAMES = 8
+"""Frames in a row that show a thing falsely: 0.8 s, in which a belief may still wait for more evidence"""
+
+
+def bumps(draft: EpisodeDraft) -> None:
+    """The camera is bumped, and at times something is moved about the same time."""
+    draw = draft.draw
+    names = [draft.stand(draw.one_of(SOLIDS)(draw)) for _ in range(draw.count(2, 4))]
+    names += draft.bystanders()
+    if draw.chance(0.4):
+        perturb(draft, draw.one_of(names), [])
+    a, b, c = (draw.number(BUMP) for _ in range(3))
+    turn_a, turn_b, turn_c = (draw.number(BUMP_TURN) for _ in range(3))
+    bump = CameraBump(at=draft.now, translation=(a, b, c), rotation=(turn_a, turn_b, turn_c))
+    draft.do(bump, draw.number(NumberRange(0.0, 4.0)))  # s in which nothing else happens
+    if draw.chance(0.4):
+        perturb(draft, draw.one_of([name for name in names if name in draft.standing]), [])
+
+
+def blackouts(draft: EpisodeDraft) -> None:
+    """The camera is covered, and meanwhile things are moved, shoved or taken away."""
+    draw = draft.draw
+    names = [draft.stand(draw.one_of((*SOLIDS, ball))(draw)) for _ in range(draw.count(2, 4))]
+    names += draft.bystanders()
+    begin = draft.now
+    for name in draw.some_of(names, draw.count(1, 3)):
+        draft.now = round(draft.now + 0.2, 2)  # s: the lens is covered before anything moves
+        perturb(draft, name, [])
+    dark = round(draft.now - begin + draw.number(DARK), 2)
+    draft.events.insert(0, CameraCover(at=begin, duration=dark))
+    draft.now = round(begin + dark, 2)
+
+
+def sensors(draft: EpisodeDraft) -> None:
+    """Depth is off and trembles, things are seen where they are not, and something is moved."""
+    draw = draft.draw
+    low, high = sorted((draw.number(BIAS), draw.number(BIAS)))
+    draft.sensor = SensorSpec(depth_bias=(low, high), depth_jitter=draw.number(JITTER))
+    names = [draft.stand(draw.one_of((*SOLIDS, ball))(draw)) for _ in range(draw.count(2, 4))]
+    names += draft.bystanders()
+    for name in draw.some_of(names, draw.count(1, 3)):
+        shift = (draw.number(GHOST), draw.number(GHOST), abs(draw.number(GHOST)))
+        turn, frames = (0.0, 0.0, draw.number(GHOST_TURN)), draw.count(1, MOST_FRAMES)
+        ghost = FalsePercept(at=draft.now, object=name, frames=frames, translation=shift, rotation=turn)
+        draft.do(ghost, 0.5)
+    perturb(draft, draw.one_of(names), [])

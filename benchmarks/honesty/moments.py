@@ -1,0 +1,166 @@
+"""Everything that one run says at ten moments a second, beside the truth: of places, relations, holders and actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
+
+import msgspec
+
+from agents.scenario.format.model import ObjectSpec
+from agents.scenario.judge.accuracy import TrueRelations, thinned, told, true_holders
+from agents.scenario.truth.actions import compare
+from agents.scenario.truth.history import History, Sample
+from benchmarks.honesty.answers import Answer
+from benchmarks.honesty.statement import Statement, log_score, region_of, stated
+from dsr.math3d.tolerance import PoseTolerance
+from dsr.math3d.transforms import Pose
+
+Seen = Literal["seen", "unseen", "never"]
+"""In view of the camera; not, but it was before; not yet."""
+Doing = Literal["rests", "moves", "held", "gone"]
+"""What a thing truly does."""
+UNTOUCHED = PoseTolerance(0.001, 0.01)
+"""m, rad from where it was when last seen, up to which nothing has touched a thing: the slack of physics at rest"""
+
+
+class Told(msgspec.Struct, frozen=True):
+    """What one speaker says of one thing at one moment, and what it is worth."""
+
+    speaker: str
+    """`belief` or `percept`."""
+    log_score: float
+    """nats, of the position"""
+    region: float | None
+    """Mass of the smallest region that holds the true position; None if nothing was said"""
+    turned_log_score: float | None = None
+    """nats, of the whole pose; None of things of which nobody can see how they are turned"""
+    turned_region: float | None = None
+    error: float | None = None
+    """m, from the truth to the likeliest place"""
+    says_gone: bool = False
+
+
+class Moment(msgspec.Struct, frozen=True):
+    """One thing at one moment."""
+
+    object: str
+    time: float
+    """s after the start"""
+    seen: Seen
+    doing: Doing
+    untouched: bool
+    """It rests, is not seen, was last seen at rest, and is where it was then."""
+    told: list[Told]
+
+
+class Answers(msgspec.Struct, frozen=True):
+    """What was told of one kind of relation, or of actions."""
+
+    kind: str
+    answers: list[Answer]
+    questions: int
+    """Things that it was told of, at all moments; of actions: actions."""
+
+
+class RunScores(msgspec.Struct, frozen=True):
+    """All that was told in one run."""
+
+    family: str
+    seed: int
+    moments: list[Moment]
+    answers: list[Answers]
+
+
+Speaker = Callable[[Sample, str], Statement]
+"""What somebody says of a thing (by name) at a moment. A belief of several worlds is one more function here."""
+
+
+def believed(sample: Sample, name: str) -> Statement:
+    """The belief as the memory tells it: `Virtual_RT` with its covariance, and `present`."""
+    return stated(sample.beliefs.get(name), gone=name in sample.absent)
+
+
+def last_percept(sample: Sample, name: str) -> Statement:
+    """The naive one: the last percept with the sensor's covariance, however old."""
+    return stated(sample.percepts.get(name))
+
+
+SPEAKERS: dict[str, Speaker] = {"belief": believed, "percept": last_percept}
+"""Those that are compared, by name."""
+
+
+def scores_of(family: str, seed: int, history: History) -> RunScores:
+    """Score all that was told in a finished run from its `settle` on."""
+    window = thinned(history.window(history.scenario.settle, history.end))
+    moments = [moment for spec in history.scenario.objects for moment in _moments_of(spec, history, window)]
+    return RunScores(family, seed, moments, [*_relations(history, window), _actions(history)])
+
+
+def _moments_of(spec: ObjectSpec, history: History, window: Sequence[Sample]) -> Iterator[Moment]:
+    last: tuple[Pose, bool] | None = None
+    for sample in history.window(0.0, history.scenario.settle):
+        last = _last_seen(spec.name, sample, last)
+    for sample in window:
+        last = _last_seen(spec.name, sample, last)
+        truth, doing = sample.truth.get(spec.name), _doing(spec.name, sample)
+        seen: Seen = "seen" if spec.name in sample.in_view else "never" if last is None else "unseen"
+        untouched = (
+            seen == "unseen" and doing == "rests" and last is not None and truth is not None
+            and last[1] and UNTOUCHED.covers(last[0], truth)
+        )  # fmt: skip
+        yield Moment(
+            spec.name, sample.time, seen, doing, untouched,
+            [_told(name, speaker(sample, spec.name), spec, truth) for name, speaker in SPEAKERS.items()],
+        )  # fmt: skip
+
+
+def _last_seen(name: str, sample: Sample, before: tuple[Pose, bool] | None) -> tuple[Pose, bool] | None:
+    """Where a thing was when the camera last saw it, and whether it rested."""
+    if name in sample.in_view and name in sample.truth:
+        return sample.truth[name], _doing(name, sample) == "rests"
+    return before
+
+
+def _doing(name: str, sample: Sample) -> Doing:
+    if name not in sample.truth:
+        return "gone"
+    return "held" if name in sample.grasped else "moves" if name in sample.moving else "rests"
+
+
+def _told(speaker: str, said: Statement, spec: ObjectSpec, truth: Pose | None) -> Told:
+    turned = spec.marker_id is not None
+    best = max(said.poses, key=lambda likely: likely.weight, default=None)
+    return Told(
+        speaker=speaker,
+        log_score=log_score(said, truth),
+        region=region_of(said, truth),
+        turned_log_score=log_score(said, truth, turned=True) if turned else None,
+        turned_region=region_of(said, truth, turned=True) if turned else None,
+        error=None if best is None or truth is None else best.pose.distance(truth)[0],
+        says_gone=said.gone > 0.5,
+    )
+
+
+def _relations(history: History, window: Sequence[Sample]) -> list[Answers]:
+    """Of each kind, of all pairs that were told or are so. Edges have no probability: those that are there are sure."""
+    truths = TrueRelations(history.scenario)
+    kinds = {"on": truths.on, "in": truths.inside, "grasping": true_holders}
+    found = []
+    for kind, true_of in kinds.items():
+        answers: list[Answer] = []
+        for sample in window:
+            true, ignored = true_of(sample)
+            claimed = told(sample, kind) - ignored
+            answers += [Answer(float(pair in claimed), pair in true) for pair in sorted(claimed | true)]
+        questions = sum(len(sample.truth) for sample in window)
+        found.append(Answers(kind, answers, questions))
+    return found
+
+
+def _actions(history: History) -> Answers:
+    """Each action that was done or told, with the confidence that was told."""
+    comparison = compare(history)
+    found = [Answer(0.0 if one.inferred is None else one.inferred.confidence, True) for one in comparison.matches]
+    found += [Answer(inferred.confidence, False) for inferred in comparison.extra]
+    return Answers("actions", found, len(found))

@@ -1,0 +1,210 @@
+"""Sixty questions over ten scenarios, each with when it is asked and how the judge's truth tells a right answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from agents.scenario.truth.actions import true_actions
+from agents.scenario.truth.history import History, Sample
+from agents.scenario.truth.relations import true_contents, true_relations
+from dsr.narration.answer import Response
+
+SOON = 1.0
+"""s by which the time of an answer may be off: what is noticed is noticed by then"""
+
+
+class Truth(NamedTuple):
+    """What the judge knows of the moment of a question."""
+
+    history: History
+    time: float
+    """s after the start"""
+    start: float
+    """s, time 0 of the run on the memory's clock"""
+
+    def sample(self, time: float | None = None) -> Sample:
+        """The last sample until a time (s after the start); that of the question if None."""
+        until = self.time if time is None else time
+        return [one for one in self.history.samples if one.time <= until + 1e-6][-1]
+
+    def under(self, thing: str, time: float | None = None) -> set[str]:
+        """What a thing truly rests on or is in."""
+        return {lower for _, upper, lower in self.relations(time) if upper == thing}
+
+    def relations(self, time: float | None = None) -> set[tuple[str, str, str]]:
+        """All true relations: `on` or `in`, the thing, what it is on or in."""
+        sample, scenario = self.sample(time), self.history.scenario
+        resting = {("on", *pair) for pair in true_relations(scenario, sample.truth, sample.gripped)}
+        return resting | {("in", *pair) for pair in true_contents(scenario, sample.truth)}
+
+    def action(self, kind: str, thing: str) -> tuple[float, str]:
+        """When (s after the start) the last true action of a kind on a thing was, and by whom."""
+        found = [one for one in true_actions(self.history) if (one.kind, one.thing) == (kind, thing)]
+        last = [one for one in found if one.time <= self.time][-1]
+        return last.time, last.by
+
+
+Check = Callable[[Response, Truth], bool]
+"""Whether a response that was understood is right."""
+
+
+class Asked(NamedTuple):
+    """A question of the benchmark."""
+
+    scenario: str
+    time: float
+    """s after the start"""
+    question: str
+    is_right: Check
+
+
+def rests(thing: str, time: float | None = None) -> Check:
+    """The answer names all that a thing truly is in, and nothing that it is not on or in."""
+
+    def check(response: Response, truth: Truth) -> bool:
+        true = truth.under(thing, time)
+        inside = {lower for kind, upper, lower in truth.relations(time) if (kind, upper) == ("in", thing)}
+        return bool(response.names) and inside <= set(response.names) <= true
+
+    return check
+
+
+def contents(relation: str, lower: str, time: float | None = None) -> Check:
+    """The answer names just the things that are truly on or in something."""
+
+    def check(response: Response, truth: Truth) -> bool:
+        true = {upper for kind, upper, below in truth.relations(time) if (kind, below) == (relation, lower)}
+        return set(response.names) == true
+
+    return check
+
+
+def yes(true: Callable[[Truth], bool]) -> Check:
+    """The verdict is what is true."""
+    return lambda response, truth: response.verdict is true(truth)
+
+
+def related(relation: str, upper: str, lower: str, time: float | None = None) -> Check:
+    """The verdict is whether the relation truly holds."""
+    return yes(lambda truth: (relation, upper, lower) in truth.relations(time))
+
+
+def gone(thing: str) -> Check:
+    """The verdict is whether a thing has truly left."""
+    return yes(lambda truth: thing not in truth.sample().truth)
+
+
+def held_by(thing: str) -> Check:
+    """The answer names who truly holds a thing, or nobody."""
+
+    def check(response: Response, truth: Truth) -> bool:
+        holder = truth.sample().grasped.get(thing)
+        return list(response.names) == ([holder] if holder else [])
+
+    return check
+
+
+def done_at(kind: str, thing: str) -> Check:
+    """The time of the answer is that of the true action."""
+
+    def check(response: Response, truth: Truth) -> bool:
+        true = truth.action(kind, thing)[0] + truth.start
+        return response.time is not None and abs(response.time - true) <= SOON
+
+    return check
+
+
+def done_by(kind: str, thing: str) -> Check:
+    """The answer names who truly did it."""
+    return lambda response, truth: response.names == (truth.action(kind, thing)[1],)
+
+
+def named(*names: str) -> Check:
+    """The answer names just these things: for what follows from the scenario, as whom somebody saw when."""
+    return lambda response, truth: set(response.names) == set(names)
+
+
+def verdict(value: bool) -> Check:
+    """The verdict is this: for what follows from the scenario and physics."""
+    return lambda response, truth: response.verdict is value
+
+
+def says(*words: str) -> Check:
+    """The text has all of these words, and there is evidence: for causes, which the scenario's file tells."""
+    return lambda response, truth: bool(response.evidence) and all(word in response.text for word in words)
+
+
+def count(number: int) -> Check:
+    """The answer names so many things."""
+    return lambda response, truth: len(response.names) == number
+
+
+def seen_until(time: float) -> Check:
+    """The time of the answer is one until which the scenario shows the thing (s after the start)."""
+    return lambda response, truth: response.time is not None and abs(response.time - truth.start - time) <= SOON
+
+
+QUESTIONS = (
+    Asked("cubes_swapped", 9.0, "where is cube_3?", rests("cube_3")),
+    Asked("cubes_swapped", 9.0, "How many cubes are there?", count(4)),
+    Asked("cubes_swapped", 9.0, "is cube_4 on cube_5", related("on", "cube_4", "cube_5")),
+    Asked("cubes_swapped", 9.0, "why did cube_3 move?", says("cube_3", "changed places")),
+    Asked("cubes_swapped", 9.0, "what happened in the last 5 s?", says("changed places")),
+    Asked("cubes_swapped", 9.0, "are cube_3 and cube_5 where they were?", verdict(False)),
+    Asked("c_pour", 6.0, "who holds the ball?", held_by("ball")),
+    Asked("c_pour", 9.0, "where is the ball?", rests("ball")),
+    Asked("c_pour", 9.0, "when was the ball picked up?", done_at("Pick", "ball")),
+    Asked("c_pour", 27.0, "what is in the blue box?", contents("in", "blue")),
+    Asked("c_pour", 27.0, "was the ball in the green box 17 s ago?", related("in", "ball", "green", 10.0)),
+    Asked("c_pour", 27.0, "which box is the ball in?", named("blue")),
+    Asked("false_belief", 42.0, "where does sally think the cube is?", named("first_cup", "table")),
+    Asked("false_belief", 42.0, "where will Sally look for the cube?", named("first_cup", "table")),
+    Asked("false_belief", 42.0, "does anne know where the cube is?", verdict(True)),
+    Asked("false_belief", 42.0, "Is Sally wrong about the cube?", verdict(True)),
+    Asked("false_belief", 42.0, "is sally there?", verdict(False)),
+    Asked("false_belief", 42.0, "who put the second cup down?", done_by("Place", "second_cup")),
+    Asked("false_belief", 42.0, "Where's the cube?", rests("cube")),
+    Asked("false_belief", 42.0, "can anne see the cube?", verdict(False)),
+    Asked("three_cube_tower", 18.0, "what is under cube_3?", named("cube_4")),
+    Asked("three_cube_tower", 18.0, "what does the robot want?", says("cube_3 on cube_4", "cube_6 on cube_5")),
+    Asked("three_cube_tower", 18.0, "would cube_3 fall if cube_4 were removed?", verdict(True)),
+    Asked("three_cube_tower", 18.0, "what if cube_5 were taken away?", named("cube_6")),
+    Asked("three_cube_tower", 18.0, "what does the gripper hold?", named()),
+    Asked("three_cube_tower", 28.0, "where is cube_6?", rests("cube_6")),
+    Asked("three_cube_tower", 28.0, "why do you think that cube_6 is on cube_3?", says("cube_6", "explanation")),
+    Asked("three_cube_tower", 28.0, "what was on cube_5 10 s ago?", contents("on", "cube_5", 18.0)),
+    Asked("b_drop_in_box", 6.0, "is the ball in the box?", related("in", "ball", "box")),
+    Asked("b_drop_in_box", 11.0, "is the ball in the box?", related("in", "ball", "box")),
+    Asked("b_drop_in_box", 11.0, "what hides the ball?", named("box")),
+    Asked("b_drop_in_box", 11.0, "who dropped the ball?", done_by("Release", "ball")),
+    Asked("b_drop_in_box", 11.0, "what happened to the ball?", says("picked ball up", "ball came to be in box")),
+    Asked("b_drop_in_box", 11.0, "how long has the ball been in the box?", seen_until(8.0)),
+    Asked("d_carried_inside", 20.0, "who holds the blue box", held_by("blue")),
+    Asked("d_carried_inside", 20.0, "what is in blue?", contents("in", "blue")),
+    Asked("d_carried_inside", 27.0, "where is the ball now?", rests("ball")),
+    Asked("d_carried_inside", 27.0, "when did the ball fall?", done_at("Release", "ball")),
+    Asked("d_carried_inside", 27.0, "is the ball visible?", verdict(False)),
+    Asked("e_held_behind_back", 10.0, "where is the cup?", held_by("cup")),
+    Asked("e_held_behind_back", 10.0, "who has the cup?", held_by("cup")),
+    Asked("e_held_behind_back", 10.0, "why is the cup hidden?", named("human")),
+    Asked("e_held_behind_back", 10.0, "is the cup gone?", gone("cup")),
+    Asked("e_held_behind_back", 19.0, "where is the cup?", rests("cup")),
+    Asked("e_held_behind_back", 19.0, "is anybody behind the box?", verdict(False)),
+    Asked("cube_removed", 12.0, "is cube_5 gone?", gone("cube_5")),
+    Asked("cube_removed", 12.0, "why is cube_5 gone?", says("cube_5 was taken away")),
+    Asked("cube_removed", 12.0, "is cube_6 gone?", gone("cube_6")),
+    Asked("cube_removed", 12.0, "when was cube_5 last seen?", seen_until(6.0)),
+    Asked("cube_removed", 12.0, "which things are there?", named("cube_3", "cube_4", "cube_6")),
+    Asked("cube_removed", 12.0, "what colour is cube_5?", named()),
+    Asked("lid", 17.0, "what is on the blue box?", contents("on", "blue")),
+    Asked("lid", 17.0, "does the robot see the ball?", verdict(False)),
+    Asked("lid", 17.0, "what is under the lid?", named("blue")),
+    Asked("lid", 28.0, "who picked up the lid?", done_by("Pick", "lid")),
+    Asked("lid", 28.0, "where was the lid 10 s ago?", rests("lid", 18.0)),
+    Asked("put_down_unseen", 15.0, "where is the cup?", rests("cup")),
+    Asked("put_down_unseen", 15.0, "what hides the cup?", named("wall")),
+    Asked("put_down_unseen", 15.0, "when was the cup put down?", done_at("Place", "cup")),
+    Asked("put_down_unseen", 23.0, "is the cup visible?", verdict(True)),
+)
+"""All of them were written down before any was asked, and none was changed since but for errors in its check."""

@@ -1,0 +1,82 @@
+"""Answers questions from the memory, each with evidence: what is read in a question is asked of graph and timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+from dsr.errors import DsrError
+from dsr.imagining import Thought
+from dsr.narration import present, retrospect
+from dsr.narration.answer import Response, understood
+from dsr.narration.naming import UnknownNameError
+from dsr.narration.questions import EXAMPLES, Misunderstanding, Query, parse_question, similar_questions
+from dsr.narration.statements import Moment
+from dsr.narration.supposing import supposed
+from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.what_if import Answer
+
+_ANSWERS: dict[str, Callable[[Moment, Query], Response]] = {
+    "where_now": present.where, "where_by": present.where_by, "contents": present.contents,
+    "contents_by": present.contents_by, "is_so": present.is_so, "is_so_by": present.is_so_by,
+    "knows": present.knows, "is_wrong": present.is_wrong, "is_there": present.is_there, "sees": present.sees,
+    "is_visible": present.is_visible, "who_sees": present.who_sees, "what_sees": present.what_sees,
+    "hides": present.hides, "holder": present.holder, "held": present.held, "is_holding": present.is_holding,
+    "wants": present.wants, "doing": present.wants, "why_waits": present.wants, "count": present.which,
+    "which": present.which, "where_then": retrospect.where_then, "last_seen": retrospect.last_seen,
+    "last_seen_by": retrospect.last_seen_by, "when_was": retrospect.when_was, "since_when": retrospect.since_when,
+    "how_long": retrospect.last_seen, "how_long_so": retrospect.since_when, "why_so": retrospect.why_so,
+    "why_state": retrospect.why_state, "why_moved": retrospect.why_moved, "happened": retrospect.happened,
+    "who_did": retrospect.who_did,
+}  # fmt: skip
+"""Who answers each kind of question of the grammar; what-if questions are answered by a simulation."""
+
+
+def answer(moment: Moment, question: str) -> Thought[Response]:
+    """Answer a question in plain English: a generator that may ask the simulation handler, and ends with the response.
+
+    Drive it with `dsr.imagining.think` in a script, with `Thinking` in an agent, or with `answer_alone` where no
+    simulation handler can be asked. What is not understood is no error: the response says which part that is.
+    """
+    query = parse_question(question)
+    if isinstance(query, Misunderstanding):
+        similar = _with_names(moment, query.similar)
+        return Response(question=question, text=query.why, part=query.part, similar=similar)
+    try:
+        if query.kind in ("what_if", "would"):
+            response = yield from supposed(moment, query)
+        else:
+            response = _ANSWERS[query.kind](moment, query)
+    except UnknownNameError as error:
+        similar = _with_names(moment, similar_questions(question))
+        return Response(question=question, text=f"Not understood: {error}.", part=error.asked, similar=similar)
+    except DsrError as error:
+        return understood(f"That cannot be told: {error}.", question=question)
+    return msgspec.structs.replace(response, question=question)
+
+
+def answer_alone(moment: Moment, question: str, why: str) -> Response:
+    """Answer a question where no simulation handler can be asked: what-if questions are answered with `why` not."""
+    thought = answer(moment, question)
+    try:
+        next(thought)
+        while True:
+            thought.send(Answer(refused=why))
+    except StopIteration as stop:
+        response: Response = stop.value
+        return response
+
+
+def example_questions(moment: Moment) -> tuple[str, ...]:
+    """A question of each kind, about things of this memory."""
+    return _with_names(moment, EXAMPLES.values())
+
+
+def _with_names(moment: Moment, questions: Iterable[str]) -> tuple[str, ...]:
+    """Examples with names that the memory knows, where it knows any."""
+    things = sorted(node.name for node in moment.memory.nodes(THINGS)) or ["cube_3"]
+    persons = sorted(node.name for node in moment.memory.nodes("person")) or ["sally"]
+    return tuple(
+        one.replace("THING", things[0]).replace("OTHER", things[-1]).replace("PERSON", persons[0]) for one in questions
+    )

@@ -1,0 +1,126 @@
+"""One of several arms in a graph: its names, its actions, and an emergency stop of it alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from agents.arm_controller import ArmController
+from agents.arm_controller.config import ArmControllerConfig
+from agents.drivers import has_option
+from dsr import LocalNetwork, ManualClock, Memory
+from dsr.errors import ConfigError
+from dsr.graph.access import Access, check_writers
+from dsr.network.keys import Keys
+from dsr.vocabulary.arms import (
+    ARM,
+    CONTROLLER,
+    arm_nodes,
+    arm_of_action,
+    controller_of,
+    first_arm,
+    gripper_node_of,
+    gripper_of,
+)
+from dsr.vocabulary.halting import HaltLatch, HaltOrder, halt_node, order_about, order_of, send_order, write_order
+from tests.agents.arm_controller.conftest import Bench
+
+AWAY = (0.5, 0.0, np.pi, -0.96, 0.0, -2.05, np.pi / 2)
+ALL = HaltOrder("1", True, "anna", "", 1.0)
+LEFT = HaltOrder("2", False, "ben", "", 2.0, "left")
+RIGHT = HaltOrder("3", True, "ben", "it squeaks", 3.0, "right")
+
+
+@pytest.fixture
+def memory() -> Iterator[Memory]:
+    clock = ManualClock()
+    with closing(Memory("test", "mission", transport=LocalNetwork(clock).connect("mission"), clock=clock)) as memory:
+        yield memory
+
+
+@pytest.fixture
+def left(make_bench: Callable[..., Bench]) -> Bench:
+    return make_bench(arm="left")
+
+
+def test_the_first_arm_has_the_names_of_an_only_one_and_others_have_their_own() -> None:
+    assert (gripper_of(ARM), gripper_of("left"), halt_node(), halt_node("left")) == (
+        "gripper", "left_gripper", "halt", "halt_left",
+    )  # fmt: skip
+    assert ArmControllerConfig().gripper == "gripper" and ArmControllerConfig(arm="left").gripper == "left_gripper"
+    assert ArmControllerConfig(arm="left", gripper="hook").gripper == "hook"
+    assert has_option("agents.plant.driver:PlantArm", "arm") and not has_option("agents.plant.driver:PlantPoses", "arm")
+
+
+def test_nodes_tell_who_moves_an_arm(memory: Memory) -> None:
+    assert first_arm(memory) == ARM
+    memory.add_node("left", "arm", controller="left_controller", gripper="hook")
+    memory.add_node("action_0", "action")
+    memory.add_node("action_1", "action", arm="right")
+    assert first_arm(memory) == arm_of_action(memory, memory.node("action_0")) == "left"
+    memory.add_node("arm", "arm")
+    left, first = memory.node("left"), memory.node("arm")
+    assert [node.name for node in arm_nodes(memory)] == ["arm", "left"]
+    assert (controller_of(left), gripper_node_of(left)) == ("left_controller", "hook")
+    assert (controller_of(first), gripper_node_of(first)) == (CONTROLLER, "gripper")
+    assert [arm_of_action(memory, memory.node(name)) for name in ("action_0", "action_1")] == ["arm", "right"]
+
+
+def test_an_arm_is_written_under_its_name(left: Bench) -> None:
+    left.run(0.1)
+    node = left.memory.node("left")
+    assert (node["controller"], node["gripper"]) == (CONTROLLER, "left_gripper")
+    assert {"left_link_1", "left_gripper"} <= {edge.dst for edge in left.memory.edges("RT")}
+    assert "arm" not in left.memory and "gripper" not in left.memory
+
+
+def test_an_action_is_carried_out_by_its_arm_alone(left: Bench) -> None:
+    left.memory.add_node("mind", "mind")
+    values = {"skill": "stop", "status": "planned", "request": "run"}
+    left.memory.add_node("arm", "arm")
+    for name, arm in (("action_0", {"arm": "left"}), ("action_1", {"arm": "right"}), ("action_2", {})):
+        left.memory.add_node(name, "action", **values, **arm)
+    left.run(0.2)
+    assert [left.memory.node(f"action_{k}")["status"] for k in range(3)] == ["done", "planned", "planned"]
+
+
+@pytest.mark.parametrize(("order", "obeys"), [(ALL, True), (RIGHT, False)])
+def test_an_arm_obeys_orders_to_all_and_to_itself(left: Bench, order: HaltOrder, obeys: bool) -> None:
+    left.memory.update_node("left", target_joints=AWAY)
+    left.run(0.2)
+    send_order(left.memory.transport, Keys("test"), order)
+    left.run(0.04)
+    assert left.memory.node("left")["status"] == ("halted" if obeys else "moving")
+    send_order(left.memory.transport, Keys("test"), LEFT)
+    left.run(0.04)
+    assert left.memory.node("left")["status"] == ("idle" if obeys else "moving")
+
+
+def test_the_newest_order_about_an_arm_counts_in_the_graph(memory: Memory) -> None:
+    for order in (ALL, RIGHT, LEFT):
+        write_order(memory, order)
+    assert order_of(memory.node("halt_left")) == LEFT and memory.node("halt_left").type == "halt"
+    assert [order_about(memory, arm) for arm in ("arm", "left", "right")] == [ALL, LEFT, RIGHT]
+    write_order(memory, HaltOrder("4", True, "anna", "", 2.0))
+    assert order_about(memory, "left") == HaltOrder("4", True, "anna", "", 2.0), "at one time the halt counts"
+
+
+def test_a_latch_does_not_mind_orders_about_another_arm(memory: Memory) -> None:
+    told: list[HaltOrder] = []
+    latch = HaltLatch(memory.transport, memory.keys, told.append, "left")
+    assert not latch.take(RIGHT) and latch.take(ALL) and latch.reason and latch.take(LEFT) and not latch.reason
+    assert told == [ALL, LEFT]
+    latch.close()
+
+
+def test_several_controllers_share_what_each_writes_of_its_own_arm() -> None:
+    check_writers({"left": ArmController.writes, "right": ArmController.writes})
+    other = Access(nodes=("arm",), attributes=("joint_positions",))
+    with pytest.raises(ConfigError, match="must be the only writer"):
+        check_writers({"left": ArmController.writes, "other": other})
+    believer = Access(edges=("Virtual_RT",), exclusive=("Virtual_RT",))
+    with pytest.raises(ConfigError, match="must be the only writer"):
+        check_writers({"one": believer, "two": believer})

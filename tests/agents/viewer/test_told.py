@@ -1,0 +1,37 @@
+"""The page in words: the sentences of `dsr tell`, about once a second."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agents.viewer.told import PAGE, told_page
+from dsr.narration import Moment, account
+
+
+def fill(stage: Any) -> None:
+    memory = stage.memory
+    memory.add_node("gripper", "gripper")
+    memory.add_node("cube_3", "cube", perceived=False, last_seen=stage.clock.now())
+    memory.add_node("cube_4", "cube")
+    memory.add_edge("cube_3", "cube_4", "on")
+
+
+def test_the_page_holds_every_sentence_and_beliefs_in_italics(stage: Any) -> None:
+    fill(stage)
+    page = told_page(Moment.of(stage.memory))
+    assert page.splitlines()[0] == "**Where things are**"
+    assert r"*cube\_3 is believed to rest on cube\_4: unseen for 0.0 s.*" in page
+    assert "\ngripper holds nothing." in page
+    assert page.count("\n\n") == len(account(Moment.of(stage.memory))) + 1
+
+
+def test_nothing_is_known_at_first(stage: Any) -> None:
+    assert told_page(Moment.of(stage.memory)) == "*Nothing is known.*"
+
+
+def test_the_viewer_logs_the_page_once_a_second(stage: Any) -> None:
+    fill(stage)
+    stage.start_viewer()
+    stage.run(3.0)
+    pages = stage.finish().values(f"/{PAGE}", "TextDocument:text")
+    assert 3 <= len(pages) <= 4 and "gripper holds nothing" in pages[-1][0]
