@@ -262,6 +262,10 @@ class Store:
             self.lost_waiting += 1
         return False
 
+    def waiting_writes(self) -> list[Write]:
+        """The writes that came before what they are written to."""
+        return [write for writes in self._waiting.values() for write in writes]
+
     def _forget_waiting(self, dot: Dot) -> None:
         """Writes for a removed entry are void, so their dots count as seen."""
         for write in self._waiting.pop(dot, ()):

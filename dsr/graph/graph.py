@@ -337,9 +337,8 @@ class Graph(Stamping):
     def _change_incarnations(self, element: Node | Edge, entries: tuple[Incarnation, ...]) -> None:
         """Another incarnation of a visible element came or went: its values may be others now."""
         before = dict(element)
-        others = element._entries != entries
-        element._entries = entries
-        if others:
+        if element._entries != entries:  # else it may be an element that a fork reads from its parent
+            element._entries = entries
             self.watches.incarnations_changed(element)
         for attribute in before.keys() | set(element):
             if before.get(attribute) is not element.get(attribute):

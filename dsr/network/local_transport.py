@@ -1,4 +1,4 @@
-"""A network inside one process: exact and instant, or with loss, duplication, delay, reordering and partitions.
+"""A network inside one process: exact and instant, or with loss, duplication, delay, reordering, cuts and pauses.
 
 Nothing moves by itself: `LocalNetwork.deliver` hands over what is due on the network's clock, in an order
 that depends only on the seed. For lockstep runs and tests; not thread-safe.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -83,6 +84,11 @@ class LocalNetwork:
         self._queue: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._groups: list[frozenset[str]] = []
+        self._cuts: set[tuple[str, str]] = set()
+        self._held: dict[str, list[Callable[[], None]]] = {}
+        self._arrivals: dict[tuple[str, str], float] = {}
+        self.met: Counter[str] = Counter()
+        """Messages that met a fault, by its kind: lost, duplicated, delayed, reordered, cut off, held."""
 
     def connect(self, name: str) -> LocalTransport:
         """A new transport; `name` is what `partition` calls it."""
@@ -100,20 +106,35 @@ class LocalNetwork:
 
     def partition(self, *groups: Iterable[str]) -> None:
         """Divide the network: only transports in the same group reach each other; those in no group reach nobody."""
-        self._change_reach([frozenset(group) for group in groups])
+        self._change_reach([frozenset(group) for group in groups], self._cuts)
+
+    def cut(self, sender: str, receiver: str) -> None:
+        """Let nothing pass from one to the other; the way back stays as it is."""
+        self._change_reach(self._groups, self._cuts | {(sender, receiver)})
 
     def heal(self) -> None:
         """Everybody reaches everybody again."""
-        self._change_reach([])
+        self._change_reach([], set())
+
+    def suspend(self, name: str) -> None:
+        """Stop a process: what comes for it waits, and it answers nobody."""
+        self._held.setdefault(name, [])
+
+    def resume(self, name: str) -> None:
+        """Let a process go on, with what has come for it meanwhile; harmless if it was not stopped."""
+        for action in self._held.pop(name, []):
+            self.later(0.0, action)
 
     def reaches(self, a: LocalTransport, b: LocalTransport) -> bool:
-        """Whether messages pass between two transports."""
-        return a is b or not self._groups or any(a.name in group and b.name in group for group in self._groups)
+        """Whether messages pass from `a` to `b`."""
+        if a is b or (a.name, b.name) in self._cuts:
+            return a is b
+        return not self._groups or any(a.name in group and b.name in group for group in self._groups)
 
-    def _change_reach(self, groups: list[frozenset[str]]) -> None:
+    def _change_reach(self, groups: list[frozenset[str]], cuts: set[tuple[str, str]]) -> None:
         pairs = [(a, b) for a in self._transports for b in self._transports if a is not b]
         before = {(a.name, b.name) for a, b in pairs if self.reaches(a, b)}
-        self._groups = groups
+        self._groups, self._cuts = groups, cuts
         for a, b in pairs:
             alive = self.reaches(a, b)
             if alive != ((a.name, b.name) in before):
@@ -137,7 +158,14 @@ class LocalNetwork:
         """Pass a message on, with the network's faults; what is under way when a link is cut is lost."""
 
         def arrive() -> None:
-            if self.reaches(sender, receiver) and not receiver.closed:
+            if receiver.closed:
+                return
+            if not self.reaches(sender, receiver):
+                self.met["cut off"] += 1
+            elif receiver.name in self._held:
+                self.met["held"] += 1
+                self._held[receiver.name].append(arrive)
+            else:
                 action()
 
         if self.faults == _FAULTLESS:
@@ -145,8 +173,19 @@ class LocalNetwork:
             return
         copies = 0 if self._random.random() < self.faults.loss else 1
         copies += bool(copies and self._random.random() < self.faults.duplication)
+        self.met["lost"] += copies == 0
+        self.met["duplicated"] += copies == 2
         for _ in range(copies):
-            self.later(float(self._random.uniform(*self.faults.delay)), arrive)
+            delay = float(self._random.uniform(*self.faults.delay))
+            self._note_order((sender.name, receiver.name), delay)
+            self.later(delay, arrive)
+
+    def _note_order(self, way: tuple[str, str], delay: float) -> None:
+        """Count a delay, and whether what was sent earlier on this way comes later."""
+        at = self.clock.monotonic() + delay
+        self.met["delayed"] += delay > 0.0
+        self.met["reordered"] += at < self._arrivals.get(way, at)
+        self._arrivals[way] = max(at, self._arrivals.get(way, at))
 
 
 class LocalTransport:

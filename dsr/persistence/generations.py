@@ -54,9 +54,11 @@ class Generations:
                 break
         if snapshots and not base:
             raise ConfigError(f"no snapshot in {self._folder} can be read; move the folder away to begin anew")
-        for number in self._numbers("journal"):
-            if number >= base:
-                yield from self._journal(number)
+        journals = [number for number in self._numbers("journal") if number >= base]
+        for number in journals:
+            yield from self._journal(number)
+        if snapshots or journals:
+            yield Delta(live=frozenset(), examined=[])  # writes to what is known by now to be gone wait no more
 
     def _snapshot(self, number: int) -> list[Delta]:
         """The pieces of a snapshot; none if it is not complete: the last piece is the one that says what lives."""

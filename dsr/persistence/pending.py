@@ -64,11 +64,14 @@ def pieces(store: Store, lock: AbstractContextManager[Any]) -> Iterator[Delta]:
     What changes meanwhile may be in them or not; whoever joins them joins what was pending from now on, too.
     """
     dots = store.written_dots()
+    waiting = Delta(writes=store.waiting_writes())  # what they wait for may come with what is new
     last = Delta(context=list(store.context.ranges()), live=frozenset(store.entries))
-    return _copied(store, lock, dots, last)
+    return _copied(store, lock, dots, [waiting, last] if waiting else [last])
 
 
-def _copied(store: Store, lock: AbstractContextManager[Any], dots: list[Dot], last: Delta) -> Iterator[Delta]:
+def _copied(
+    store: Store, lock: AbstractContextManager[Any], dots: list[Dot], last: list[Delta]
+) -> Iterator[Delta]:
     for start in range(0, len(dots), _PIECE):
         with lock:
             found = [entry for dot in dots[start : start + _PIECE] if (entry := store.find(dot))]
@@ -76,4 +79,4 @@ def _copied(store: Store, lock: AbstractContextManager[Any], dots: list[Dot], la
             writes = [write for entry in found for write in entry.registers.values()]
         adds = [Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations) for entry in entries]
         yield Delta(adds=adds, writes=writes)
-    yield last
+    yield from last

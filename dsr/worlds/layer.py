@@ -24,6 +24,10 @@ class LayerObserver(Observer):
         """A synchronisation reply was joined: anything may be hidden now."""
 
 
+FEW = 1000
+"""Dots in a row that are looked up one by one; instead of more, all that the parent shows is looked at."""
+
+
 class Layer(Store):
     """The replicated state of one overlay.
 
@@ -53,8 +57,13 @@ class Layer(Store):
     def join(self, delta: Delta) -> None:
         """See `Store.join`."""
         super().join(delta)
-        if delta.live is not None:
+        if delta.live is not None or any(last - first >= FEW for _, first, last in delta.context):
             self._observer.replied()
+            return
+        for rid, first, last in delta.context:  # the end of an answer, or of a journal, may hide what nobody removes
+            for dot in [(rid, counter) for counter in range(first, last + 1)]:
+                if self._below(dot) is not None and dot not in delta.removed:
+                    self._observer.hidden(dot)
 
     def find(self, dot: Dot) -> Incarnation | None:
         """See `Store.find`."""

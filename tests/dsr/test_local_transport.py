@@ -75,3 +75,51 @@ def test_requests_are_answered_or_time_out_once() -> None:
     network.clock.advance(1.0)
     network.deliver()
     assert done == [1, 1]
+
+
+def test_a_cut_is_one_way_and_takes_presence_with_it() -> None:
+    network = LocalNetwork()
+    a, b = network.connect("a"), network.connect("b")
+    got: list[tuple[str, bytes]] = []
+    seen: list[tuple[str, bool]] = []
+    for me in (a, b):
+        me.subscribe("k", lambda key, payload, me=me: got.append((me.name, payload)))  # type: ignore[misc]
+        me.watch_presence("live/*", lambda key, alive: seen.append((key, alive)))
+        me.announce(f"live/{me.name}")
+    network.deliver()
+    assert sorted(seen) == [("live/a", True), ("live/b", True)]
+    a.publish("k", b"under way")
+    network.cut("a", "b")
+    a.publish("k", b"lost")
+    b.publish("k", b"back")
+    network.deliver()
+    assert got == [("a", b"back")] and seen[2:] == [("live/a", False)] and network.met["cut off"] == 1
+    network.heal()
+    a.publish("k", b"again")
+    network.deliver()
+    assert got[1:] == [("b", b"again")] and seen[3:] == [("live/a", True)]
+
+
+def test_a_suspended_process_gets_everything_in_order_when_it_goes_on() -> None:
+    network = LocalNetwork()
+    a, b = network.connect("a"), network.connect("b")
+    got: list[bytes] = []
+    replies: list[bytes] = []
+    b.subscribe("k", lambda key, payload: got.append(payload))
+    b.serve("ask", lambda key, payload: payload)
+    network.suspend("b")
+    a.publish("k", b"1")
+    a.publish("k", b"2")
+    a.request("ask", b"x", lambda key, reply: replies.append(reply), lambda: None, timeout=9.0)
+    network.deliver()
+    assert not got and not replies and network.met["held"] == 3
+    network.resume("b")
+    network.deliver()
+    assert got == [b"1", b"2"] and replies == [b"x"]
+
+
+def test_faults_are_counted_by_kind() -> None:
+    network = LocalNetwork(seed=1)
+    arrived = receive(network, Faults(loss=0.3, duplication=0.3, delay=(0.0, 1.0)))
+    assert len(arrived) == 100 - network.met["lost"] + network.met["duplicated"]
+    assert network.met["delayed"] == len(arrived) and 0 < network.met["reordered"] < len(arrived)

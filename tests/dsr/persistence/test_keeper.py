@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dsr import ConfigError, Memory, Pose, StateKeeper
+from dsr.crdt.delta import Add, Delta, Write
 from dsr.persistence import keeper as keeper_module
 from dsr.persistence.content import GraphContent
 from dsr.persistence.records import HEADER
@@ -75,6 +76,31 @@ def test_what_was_not_flushed_is_not(net: Net, tmp_path: Path) -> None:
     memory.add_node("cube_1", "cube")
     again, _ = kept(crash(net, keeper), tmp_path)
     assert [node.name for node in again.nodes()] == ["world"]
+
+
+def test_a_write_that_waited_for_its_node_during_the_snapshot_is_kept(net: Net, tmp_path: Path) -> None:
+    memory, keeper = kept(net, tmp_path)
+    graph = memory.replica.graph
+    late, early = ("other-1", 1), Write(("other-1", 1), "mass", 1024, "other-1", ("other-1", 2), 0.5)
+    graph.join(Delta(writes=[early], context=[("other-1", 2, 2)]), net.clock.now())
+    keeper.snapshot()
+    graph.join(Delta(adds=[Add(late, "cube_1", "cube")], context=[("other-1", 1, 1)]), net.clock.now())
+    keeper.flush()
+    again, _ = kept(crash(net, keeper), tmp_path)
+    assert again.node("cube_1")["mass"] == memory.node("cube_1")["mass"] == 0.5
+    assert again.replica.graph.store.context == graph.store.context
+
+
+def test_a_write_to_what_an_answer_tells_to_be_gone_waits_no_more_after_a_crash(net: Net, tmp_path: Path) -> None:
+    memory, keeper = kept(net, tmp_path)
+    graph = memory.replica.graph
+    early = Write(("other-1", 1), "mass", 1024, "other-1", ("other-1", 2), 0.5)
+    graph.join(Delta(writes=[early], context=[("other-1", 2, 2)]), net.clock.now())
+    keeper.snapshot()
+    graph.join(Delta(context=[("other-1", 1, 1)], live=frozenset(), examined=[("other-1", 1, 1)]), net.clock.now())
+    keeper.flush()
+    again, _ = kept(crash(net, keeper), tmp_path)
+    assert again.replica.graph.store.context == graph.store.context and not again.replica.graph.store.waiting_writes()
 
 
 def test_changes_of_others_are_kept_streams_and_repairs_included(net: Net, tmp_path: Path) -> None:

@@ -12,6 +12,9 @@ from typing import Any
 
 import pytest
 
+from benchmarks.years.knowledge import Fact, Knowledge, facts_of
+from benchmarks.years.readers import Reader
+from benchmarks.years.showing import shown, state
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_LEAD, stamp_at
@@ -24,8 +27,6 @@ from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.replication.outbox import Outbox
 from dsr.replication.wire import decode_delta, encode_delta
-from tests.dsr.properties.knowledge import Fact, Knowledge, Shown, facts_of
-from tests.dsr.properties.readers import Reader
 
 START = 1_000_000_000.0
 HOUR = 3600.0
@@ -438,25 +439,9 @@ def facts_shown(graph: Graph) -> dict[tuple[Key, str], Fact]:
     return {(key, name): fact_shown(element, name) for key, element in elements.items() for name in element.written}
 
 
-def shown(graph: Graph) -> Shown:
-    """Everything that a replica shows."""
-    return {key: (e.type, dict(e)) for elements in (graph.nodes, graph.edges) for key, e in elements.items()}
-
-
 def full(graph: Graph) -> Delta:
     """All that a replica holds."""
     return reply_to(graph.store, CausalContext())
-
-
-def state(graph: Graph) -> dict[str, Any]:
-    """Everything that two equal replicas have in common."""
-    store = graph.store
-    return {
-        "context": store.context,
-        "entries": {dot: (e.key, e.type, e.sources, e.destinations, e.registers) for dot, e in store.entries.items()},
-        "fingerprint": store.fingerprint,
-        "shown": shown(graph),
-    }
 
 
 def copied(graph: Graph) -> Graph:

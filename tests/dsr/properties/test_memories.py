@@ -10,11 +10,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
+from benchmarks.years.world import Complaints, World
 from dsr import Faults, Pose
 from dsr.crdt import pieces
 from tests.dsr.properties.soup import HOUR
 from tests.dsr.properties.test_deltas import choices, edge_types, names, numbers, sites, stamps, types
-from tests.dsr.properties.world import Complaints, World
 
 faults = st.builds(
     Faults,

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import Phase, seed, settings
 from hypothesis.stateful import RuleBasedStateMachine, run_state_machine_as_test
 
+from benchmarks.years.world import World
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import MAX_STAMP, HybridClock
@@ -31,7 +32,6 @@ from tests.dsr.properties.soup import START, Soup
 from tests.dsr.properties.test_attacked import Attacked
 from tests.dsr.properties.test_deltas import Deltas
 from tests.dsr.properties.test_memories import Memories
-from tests.dsr.properties.world import World
 
 FIXED = settings(
     derandomize=True, database=None, deadline=None, max_examples=3000, stateful_step_count=40, phases=[Phase.generate],

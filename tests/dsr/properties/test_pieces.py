@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.years.showing import state
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta
@@ -17,7 +18,6 @@ from dsr.graph.graph import Graph
 from dsr.replication.fetching import Fetch
 from dsr.replication.piece_wire import decode_piece, encode_piece
 from tests.dsr.properties.soup import START as NOW
-from tests.dsr.properties.soup import state
 
 NAMES = ["a", "b", "c", "d", "e", "f"]
 

@@ -14,6 +14,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
+from benchmarks.years.world import CATCH_UP, Complaints
+from benchmarks.years.worlds import HERE, WorldsInSeveral, mark
 from dsr import (
     CycleError,
     Faults,
@@ -21,32 +23,16 @@ from dsr import (
     ManualClock,
     Memory,
     Pose,
-    TransportError,
-    WorldError,
-    WorldNotFoundError,
 )
-from dsr.network.keys import Keys
-from dsr.network.local_transport import LocalTransport
-from dsr.worlds.registry import records
-from tests.dsr.properties.soup import shown, state
 from tests.dsr.properties.test_deltas import choices, numbers
 from tests.dsr.properties.test_memories import faults
-from tests.dsr.properties.world import CATCH_UP, Complaints
 
 NAMES = ("w", "v")
 THINGS = ("a", "b", "c")
-HERE = (WorldError, WorldNotFoundError, TransportError)
-"""What may be said of worlds of which one does not know what others have done."""
 sites = st.integers(0, 3)
 worlds = st.sampled_from(["base", *NAMES])
 names = st.sampled_from(NAMES)
 things = st.sampled_from(THINGS)
-
-
-def declared(transport: LocalTransport) -> set[str]:
-    """All keys under which a process takes part in anything."""
-    patterns = [*transport._subscribers, *transport._servers, *transport._presence]
-    return {*(key for key, _ in patterns), *transport.tokens}
 
 
 class Network:
@@ -57,8 +43,7 @@ class Network:
         self.network = LocalNetwork(self.clock, seed=seed, faults=network)
         self._boots = 0
         self.memories = [self._boot(index) for index in range(processes)]
-        self.together: dict[str, str] = {}
-        """Channels that were one world at some time, each with another one of it; itself for the first."""
+        self.worlds = WorldsInSeveral(lambda: self.memories)
 
     def _boot(self, index: int) -> Memory:
         self._boots += 1
@@ -72,24 +57,6 @@ class Network:
         """The world as this process has it open."""
         return next((memory for memory in self.memory(index).opened_worlds() if memory.world_name == world), None)
 
-    def note(self) -> None:
-        """Take down which channels are one world: those that one record has ever been made of."""
-        for memory in self.memories:
-            for record in records(memory.replica.graph):
-                channels = [f"{dot[0]}:{dot[1]}" for dot in sorted(record.dots)]
-                for channel in channels:
-                    self.together[self.root(channel)] = self.root(channels[0])
-
-    def root(self, channel: str) -> str:
-        while self.together.setdefault(channel, channel) != channel:
-            channel = self.together[channel]
-        return channel
-
-    def marks(self, memory: Memory) -> set[str]:
-        """What things are marked with that are written into this world; see `together`."""
-        record = next((r for r in records(self.memories[0].replica.graph) if r.info.name == memory.world_name), None)
-        return {self.root(f"{dot[0]}:{dot[1]}") for dot in record.dots} if record else set()
-
     def advance(self, seconds: float) -> None:
         self.clock.advance(seconds)
         for memory in self.memories:
@@ -98,7 +65,7 @@ class Network:
         for memory in self.memories:
             memory.poll()
             memory.flush()
-        self.note()
+        self.worlds.note()
 
     def crash(self, index: int) -> None:
         index %= len(self.memories)
@@ -110,37 +77,6 @@ class Network:
         self.network.faults = Faults()
         for _ in range(round(CATCH_UP / 0.2)):
             self.advance(0.2)
-
-    # ---- what must be so
-
-    def check(self) -> None:
-        """Nobody has a world open that is not in its list, nor takes part in anything under its keys."""
-        for memory in self.memories:
-            listed = memory.world_channels()
-            roots = [Keys("g").root + "/world/"] + [
-                Keys("g", name, channel).state + "/" for name, channel in listed.items()
-            ]
-            for opened in memory.opened_worlds()[1:]:
-                assert opened.world_name in listed and not opened.closed
-            assert isinstance(memory.transport, LocalTransport)
-            for key in declared(memory.transport):
-                assert not key.startswith(roots[0]) or any(key.startswith(root) for root in roots[1:]), f"{key} is left"
-
-    def check_converged(self) -> None:
-        """All replicas of each world are equal, and hold nothing of worlds that are gone."""
-        first = self.memories[0]
-        listed = {info.name: info for info in first.worlds()}
-        assert all(memory.worlds() == list(listed.values()) for memory in self.memories)
-        for name, info in listed.items():
-            replicas = [found for index in range(len(self.memories)) if (found := self.opened(index, name))]
-            for replica in replicas:
-                if not info.follows:
-                    assert state(replica._graph) == state(replicas[0]._graph), f"replicas of {name} differ"
-                elif info.parent == "base":
-                    assert shown(replica._graph) == shown(replicas[0]._graph), f"replicas of {name} differ"
-                for node in replica.nodes():
-                    where, _, channel = str(node.get("note", "")).partition("@")
-                    assert where != name or name == "base" or self.root(channel) in self.marks(replica), "resurrected"
 
 
 class Worlds(RuleBasedStateMachine):
@@ -160,7 +96,7 @@ class Worlds(RuleBasedStateMachine):
                 memory.create_world(name, exist_ok=exist_ok)
             else:
                 memory.fork(name, of=of, follow=how == "overlay")
-        self.net.note()
+        self.net.worlds.note()
 
     @rule(site=sites, name=names)
     def open(self, site: int, name: str) -> None:
@@ -174,7 +110,7 @@ class Worlds(RuleBasedStateMachine):
 
     @rule(site=sites, world=worlds, thing=things, value=numbers)
     def add(self, site: int, world: str, thing: str, value: int) -> None:
-        self._write(site, world, lambda memory: memory.add_node(thing, "cube", seen=value, note=self._mark(memory)))
+        self._write(site, world, lambda memory: memory.add_node(thing, "cube", seen=value, note=mark(memory)))
 
     @rule(site=sites, world=worlds, thing=things, value=numbers)
     def update(self, site: int, world: str, thing: str, value: int) -> None:
@@ -221,14 +157,14 @@ class Worlds(RuleBasedStateMachine):
         if hasattr(self, "net"):
             for memory in self.net.memories:
                 memory._worlds.sweep()
-            self.net.check()
+            self.net.worlds.check()
 
     def teardown(self) -> None:
         if hasattr(self, "net"):
             logging.getLogger("dsr").removeHandler(self.complaints)
             self.net.converge()
-            self.net.check()
-            self.net.check_converged()
+            self.net.worlds.check()
+            self.net.worlds.check_converged()
             assert not self.complaints.said
 
     def _write(self, site: int, world: str, write: Callable[[Memory], object]) -> None:
@@ -236,13 +172,6 @@ class Worlds(RuleBasedStateMachine):
         if memory is not None:
             write(memory)
             memory.flush()
-
-    def _mark(self, memory: Memory) -> str:
-        """Name of the world and one of the channels that it is, as it is known here."""
-        if memory.world_handle is None:
-            return "base@"
-        rid, counter = min(memory.world_handle.record.dots)
-        return f"{memory.world_name}@{rid}:{counter}"
 
 
 Worlds.TestCase.settings = settings(

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from dsr import NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
+from dsr.crdt.delta import Delta
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.registry import node_name, to_attribute
 from tests.dsr.conftest import Net, tabletop
@@ -187,3 +188,14 @@ def test_a_write_costs_each_overlay_below_as_much(net: Net, monkeypatch: pytest.
     monkeypatch.setattr(Overlay, "split", counted)
     top.update_node("cube_3", mass=20.0)
     assert top.node("cube_3")["mass"] == 20.0 and looked < 100
+
+
+@pytest.mark.parametrize("length", [1, 10_000])
+def test_what_the_end_of_an_answer_says_was_removed_is_hidden(net: Net, length: int) -> None:
+    """Without naming it: who restores a journal, or gets the rest of an answer, learns of it only as seen."""
+    memory = net.join("a")
+    memory.add_node("cup", "cube")
+    view = memory.fork("view", follow=True)
+    ((rid, counter),) = memory.node("cup").created
+    view.replica.graph.join(Delta(context=[(rid, counter, counter + length - 1)]), net.clock.now())
+    assert "cup" not in view and "cup" in memory

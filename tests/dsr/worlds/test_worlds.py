@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from dsr import AgentError, ConfigError, Memory, NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
+from dsr.crdt.delta import Add, Delta
 from dsr.graph.access import Access, WriteGuard
 from tests.dsr.conftest import Net, tabletop
 
@@ -276,3 +277,16 @@ def test_what_was_deleted_says_so_and_hints_name_no_records(net: Net) -> None:
     a.delete_world("idea")
     with pytest.raises(NodeNotFoundError, match="no node 'table'; world 'idea' was deleted"):
         fork.node("table")
+
+
+def test_a_node_made_twice_in_a_fork_keeps_the_edges_that_the_fork_reads_from_its_parent(net: Net) -> None:
+    memory = net.join("a")
+    tabletop(memory)
+    before = {edge.key: dict(edge) for edge in memory.edges()}
+    fork = memory.fork("plan")
+    again = Delta(adds=[Add(("other-1", 1), "table", "table")], context=[("other-1", 1, 1)])
+    fork.replica.graph.join(again, net.clock.now())
+    assert ("other-1", 1) in fork.node("table").created and len(memory.node("table").created) == 1
+    assert {edge.key: dict(edge) for edge in fork.edges()} == before
+    memory.remove_edge(*next(key for key in before if "table" in key))
+    assert {edge.key: dict(edge) for edge in fork.edges()} == before

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from benchmarks.years.knowledge import Shown
 from dsr.crdt.delta import Key
 from dsr.graph.graph import Graph
 from dsr.graph.watch import Change, Watch
-from tests.dsr.properties.knowledge import Shown
 
 
 class Reader:

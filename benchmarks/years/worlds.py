@@ -1,0 +1,90 @@
+"""The worlds beside the base, in several processes: which of them are one, and what must be so of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from benchmarks.years.showing import shown, state
+from dsr import Memory, TransportError, WorldError, WorldNotFoundError
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalTransport
+from dsr.worlds.registry import records
+
+HERE = (WorldError, WorldNotFoundError, TransportError)
+"""What may be said of worlds of which one does not know what others have done."""
+
+
+def declared(transport: LocalTransport) -> set[str]:
+    """All keys under which a process takes part in anything."""
+    patterns = [*transport._subscribers, *transport._servers, *transport._presence]
+    return {*(key for key, _ in patterns), *transport.tokens}
+
+
+def mark(memory: Memory) -> str:
+    """Name of the world and one of the channels that it is, as it is known here: for what is written into it."""
+    if memory.world_handle is None:
+        return "base@"
+    rid, counter = min(memory.world_handle.record.dots)
+    return f"{memory.world_name}@{rid}:{counter}"
+
+
+class WorldsInSeveral:
+    """The worlds of some memories of the base.
+
+    Args:
+        memories: gives those that live now.
+    """
+
+    def __init__(self, memories: Callable[[], Sequence[Memory]]) -> None:
+        self._memories = memories
+        self.together: dict[str, str] = {}
+        """Channels that were one world at some time, each with another one of it; itself for the first."""
+
+    def note(self) -> None:
+        """Take down which channels are one world: those that one record has ever been made of."""
+        for memory in self._memories():
+            for record in records(memory.replica.graph):
+                channels = [f"{dot[0]}:{dot[1]}" for dot in sorted(record.dots)]
+                for channel in channels:
+                    self.together[self.root(channel)] = self.root(channels[0])
+
+    def root(self, channel: str) -> str:
+        """The channel that stands for all that were one world with this one."""
+        while self.together.setdefault(channel, channel) != channel:
+            channel = self.together[channel]
+        return channel
+
+    def check(self) -> None:
+        """Nobody has a world open that is not in its list, nor takes part in anything under its keys."""
+        for memory in self._memories():
+            listed = memory.world_channels()
+            roots = [Keys("g").root + "/world/"] + [
+                Keys("g", name, channel).state + "/" for name, channel in listed.items()
+            ]
+            for opened in memory.opened_worlds()[1:]:
+                assert opened.world_name in listed and not opened.closed
+            assert isinstance(memory.transport, LocalTransport)
+            for key in declared(memory.transport):
+                assert not key.startswith(roots[0]) or any(key.startswith(root) for root in roots[1:]), f"{key} is left"
+
+    def check_converged(self) -> None:
+        """All replicas of each world are equal, and hold nothing of worlds that are gone."""
+        memories = self._memories()
+        listed = {info.name: info for info in memories[0].worlds()}
+        assert all(memory.worlds() == list(listed.values()) for memory in memories), "lists of worlds differ"
+        for name, info in listed.items():
+            replicas = [world for memory in memories for world in memory.opened_worlds() if world.world_name == name]
+            for replica in replicas:
+                if not info.follows:
+                    assert state(replica._graph) == state(replicas[0]._graph), f"replicas of {name} differ"
+                elif info.parent == "base":
+                    assert shown(replica._graph) == shown(replicas[0]._graph), f"replicas of {name} differ"
+                for node in replica.nodes():
+                    where, _, channel = str(node.get("note", "")).partition("@")
+                    assert where != name or name == "base" or self.root(channel) in self._marks(replica), "resurrected"
+
+    def _marks(self, memory: Memory) -> set[str]:
+        """What things are marked with that are written into this world; see `together`."""
+        graph = self._memories()[0].replica.graph
+        record = next((found for found in records(graph) if found.info.name == memory.world_name), None)
+        return {self.root(f"{dot[0]}:{dot[1]}") for dot in record.dots} if record else set()

@@ -1,0 +1,102 @@
+"""Years of the whole memory, shortened to days; and that what is found can be seen again, and shortened."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from unittest import mock
+
+import pytest
+
+from benchmarks.years.disk import FailingDisk, failing_disks
+from benchmarks.years.running import Setting, run, shortest
+from benchmarks.years.shrinking import shrunk
+from benchmarks.years.steps import Step, day
+from dsr.files import private_files
+from dsr.files.private_files import new_file, replacing
+from dsr.persistence.generations import Generations
+from dsr.replication.sync import Synchroniser
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_days_of_the_whole_memory(seed: int) -> None:
+    outcome = run(Setting(seed, days=3))
+    assert not outcome.problem
+    assert outcome.slept > 1.5 * 86400.0 and outcome.lived > 36.0
+    assert sum(outcome.met.values()) > 200 and outcome.met["kill"] > 3
+
+
+def test_a_history_follows_from_its_seed() -> None:
+    first, again, other = (run(Setting(seed, days=1)) for seed in (7, 7, 8))
+    assert first == again and first != other
+
+
+def test_a_failure_is_made_shorter() -> None:
+    setting = Setting(5, days=1, steps=100)
+    with mock.patch.object(Synchroniser, "_is_behind", lambda *arguments: False):
+        problem = run(setting).problem
+        assert problem
+        steps = shortest(setting, setting.history(), problem)
+        assert 1 < len(steps) < 20 and run(setting, steps).problem == problem
+    assert not run(setting, steps).problem
+
+
+def test_shrinking_leaves_what_matters() -> None:
+    steps = day(1, 0, 50)
+    needed = {steps[3], steps[17], steps[44]}
+    assert set(shrunk(steps, lambda fewer: needed <= set(fewer))) == needed
+    assert len(shrunk(steps, lambda fewer: needed <= set(fewer), runs=3)) > len(needed)
+
+
+def test_a_power_cut_leaves_what_was_flushed_and_a_part_of_the_rest(tmp_path: Path) -> None:
+    lengths = set()
+    for seed in range(20):
+        disk = FailingDisk(tmp_path / str(seed), seed)
+        with failing_disks([disk]):
+            file = new_file(disk.root / "journal")
+            private_files.sync_folder(disk.root)
+            file.write(b"a" * 100)
+            file.flush()
+            os.fsync(file.fileno())
+            file.write(b"b" * 100)
+            file.flush()
+            file.write(b"c" * 100)  # never handed to the disk
+        disk.let_go()
+        disk.lose_power()
+        left = (disk.root / "journal").read_bytes()
+        assert left.startswith(b"a" * 100) and len(left) <= 200
+        lengths.add(len(left))
+    assert len(lengths) > 5
+
+
+def test_names_that_were_not_flushed_may_be_lost_and_removed_ones_may_be_back(tmp_path: Path) -> None:
+    found = set()
+    for seed in range(30):
+        disk = FailingDisk(tmp_path / str(seed), seed)
+        with failing_disks([disk]):
+            with replacing(disk.root / "kept") as file:
+                file.write(b"1")
+            new_file(disk.root / "new").close()
+            (disk.root / "kept").unlink()
+        disk.let_go()
+        disk.lose_power()
+        found.add(tuple(sorted(path.name for path in disk.root.iterdir())))
+    assert found == {("kept",), ("kept", "new"), ("new",)}
+
+
+def test_a_full_disk_takes_a_part_and_says_so(tmp_path: Path) -> None:
+    disk = FailingDisk(tmp_path / "disk", 0)
+    with failing_disks([disk]):
+        journal = Generations(disk.root).begin()
+        disk.full = True
+        journal.write(b"x" * 1000)
+        with pytest.raises(OSError) as error:
+            journal.flush()
+        assert error.value.errno == errno.ENOSPC and disk.met["no room"] == 1
+        with pytest.raises(OSError):
+            new_file(disk.root / "other")
+
+
+def test_a_step_is_plain_data() -> None:
+    assert Step(*list(Step("kill", 1, 2, 3.0))) == Step("kill", 1, 2, 3.0)
