@@ -57,5 +57,5 @@ def _drawn(drawn: np.random.Generator, kind: str) -> Step:
         case "clock":
             amount = drawn.choice([-0.4, 0.4, drawn.uniform(-3 * HOUR, 3 * HOUR), -DAY * 365])
         case "kill" | "kill as it starts":
-            amount = drawn.integers(LONGEST_KILL if drawn.random() < 0.5 else 6)
+            amount = float(drawn.integers(LONGEST_KILL if drawn.random() < 0.5 else 6))
     return Step(kind, int(drawn.integers(60)), int(drawn.integers(1 << 16)), float(amount))
