@@ -17,6 +17,7 @@ from agents.ros_bridge.options import (
     BeyondOption,
     DistroOption,
     DomainOption,
+    InstalledOption,
     RosRouterOption,
     TransportName,
     TransportOption,
@@ -61,11 +62,12 @@ def check(
     distro: DistroOption = "jazzy",
     ros_router: RosRouterOption = ROUTER,
     beyond_loopback: BeyondOption = False,
+    installed_ros: InstalledOption = "",
     seconds: Annotated[float, typer.Option("--for", min=0.1, metavar="S", help="Listen so long.")] = 2.0,
     as_json: JsonOption = False,
 ) -> None:
     """Tell why nothing arrives: versions, router, domain, types, QoS. The exit code is 1 if there is a reason."""
-    config = LinkConfig(transport.value, domain, distro, ros_router, beyond_loopback)
+    config = LinkConfig(transport.value, domain, distro, ros_router, beyond_loopback, installed_ros)
     with closing(open_link(config, _NODE)) as link:
         found = find_problems(link, config, types_of(distro), topics or [], seconds)
     if as_json:

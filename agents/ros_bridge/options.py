@@ -29,6 +29,9 @@ DistroOption = Annotated[
     str, typer.Option(envvar="ROS_DISTRO", metavar="NAME", help="Release of ROS 2: humble, jazzy, kilted, ...")
 ]
 RosRouterOption = Annotated[str, typer.Option("--ros-router", metavar="ENDPOINT", help="Zenoh router of the robot.")]
+InstalledOption = Annotated[
+    str, typer.Option("--installed-ros", metavar="FILE", help="With dds: setup.bash of the ROS that asks actions.")
+]
 BeyondOption = Annotated[
     bool, typer.Option("--beyond-loopback", help="Reach other machines. What comes from ROS is not authenticated.")
 ]

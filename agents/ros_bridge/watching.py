@@ -16,10 +16,14 @@ _ANY_PUBLISHER = Qos(reliable=False, depth=100)
 """Best effort and volatile hears all publishers; so many messages wait at most while they are counted"""
 _SETTLES = 1.0
 """s without anything new after which all that was there before is visible, on one machine or in a local network"""
-_AT_MOST = 5.0
+_NOBODY_AFTER = 4.0
+"""s without anybody after which nobody is there: Fast DDS announces itself every 3 s"""
+_AT_MOST = 6.0
 """s for which is waited while more comes to be seen, or nothing at all: on a busy machine it takes its time"""
 _LOOK = 0.1
 """s between two looks"""
+_OF_ACTIONS = "/_action/"
+"""In the names of the services behind an action"""
 _PACKAGES = ("rosbags", "eclipse-zenoh", "cyclonedds")
 
 
@@ -79,6 +83,8 @@ def look(link: RosLink, types: RosTypes, seconds: float) -> list[TopicSeen]:
 def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[str], seconds: float) -> RosFindings:
     """Look for reasons why messages do not arrive, in general and on `topics`, to which it listens for `seconds`."""
     seen = {one.name: one for one in look(link, types, 0.0)}
+    if config.installed_ros:
+        _prepare_actions(link, seen.values())
     problems = []
     wanted = [seen[name] for name in topics if name in seen]
     problems += [f"{name}: nobody has this topic" for name in topics if name not in seen]
@@ -103,16 +109,27 @@ def check(link: RosLink, config: LinkConfig, types: RosTypes, topics: Iterable[s
 
 
 def _wait_for_all(link: RosLink) -> None:
-    """Wait until what there is to be seen is seen."""
+    """Wait until what there is to be seen is seen, with the names of its nodes."""
     began = changed = WALL_CLOCK.monotonic()
-    number = 0
-    while (now := WALL_CLOCK.monotonic()) - began < _AT_MOST and (not number or now - changed < _SETTLES):
-        seen = sum(not endpoint.mine for endpoint in link.endpoints())
-        if seen != number:
-            number, changed = seen, now
-        elif not number and now - began >= _SETTLES and link.problems():
+    before = 0, 0
+    while (now := WALL_CLOCK.monotonic()) - began < _AT_MOST:
+        others = [endpoint for endpoint in link.endpoints() if not endpoint.mine]
+        named = sum(bool(endpoint.node) for endpoint in others)
+        if (len(others), named) != before:
+            before, changed = (len(others), named), now
+        elif others and named == len(others) and now - changed >= _SETTLES:
+            return
+        elif not others and now - began >= _NOBODY_AFTER and link.problems():
             return  # nobody can be seen
         _pause(_LOOK)
+
+
+def _prepare_actions(link: RosLink, seen: Iterable[TopicSeen]) -> None:
+    """Have the installed ROS look for all actions: types that it has not become problems of the link."""
+    for one in seen:
+        if one.service and _OF_ACTIONS in one.name:
+            link.prepare(one.name, one.types[0])
+    _pause(_SETTLES)
 
 
 def _listed(endpoints: Iterable[Endpoint], types: RosTypes) -> Iterable[TopicSeen]:

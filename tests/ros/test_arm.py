@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -126,6 +128,30 @@ def test_whoever_dies_leaves_no_motion(controllers: RealNode, domain: int, netwo
         arm.close()
 
 
+def test_a_halt_stops_it_although_the_process_in_ros_hangs(
+    controllers: RealNode, domain: int, network: LocalNetwork
+) -> None:
+    """The deadman's process has a ROS of its own, which is asked then. The driver's own one is started again."""
+    arm = RosArm(network.connect("arm"), KEYS, joints=JOINTS, deadman=600.0, link=options(domain))
+    process = None
+    try:
+        eventually(arm.state)
+        arm.keep_alive()
+        eventually(lambda: any(one.node == "/dsr_deadman_services" for one in arm.link.endpoints()))
+        begin(arm, controllers, (600.0,), ((3.0, 0.0),))
+        assert isinstance(arm.link, DdsLink) and arm.link._installed is not None
+        process = arm.link._installed._process._process
+        os.kill(process.pid, signal.SIGSTOP)
+        send_order(network.connect("person"), KEYS, HaltOrder("1", True, "person"))
+        network.deliver()
+        eventually(lambda: not controllers.arm_now()["moves"])  # cancelled, or aborted by the goal to hold its place
+        assert controllers.arm_now()["at"][0] < 1.0
+        assert any("it did not react for 1 s, and was killed" in text for text in arm.tally.told)
+    finally:
+        arm.close()
+    assert process is not None and process.poll() is not None
+
+
 def test_joints_that_the_controller_has_not_are_rejected_and_told(
     controllers: RealNode, domain: int, network: LocalNetwork
 ) -> None:
@@ -203,3 +229,24 @@ def test_a_setup_file_is_sourced(tmp_path: Path, domain: int) -> None:
 def test_a_file_that_is_not_there_is_told(domain: int) -> None:
     with pytest.raises(RosSettingError, match=r"there is no such file; such as /opt/ros/jazzy/setup\.bash"):
         DdsLink(LinkConfig(transport="dds", domain=domain, installed_ros="/nowhere/setup.bash"), "/dsr/asking")
+
+
+def check(domain: int, python: Path) -> tuple[int, str]:
+    options = ["--transport", "dds", "--domain", str(domain), "--installed-ros", str(python), "--for", "0.1"]
+    program = [sys.executable, "-m", "dsr.cli", "ros", "check", *options]
+    process = subprocess.run(program, check=False, capture_output=True, text=True)
+    return process.returncode, " ".join((process.stdout + process.stderr).split())
+
+
+def test_check_names_the_nodes_and_tells_which_actions_this_ros_does_not_know(
+    controllers: RealNode, domain: int, tmp_path: Path
+) -> None:
+    code, said = check(domain, PYTHON)
+    assert code == 0 and "/controllers" in said and "nothing stands in the way" in said, said
+    without = tmp_path / "python"
+    without.write_text(f"#!/bin/sh\nPYTHONPATH={tmp_path} exec {PYTHON} \"$@\"\n")
+    without.chmod(0o755)
+    (tmp_path / "control_msgs").mkdir()
+    (tmp_path / "control_msgs" / "__init__.py").touch()
+    code, said = check(domain, without)
+    assert code == 1 and "the robot's ROS has no control_msgs/action/FollowJointTrajectory_SendGoal" in said, said

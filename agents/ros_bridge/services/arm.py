@@ -17,6 +17,7 @@ from agents.ros_bridge.services.device import RosDevice
 from agents.ros_bridge.services.goals import GIVEN_UP, tell_end, wait_for_end
 from agents.ros_bridge.services.gripper import RosGripper
 from agents.ros_bridge.services.lane import Lane
+from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
@@ -29,6 +30,8 @@ _ANSWER_WITHIN = 2.0
 """s that a controller may take to accept or cancel a goal"""
 _SHORTEST = 0.1
 """s of a motion to one place: controllers refuse points of now"""
+_BETWEEN_DEADMEN = 5.0
+"""s between two starts of the process that cancels: one that ends at once would use a whole core by starting"""
 _MOST_SAMPLES = 100
 """JointStates that wait for a tick"""
 
@@ -83,6 +86,7 @@ class RosArm(RosDevice):
         self._names = tuple(joints)
         self._patience, self._trajectory, self._link_options = deadman, trajectory, dict(link or {})
         self._deadman: Deadman | None = None
+        self._deadman_began = 0.0
         self._speed = speed
         self._gripper_joint, self._stroke = gripper_joint, stroke
         self._closed_at, self._open_at = gripper_closed, gripper_open
@@ -177,10 +181,19 @@ class RosArm(RosDevice):
 
     def keep_alive(self) -> None:
         """The controller lives. The first call starts the process that cancels all goals when no more calls come."""
-        if self._deadman is None and self._patience > 0.0:
+        if self._patience <= 0.0:
+            return
+        now = WALL_CLOCK.monotonic()
+        if self._deadman is not None and self._deadman.ended:
+            text = "the process that cancels motions when this driver dies has ended: it is started again"
+            self.tally.tell("deadman ended", "", text)
+            if now - self._deadman_began > _BETWEEN_DEADMEN:
+                self._deadman.close()
+                self._deadman = None
+        if self._deadman is None:
             self._deadman = Deadman(self._link_options, self._trajectory, self._patience)
-        if self._deadman is not None:
-            self._deadman.alive()
+            self._deadman_began = now
+        self._deadman.alive()
 
     def close(self) -> None:
         """Stop, and leave ROS."""
@@ -243,6 +256,9 @@ class RosArm(RosDevice):
             self._follow.cancel(ALL_GOALS, _ANSWER_WITHIN)
         except RosError as error:
             self.tally.tell("not stopped", "", f"the controller did not answer to a cancel: {error}")
+            deadman = self._deadman
+            if deadman is not None:  # it has a connection of its own
+                deadman.cancel()
         state = self._state
         if state is not None:
             self._arm_lane.do(lambda motion=self._motions: self._send([(_SHORTEST, state.positions)], motion))  # type: ignore[misc]

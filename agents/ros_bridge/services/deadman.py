@@ -2,7 +2,7 @@
 
 A controller of ROS carries a trajectory out to its end, whoever sent it has died or not. So the driver starts this
 process, and writes to its standard input at each tick. The process cancels all goals when nothing has come for a while,
-and when the input ends without a farewell.
+and when the input ends without a farewell. The driver may ask for it, too, if its own way is blocked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from dsr.config.toml import convert
 FOLLOW = "control_msgs/action/FollowJointTrajectory"
 ALL_GOALS = bytes(16)
 """A goal id of zeros: to cancel it ends all goals of the server"""
-_ALIVE, _FAREWELL = b".", b"q"
+_ALIVE, _CANCEL, _FAREWELL = b".", b"c", b"q"
 _ANSWER_WITHIN = 2.0
 """s that a controller may take to cancel"""
 _TRIES = 5
@@ -47,9 +47,8 @@ class Deadman:
 
     def __init__(self, link: Mapping[str, Any], action: str, patience: float) -> None:
         options = msgspec.json.encode({"link": link, "action": action, "patience": patience}).decode()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", __name__, options], stdin=subprocess.PIPE, start_new_session=True
-        )
+        program = [sys.executable, "-c", f"from {__name__} import main; main()", options]
+        self._process = subprocess.Popen(program, stdin=subprocess.PIPE, start_new_session=True)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
         os.set_blocking(self._pipe.fileno(), False)
@@ -57,6 +56,15 @@ class Deadman:
     def alive(self) -> None:
         """The driver lives; never waits."""
         self._write(_ALIVE)
+
+    def cancel(self) -> None:
+        """Cancel all goals now; never waits."""
+        self._write(_CANCEL)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process has ended, and watches no more."""
+        return self._process.poll() is not None
 
     def close(self) -> None:
         """The driver ends in good order: nothing is cancelled."""
@@ -77,7 +85,7 @@ class Deadman:
 def watch(source: int, patience: float, cancel: Callable[[], None]) -> None:
     """Call `cancel` when `source` (a file descriptor) is silent for `patience` s after a sign of life, or ends.
 
-    Returns after a farewell, or the end of the source.
+    The source may ask for it, too. Returns after a farewell, or the end of the source.
     """
     is_alive = False
     while True:
@@ -87,6 +95,8 @@ def watch(source: int, patience: float, cancel: Callable[[], None]) -> None:
             cancel()
             continue
         signs = os.read(source, 4096)
+        if _CANCEL in signs:
+            cancel()
         if _FAREWELL in signs:
             return
         if not signs:
@@ -109,12 +119,9 @@ def main() -> None:
                 return
 
     try:
-        watch(sys.stdin.fileno(), options["patience"], cancel)
+        with contextlib.suppress(KeyboardInterrupt):
+            watch(sys.stdin.fileno(), options["patience"], cancel)
     finally:
         client.close()
         link.close()
 
-
-if __name__ == "__main__":
-    with contextlib.suppress(KeyboardInterrupt):
-        main()

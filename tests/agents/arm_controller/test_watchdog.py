@@ -183,7 +183,7 @@ def test_the_arm_stops_by_itself_when_its_controller_gives_no_sign_of_life(
     else:
         simulated.lockstep.network.partition(["plant-1", "observer"], ["arm_controller-1"])
     simulated.run(WITHIN)
-    assert simulated.lockstep.runner("plant").agent._reality._guard.fault.startswith(  # type: ignore[attr-defined]
+    assert simulated.lockstep.runner("plant").agent._reality._guards["arm"].fault.startswith(  # type: ignore[attr-defined]
         "no sign of life of the arm's controller for 0.08"
     )
     simulated.run(0.5)
@@ -208,7 +208,7 @@ def test_an_action_that_the_device_ended_has_failed_and_says_why(simulated: Simu
 def test_a_simulated_arm_refuses_commands_of_a_controller_that_heard_nothing(simulated: Simulated) -> None:
     simulated.run(0.5)
     plant: Any = simulated.lockstep.runner("plant").agent
-    plant._halt.take(HALT)
+    plant._arms["arm"].halt.take(HALT)
     here = arm_of(simulated).positions
     name = simulated.request("pick", target="cube_3")
     simulated.run(2.0)

@@ -90,6 +90,33 @@ def test_a_look_waits_for_what_comes_to_be_seen_late(robot: ZenohLink, connect: 
     assert {one.name for one in found} == {"/said", "/wanted", "/silent", "/reset", "/odd", "/other"}
 
 
+class Nameless:
+    """A link over DDS: for a second nobody is visible, then endpoints are, and their nodes a second later."""
+
+    def __init__(self, link: ZenohLink) -> None:
+        self._link, self._began = link, WALL_CLOCK.monotonic()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._link, name)
+
+    def problems(self) -> list[str]:
+        return [] if self.endpoints() else ["nobody is visible"]
+
+    def endpoints(self) -> list[Endpoint]:
+        passed = WALL_CLOCK.monotonic() - self._began
+        found = self._link.endpoints() if passed > 1.5 else []
+        return found if passed > 3.5 else [msgspec.structs.replace(one, node="") for one in found]
+
+
+def test_a_look_waits_for_the_names_of_nodes_and_takes_nobody_at_first_for_no_answer(
+    robot: ZenohLink, connect: Connect
+) -> None:
+    looking = connect("/looking")
+    eventually(lambda: len(looking.endpoints()) == 6)
+    found = check(cast(RosLink, Nameless(looking)), LinkConfig(), TYPES, [], 0.1)
+    assert found.nodes == ["/odd", "/old", "/robot"] and not found.problems
+
+
 def test_check_tells_why_nothing_arrives(robot: ZenohLink, connect: Connect, router: Router) -> None:
     config = LinkConfig(router=router.endpoint)
     asked = ["/said", "/wanted", "/odd", "/other", "/silent", "/reset", "/nowhere"]

@@ -205,7 +205,7 @@ class DdsLink:
         self._config = config
         self._node = check_name(node)
         self._participant: DomainParticipant | None = join(config)
-        self._installed = InstalledRos(config, node) if config.installed_ros else None
+        self._installed: InstalledRos | None = None
         self._lock = threading.Lock()
         self._topics: dict[tuple[str, str], DdsTopic[Any]] = {}
         self._publishers: list[DdsPublisher] = []
@@ -215,6 +215,12 @@ class DdsLink:
         """By topic, of subscriptions that were taken back"""
         self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
         self._tell()
+        if config.installed_ros:
+            try:
+                self._installed = InstalledRos(config, node)
+            except RosLinkError:
+                self.close()
+                raise
 
     def publisher(self, topic: Topic) -> DdsPublisher:
         """Announce a publisher. Raises `RosMessageError` for a type that is not known."""

@@ -5,16 +5,19 @@ this file: it imports nothing of this project, and runs on Python 3.10. Commands
 
     {"prepare": NAME, "type": TYPE}                        begin to look for the server
     {"call": NUMBER, "name": ..., "type": ..., "request": HEX, "within": S}
+        {"call": NUMBER, "taken": true} at once, then
         {"call": NUMBER, "response": HEX} or {"call": NUMBER, "absent": true} or {"call": NUMBER, "failed": TEXT}
 
 The first answer is {"ready": RELEASE} or {"failed": TEXT}. Requests and responses are CDR. The process ends with its
-input.
+input, also while ROS hangs.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import queue
 import sys
 import threading
 from collections.abc import Callable
@@ -23,6 +26,9 @@ from typing import Any, TextIO
 
 _IMPL = {"SendGoal": "SendGoalService", "GetResult": "GetResultService"}
 """Services of an action: what rclpy calls their classes"""
+
+_LEAVES_WITHIN = 1.0
+"""s in which ROS is left once the input has ended; a ROS that hangs is left without a farewell"""
 
 
 def service_class(type: str) -> Any:
@@ -124,6 +130,8 @@ def main() -> None:
     output = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what ROS prints goes to the errors
     say = _sayer(output)
+    commands: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(say, commands), daemon=True).start()
     try:
         rclpy, serialization = import_module("rclpy"), import_module("rclpy.serialization")
         rclpy.init(args=[])
@@ -133,18 +141,31 @@ def main() -> None:
         sys.exit(1)
     caller = Caller(node, serialization, say)
 
-    def read() -> None:
-        for line in sys.stdin:
-            caller.obey(json.loads(line))
-        rclpy.shutdown()
+    def obey() -> None:
+        while True:
+            caller.obey(commands.get())
 
-    threading.Thread(target=read, daemon=True).start()
+    threading.Thread(target=obey, daemon=True).start()
     say({"ready": os.environ.get("ROS_DISTRO", "")})
     try:
         rclpy.spin(node)
     except Exception:
         if rclpy.ok():
             raise
+
+
+def _read(say: Callable[[dict[str, Any]], None], commands: queue.SimpleQueue[dict[str, Any]]) -> None:
+    """Take commands until the input ends; then leave ROS, and end the process whatever its other threads do."""
+    for line in sys.stdin:
+        command = json.loads(line)
+        if "call" in command:
+            say({"call": command["call"], "taken": True})
+        commands.put(command)
+    last = threading.Timer(_LEAVES_WITHIN, os._exit, [0])
+    last.daemon = True
+    last.start()
+    with contextlib.suppress(Exception):  # it may not have joined yet
+        import_module("rclpy").shutdown()
 
 
 if __name__ == "__main__":

@@ -180,3 +180,19 @@ def test_motions_are_cancelled_by_a_process_of_its_own_when_no_sign_of_life_come
     arm.keep_alive()
     told(arm, "somebody cancelled it")
     assert sdk.asked(name=TRAJECTORY)["cancelled"] == 1
+
+
+def test_the_process_that_cancels_when_the_driver_dies_is_started_again_if_it_ends(make: Make) -> None:
+    arm = make()
+    arm.keep_alive()
+    first = arm._deadman
+    assert first is not None
+    first._process.kill()
+
+    def is_new() -> bool:
+        arm.keep_alive()
+        return arm._deadman is not first
+
+    eventually(is_new)
+    told(arm, "the process that cancels motions when this driver dies has ended: it is started again")
+    assert arm._deadman is not None and not arm._deadman.ended

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import secrets
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
 
-from agents.ros_bridge.services.deadman import watch
+from agents.ros_bridge.services.deadman import Deadman, watch
 from dsr.clock import WALL_CLOCK
 
 PATIENCE = 0.2
@@ -57,9 +58,26 @@ def test_nothing_is_cancelled_before_the_first_sign_of_life_and_after_a_farewell
     assert not watched.thread.is_alive() and not watched.cancelled.acquire(blocking=False)
 
 
+def test_a_driver_whose_own_way_is_blocked_may_ask_for_it(watched: Watched) -> None:
+    os.write(watched.pipe, b"c")
+    assert watched.cancelled.acquire(timeout=10.0)
+    os.write(watched.pipe, b"cq")
+    assert watched.cancelled.acquire(timeout=10.0)
+    watched.thread.join(10.0)
+    assert not watched.thread.is_alive()
+
+
 def test_a_driver_that_dies_without_a_word_has_its_motions_cancelled(watched: Watched) -> None:
     os.write(watched.pipe, b".")
     os.close(watched.pipe)
     assert watched.cancelled.acquire(timeout=10.0)
     watched.thread.join(10.0)
     assert not watched.thread.is_alive()
+
+
+def test_the_process_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    domain = 20 + secrets.randbelow(200)
+    deadman = Deadman({"transport": "dds", "domain": domain}, "/follow", 60.0)
+    deadman.alive()
+    deadman.close()
+    assert deadman.ended and capfd.readouterr() == ("", "")

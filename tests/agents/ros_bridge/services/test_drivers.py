@@ -12,6 +12,7 @@ import pytest
 
 from agents.drivers import SILENCE, Diagnosed, make_driver
 from agents.ros_bridge import RosArm, RosCamera, RosTags
+from agents.ros_bridge.errors import RosLinkError
 from agents.ros_bridge.link.link import Qos
 from agents.ros_bridge.link.local import LocalLink, LocalRos
 from agents.ros_bridge.mapping.cameras import to_camera_info
@@ -224,6 +225,27 @@ def test_stop_holds_the_arm_whatever_the_controller_answers(arm: Arm, monkeypatc
     arm.follow.wait(1)
     assert arm.follow.goals[0].trajectory.points[-1].positions.tolist() == [0.3, -0.3]
     assert any("did not answer to a cancel" in text for text in arm.driver.tally.told)
+
+
+def test_a_stop_that_fails_asks_the_deadman_to_cancel(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = threading.Event()
+
+    def refuse(id: bytes, timeout: float) -> bool:
+        raise RosLinkError("the process in the robot's ROS ended")
+
+    class Asked:
+        ended = False
+
+        def cancel(self) -> None:
+            asked.set()
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(arm.driver, "_deadman", Asked())
+    monkeypatch.setattr(arm.driver._follow, "cancel", refuse)
+    arm.driver.stop()
+    assert asked.wait(PATIENCE)
 
 
 def test_a_goal_that_is_accepted_after_a_stop_is_cancelled(arm: Arm) -> None:
