@@ -12,7 +12,7 @@ import pytest
 from benchmarks.years.disk import FailingDisk, failing_disks
 from benchmarks.years.running import Setting, run, shortest
 from benchmarks.years.shrinking import shrunk
-from benchmarks.years.steps import Step, day
+from benchmarks.years.steps import day
 from dsr.files import private_files
 from dsr.files.private_files import new_file, replacing
 from dsr.persistence.generations import Generations
@@ -96,7 +96,3 @@ def test_a_full_disk_takes_a_part_and_says_so(tmp_path: Path) -> None:
         assert error.value.errno == errno.ENOSPC and disk.met["no room"] == 1
         with pytest.raises(OSError):
             new_file(disk.root / "other")
-
-
-def test_a_step_is_plain_data() -> None:
-    assert Step(*list(Step("kill", 1, 2, 3.0))) == Step("kill", 1, 2, 3.0)
