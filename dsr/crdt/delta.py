@@ -52,6 +52,14 @@ class Write(msgspec.Struct, frozen=True, gc=False):
     value: Any
 
 
+def precedence(write: Write) -> tuple[int, str, Dot]:
+    """Orders the writes of one register: the greatest wins.
+
+    The same write may come without a dot, and with those of several replicas that made it durable: the greatest one stays.
+    """
+    return write.stamp, write.writer, write.dot or ("", 0)
+
+
 class Delta(msgspec.Struct, gc=False):
     """A piece of state to be joined with another replica's.
 

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.delta import Add, Delta, Write, precedence
 from dsr.crdt.store import Store
 
 _PIECE = 200
@@ -42,7 +42,7 @@ class PendingWrites:
         self._news.extend_context(delta.context)
         for write in delta.writes:
             known = self._writes.setdefault((write.owner, write.attribute), write)
-            if known is not write and _order(known) <= _order(write):
+            if precedence(known) < precedence(write):
                 self._writes[write.owner, write.attribute] = write
 
     def take(self) -> list[Delta]:
@@ -51,11 +51,6 @@ class PendingWrites:
         taken = [*self._before, *([self._news] if self._news else [])]
         self._before, self._news, self._writes = [], Delta(), {}
         return taken
-
-
-def _order(write: Write) -> tuple[int, str, bool]:
-    """The greatest wins; a write that was made durable stands for the same one that was not yet."""
-    return write.stamp, write.writer, write.dot is not None
 
 
 def pieces(store: Store, lock: AbstractContextManager[Any]) -> Iterator[Delta]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import Delta, Write
+from dsr.crdt.delta import Delta, Write, precedence
 
 BUNDLE = 500
 """Changes in one message: few enough that a peer merges them without a hiccup."""
@@ -68,7 +68,7 @@ class Outbox:
             whole.extend_context(bundle.context)
             for write in bundle.writes:
                 known = winners.setdefault((write.owner, write.attribute), write)
-                if (known.stamp, known.writer) < (write.stamp, write.writer):
+                if precedence(known) < precedence(write):
                     winners[write.owner, write.attribute] = write
         whole.writes = list(winners.values())
         self._bundles = [whole]
