@@ -55,7 +55,7 @@ class Write(msgspec.Struct, frozen=True, gc=False):
 def precedence(write: Write) -> tuple[int, str, Dot]:
     """Orders the writes of one register: the greatest wins.
 
-    The same write may come without a dot, and with those of several replicas that made it durable: the greatest one stays.
+    The same write may come without a dot, and with those of several replicas that made it durable. The greatest stays.
     """
     return write.stamp, write.writer, write.dot or ("", 0)
 
