@@ -289,7 +289,7 @@ def test_a_reader_that_goes_around_the_library_changes_nothing(
     scene.transport.subscribe(KEYS.device("**"), lambda key, _: devices.append(key))
     reader = intrude("dsr", keys)
     scene.add_node("cube", "cube")
-    assert eventually(lambda: KEYS.delta(scene.rid) in reader.seen)
+    assert eventually(lambda: KEYS.delta(scene.rid) in reader.seen and "cube" in launcher)
     reader.write()
     reader.write(rid="scene-0badc0de")
     reader.write(rid=scene.rid)
