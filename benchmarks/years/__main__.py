@@ -20,6 +20,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+import msgspec
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -80,7 +81,7 @@ def main() -> None:
     if report.histories:
         Console().print(_table(report))
     if options.json:
-        options.json.write_text(json.dumps(asdict(report), indent=1), encoding="utf-8")
+        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(report)))
     raise SystemExit(1 if report.problems else 0)
 
 
@@ -109,7 +110,7 @@ def _again(file: Path) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.years", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--years", type=float, default=0.1, help="simulated time of all histories (default: 0.1)")
+    parser.add_argument("--years", type=float, default=0.1, help="of all histories with their nights (default: 0.1)")
     parser.add_argument("--replicas", type=int, default=5, help="processes of each history, 2 to 9 (default: 5)")
     parser.add_argument("--days", type=int, default=DAYS, help=f"of each history (default: {DAYS})")
     parser.add_argument("--first", type=int, default=0, help="seed of the first history (default: 0)")

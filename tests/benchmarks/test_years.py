@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import sys
 from pathlib import Path
 from unittest import mock
 
 import pytest
 
+from benchmarks.years import __main__ as command
 from benchmarks.years.disk import FailingDisk, failing_disks
 from benchmarks.years.running import Setting, run, shortest
 from benchmarks.years.shrinking import shrunk
@@ -96,3 +99,13 @@ def test_a_full_disk_takes_a_part_and_says_so(tmp_path: Path) -> None:
         assert error.value.errno == errno.ENOSPC and disk.met["no room"] == 1
         with pytest.raises(OSError):
             new_file(disk.root / "other")
+
+
+def test_the_counts_are_written_as_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "years.json"
+    monkeypatch.setattr(sys, "argv", ["years", "--seed", "2", "--days", "1", "--json", str(file)])
+    with pytest.raises(SystemExit) as end:
+        command.main()
+    counts = json.loads(file.read_text(encoding="utf-8"))
+    assert end.value.code == 0 and counts["histories"] == 1 and counts["problems"] == {}
+    assert counts["met"] and all(number > 0 for number in counts["met"].values())
