@@ -23,6 +23,9 @@ SMALLEST = 60
 NEAR_CUT = 4
 """px from where something else hides it, or touches it, in which a piece tells nothing of an edge there"""
 
+LEVEL = 0.002
+"""m, standard deviation of the height of a support: tables are not flat, cameras not quite where they seem"""
+
 _LEAST_RISE = 0.008  # m above the support, from which something is not the support itself
 _NOISE = 3.0  # standard deviations of the depth: the same
 _JUMP = 0.015  # m between the depths of neighbours that do not belong together, beside noise: steep faces have less
@@ -52,6 +55,11 @@ class Support(NamedTuple):
     """m, along its own x axis"""
     width: float
     """m, along its own y axis"""
+
+    def covers(self, points: Array) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world are above or below it."""
+        local = np.abs(self.pose.inverse().apply(points))
+        return np.asarray((local[:, 0] < 0.5 * self.length) & (local[:, 1] < 0.5 * self.width))
 
 
 class PieceEdge(NamedTuple):
@@ -117,7 +125,7 @@ class Relief:
         raised = self._standing & (above < HIGHEST)
         rows, columns = np.nonzero(raised)
         world = self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye
-        raised[rows, columns] = _within(support, world)
+        raised[rows, columns] = support.covers(world)
         self._raised = raised
         self._reach = self._edge_reach()
 
@@ -140,7 +148,7 @@ class Relief:
         sparse = np.s_[::_SPARSE, ::_SPARSE]
         near = (np.abs(z[sparse] - np.float32(believed)) < _NEAR_SUPPORT) & (self._depth[sparse] > 0.0)
         rows, columns = (index * _SPARSE for index in np.nonzero(near))
-        on = _within(support, self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye)
+        on = support.covers(self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye)
         heights = z[rows, columns][on]
         if len(heights) < _ENOUGH_SUPPORT:
             return believed
@@ -254,12 +262,6 @@ def _directions(color: NDArray[np.uint8]) -> NDArray[np.float32]:
     values = cv2.medianBlur(color, 3).astype(np.float32)
     length = np.sqrt(np.einsum("hwc,hwc->hw", values, values))
     return np.asarray(values / np.maximum(length, 1.0)[..., None], np.float32)
-
-
-def _within(support: Support, points: Array) -> NDArray[np.bool_]:
-    """Which points (n, 3) of the world are above or below it."""
-    local = np.abs(support.pose.inverse().apply(points))
-    return np.asarray((local[:, 0] < 0.5 * support.length) & (local[:, 1] < 0.5 * support.width))
 
 
 def _square(reach: int) -> NDArray[np.uint8]:

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.blocks.block import GRAZING, Block, BlockKind, inside
-from agents.scene_estimator.blocks.clusters import Cluster, Relief, Support
+from agents.scene_estimator.blocks.clusters import LEVEL, Cluster, Relief, Support
+from agents.scene_estimator.colored import LEANING
 from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
 from dsr.math3d.quaternions import Vector3
@@ -35,9 +36,6 @@ MOSTLY_SEEN = 0.15
 _POINTS, _EDGE_POINTS = 200, 80  # that are used of a piece
 _EDGE = 0.5  # px, by which a piece ends outside the middle of its outermost pixels
 _SURFACE = 0.001  # m, standard deviation of a surface: real ones are not flat, edges are round
-_LEVEL = (
-    0.002  # m, standard deviation of the height of the support: tables are not flat, cameras not quite where they seem
-)
 _UNSEEN = 0.05  # m, standard deviation of an extent before anything was seen of it
 _ANYWHERE = 1.0  # m, likewise, of the place
 _LEAST_BIAS = 1e-5  # m, standard deviation of the error of all depths where there is none
@@ -68,6 +66,8 @@ class BlockSighting(NamedTuple):
     """(7, 7) of x, y, z of its centre (m), yaw (rad), and size x, y, z (m); a cylinder's x and y are its diameter"""
     color: Vector3
     """Red, green, blue, 0 to 1, as bright as it is seen"""
+    leaning: float
+    """rad, standard deviation of how far it leans from the upright, about any level axis"""
     hidden: float
     """Share of its edge in the image that something hides"""
     measured: bool
@@ -176,8 +176,14 @@ class _Solved(NamedTuple):
         if first == 2:
             covariance[3, 3] = math.pi**2
         return BlockSighting(
-            self.block, covariance, (red, green, blue), cluster.hidden, self.measured, self.strained, self.cost
-        )
+            self.block, covariance, (red, green, blue), self._leaning(cluster.base), cluster.hidden,
+            self.measured, self.strained, self.cost,
+        )  # fmt: skip
+
+    def _leaning(self, level: float) -> float:
+        """Rad: what stands on a support at a height (m) leans as far as both are uneven, whatever else as it may."""
+        stands = abs(self.block.base - level) < _SUNK * LEVEL
+        return _SURFACE / min(self.block.size[:2]) if stands else LEANING
 
 
 class _Problem:
@@ -212,7 +218,7 @@ class _Problem:
         before, sigma = (known.block, known.sigma) if known is not None and unchanged else (seen, (_UNSEEN,) * 3)
         base = cluster.base + seen.size[2] - before.size[2] if on == "anywhere" else cluster.base
         self._others, bias_std = [base, 0.0, self._edge.inset], max(noise.depth_bias_std, _LEAST_BIAS)
-        others_std = [_RAISED if on == "anywhere" else _LEVEL, bias_std, self._edge.inset_std]
+        others_std = [_RAISED if on == "anywhere" else LEVEL, bias_std, self._edge.inset_std]
         self._prior = self._parameters(before._replace(x=seen.x, y=seen.y))
         yaw_std = [] if kind == "cylinder" else [_ANY_YAW]
         self._prior_std = np.array([_ANYWHERE, _ANYWHERE, *yaw_std, *_free(kind, sigma), *others_std])
@@ -298,7 +304,7 @@ class _Problem:
             return None
         if max(float(np.median(by_depth)), float(np.median(by_edge))) > _NO_BLOCK:
             return None
-        if block.base < self._level - _SUNK * _LEVEL:
+        if block.base < self._level - _SUNK * LEVEL:
             return None
         information = self._information(p)
         covariance = np.asarray(np.linalg.inv(information)[: 1 - _OTHERS, : 1 - _OTHERS], np.float64)
