@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.blocks.block import GRAZING, Block, BlockKind, inside
-from agents.scene_estimator.blocks.clusters import LEVEL, Cluster, Relief, Support
+from agents.scene_estimator.blocks.clusters import LEVEL, TOP, Cluster, Relief, Support
 from agents.scene_estimator.colored import LEANING
 from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
@@ -45,7 +45,6 @@ _STEPS = 8  # with each of these
 _SETTLED = 0.05  # standard deviations, of the last step
 _OFF = 1e-4  # m, rad, for difference quotients
 _DAMPING = 1e-3  # of the information: what keeps steps short
-_TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
 _RAISED = 0.12  # m, standard deviation of where a block stands that is not on the support: anywhere up to `HIGHEST`
 _STRAINED = 3.0  # standard deviations, by which all depths, or the support's height, may be off, before that is doubted
@@ -109,7 +108,10 @@ class BlockFinder:
             color: (h, w, 3) RGB image of the same exposure, 0 to 255.
             supports: on which blocks stand.
         """
-        reliefs = (Relief(view, color, support, self._noise.inverse_depth_std) for support in supports)
+        reliefs = (
+            Relief(view, color, support, self._noise.inverse_depth_std, self._noise.depth_bias_std)
+            for support in supports
+        )
         return [cluster for relief in reliefs for cluster in relief.clusters()]
 
     def fit(self, view: FrameView, cluster: Cluster, known: KnownBlock | None = None) -> BlockSighting | None:
@@ -145,7 +147,7 @@ class BlockFinder:
 def upright_box(cluster: Cluster) -> Block:
     """The smallest upright box around the points from above: where the search begins."""
     (x, y), (length, width), degrees = cv2.minAreaRect(cluster.points[:, :2].astype(np.float32))
-    height = float(np.quantile(cluster.points[:, 2], _TOP)) - cluster.base
+    height = float(np.quantile(cluster.points[:, 2], TOP)) - cluster.base
     size = (max(length, SHORTEST), max(width, SHORTEST), max(height, SHORTEST))
     block = Block("box", float(x), float(y), math.radians(degrees), size, cluster.base)
     return block.turned(round(-block.yaw / (0.5 * math.pi)))
@@ -212,6 +214,7 @@ class _Problem:
         self._depth_weight = min(1.0, news / len(chosen))
         edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
         self._contour, self._edge = cluster.contour[edge], cluster.edge
+        self._edge_std = np.hypot(cluster.edge.std, cluster.contour_sigma[edge])
         seen = upright_box(cluster)
         unchanged = known is not None and (cluster.hidden > MOSTLY_SEEN or on is not None)
         self._measured = not unchanged
@@ -247,7 +250,7 @@ class _Problem:
         cosines = np.einsum("ij,ij->i", normals, self._along)
         by_depth = distances / np.hypot(self._depth_std * cosines, _SURFACE)
         seen = block.above(self._level + self._edge.rise)
-        by_edge = (inside(seen.outline(self._view), self._contour) - _EDGE - inset) / self._edge.std
+        by_edge = (inside(seen.outline(self._view), self._contour) - _EDGE - inset) / self._edge_std
         return np.concatenate([by_depth, by_edge])
 
     def solve(self) -> _Solved | None:
