@@ -30,7 +30,7 @@ TABLE = Support("table", Pose(TableSpec().position), TableSpec().size[0], TableS
 
 @pytest.fixture(scope="module")
 def scene() -> Iterator[ColorScene]:
-    specs = [ObjectSpec(name=name, size=(0.04,) * 3, color=color, position=AWAY.t) for name, (color, _) in CUBES.items()]
+    specs = [ObjectSpec(name=name, size=(0.04,) * 3, color=one[0], position=AWAY.t) for name, one in CUBES.items()]
     scene = ColorScene([], np.random.default_rng(0), specs)
     for number, (name, (_, (x, y))) in enumerate(CUBES.items()):
         scene.put(name, Pose.from_rotvec((x, y, 0.02), (0.0, 0.0, 0.2 * number)))
