@@ -30,7 +30,7 @@ from agents.arm_controller.obstacles import Load, Obstacles
 from agents.arm_controller.routes import SPARE, BlockedError, Finding, JointGoal, Router
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.search import is_free
-from agents.arm_controller.skills.manipulator import CLEARANCE
+from agents.arm_controller.skills.ways import CLEARANCE
 from agents.arm_controller.trajectory import MotionLimits, Trajectory
 from dsr.files.built_in import ETC
 from dsr.math3d.transforms import Pose

@@ -126,7 +126,7 @@ class ArmController(Agent):
             self._chain,
             config,
             send=self._send,
-            forbids=manipulator.forbids,
+            forbids=manipulator.around.forbids,
             stop=self._driver.stop,
             log=self.log,
             rng=np.random.default_rng(self.seed),
@@ -255,7 +255,7 @@ class ArmController(Agent):
 
     def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
-        if not self._actions.running and self._is_moving and (near := self._manipulator.near_arm(joints)):
+        if not self._actions.running and self._is_moving and (near := self._manipulator.right_of_way.near_arm(joints)):
             self._motion.stop_for(near)
         for follower in (self._motion, self._grip):
             if self._actions.running:
