@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.holding import GraspEdges
+from agents.arm_controller.grasping.holding import GraspEdges
+from agents.arm_controller.grasping.room import Room
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.others import OtherArms
-from agents.arm_controller.room import Room
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.shapes import LinkBox
+from agents.arm_controller.motion.obstacles import ITSELF, Load, Obstacles
+from agents.arm_controller.motion.others import OtherArms
+from agents.arm_controller.motion.trajectory import resampled
 from agents.arm_controller.safety.zones import Zones
 from agents.arm_controller.scene import ArmScene, Obstacle
-from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.trajectory import resampled
 from dsr.math3d.transforms import Pose
 
 

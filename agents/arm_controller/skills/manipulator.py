@@ -7,19 +7,19 @@ from functools import partial
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.execution import MotionExecution, StuckError
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.holding import GraspEdges
+from agents.arm_controller.grasping.holding import GraspEdges
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.others import Announcer
-from agents.arm_controller.routes import UP, BlockedError, JointGoal
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.motion.execution import MotionExecution, StuckError
+from agents.arm_controller.motion.others import Announcer
+from agents.arm_controller.motion.routes import UP, BlockedError, JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.skills.right_of_way import RightOfWay
 from agents.arm_controller.skills.steps import Attempt, DroppedError, SkillError, Steps, at_once
 from agents.arm_controller.skills.ways import Ways
 from agents.arm_controller.surroundings import Surroundings
-from agents.arm_controller.trajectory import Trajectory
 from agents.drivers import ArmDriver
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3

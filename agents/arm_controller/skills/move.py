@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from agents.arm_controller.execution import OvertakenError
-from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.motion.execution import OvertakenError
+from agents.arm_controller.motion.routes import JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.skills.steps import Attempt, SkillError, Steps
-from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 

@@ -6,12 +6,13 @@ import contextlib
 from collections.abc import Sequence
 from functools import partial
 
-from agents.arm_controller.execution import OvertakenError
-from agents.arm_controller.grasps import FROM_SIDE, Grasp, GraspError, grasps
-from agents.arm_controller.holding import WIDTH_TOLERANCE, Expected
-from agents.arm_controller.routes import UP, JointGoal
+from agents.arm_controller.grasping.grasps import FROM_SIDE, Grasp, GraspError, grasps
+from agents.arm_controller.grasping.holding import WIDTH_TOLERANCE, Expected
+from agents.arm_controller.grasping.side_grasps import side_grasps
+from agents.arm_controller.motion.execution import OvertakenError
+from agents.arm_controller.motion.routes import UP, JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.side_grasps import side_grasps
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.skills.steps import (
     Attempt,
@@ -21,7 +22,6 @@ from agents.arm_controller.skills.steps import (
     SkillError,
     Steps,
 )
-from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intentions import NOTHING_GRASPED

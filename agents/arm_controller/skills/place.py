@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 
-from agents.arm_controller.execution import OvertakenError, StuckError
-from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
-from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.grasping.grasps import SIDE_ROOM, GraspError, resting_poses, upright
+from agents.arm_controller.motion.execution import OvertakenError, StuckError
+from agents.arm_controller.motion.routes import JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.skills.steps import Attempt, SkillError, Steps
-from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 

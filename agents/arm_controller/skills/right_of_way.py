@@ -8,15 +8,15 @@ from collections.abc import Callable
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.execution import MotionExecution
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.others import Announcer
-from agents.arm_controller.routes import BlockedError, JointGoal
+from agents.arm_controller.motion.execution import MotionExecution
+from agents.arm_controller.motion.others import Announcer
+from agents.arm_controller.motion.routes import BlockedError, JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.steps import Attempt, InTheWayError, SkillError, Steps, T
 from agents.arm_controller.skills.ways import Ways
 from agents.arm_controller.surroundings import Surroundings
-from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.boxes import Array
 
 STEPPED_BACK = 0.02

@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
-from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.motion.routes import JointGoal
 from dsr.errors import DsrError
 
 T = TypeVar("T")

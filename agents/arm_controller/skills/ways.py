@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.execution import MotionExecution
-from agents.arm_controller.kinematics import JointChain, UnreachableError
-from agents.arm_controller.routes import BlockedError, Finding, Router
+from agents.arm_controller.model.kinematics import JointChain, UnreachableError
+from agents.arm_controller.motion.execution import MotionExecution
+from agents.arm_controller.motion.routes import BlockedError, Finding, Router
+from agents.arm_controller.motion.trajectory import MotionLimits, Trajectory, resampled
 from agents.arm_controller.skills.steps import Attempt, InTheWayError, SkillError, Steps
 from agents.arm_controller.surroundings import Surroundings
-from agents.arm_controller.trajectory import MotionLimits, Trajectory, resampled
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose

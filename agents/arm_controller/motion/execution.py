@@ -8,14 +8,14 @@ from collections.abc import Callable
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.figure import Figure
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.routes import Router
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.motion.routes import Router
+from agents.arm_controller.motion.trajectory import PERIOD, MotionLimits, Trajectory
 from agents.arm_controller.safety.following import Following
 from agents.arm_controller.safety.separation import PeopleNearby
 from agents.arm_controller.scene import ArmScene
-from agents.arm_controller.trajectory import PERIOD, MotionLimits, Trajectory
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
