@@ -9,7 +9,7 @@ the simulation where it differs from what is there (correction), or explained wh
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
@@ -32,6 +32,8 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
+from simulation_handler.worlds.model import Island, probability
+from simulation_handler.worlds.one_world import one_world_islands
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
@@ -246,6 +248,14 @@ class Belief:
             return None
         position, rotation = self._bodies.sim.pose(name)
         return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+
+    def islands(self) -> Sequence[Island]:
+        """All objects that have a place or are gone, as weighted worlds; the best agree with `pose` and `is_gone`."""
+        return one_world_islands(self)
+
+    def probability(self, kind: str, relation: Relation) -> float:
+        """Probability of a relation `on`, `in` (object, other) or `grasping` (hand, object), by the weighted worlds."""
+        return probability(self.islands(), kind, relation)
 
     def solids(self) -> list[Solid]:
         """Solids of all objects that have a place, at their believed poses."""
