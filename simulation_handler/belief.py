@@ -32,6 +32,7 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
+from simulation_handler.worlds.evidence import Evidence, EvidenceReader
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.one_world import one_world_islands
 
@@ -60,6 +61,7 @@ class Belief:
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
+        self._evidence = EvidenceReader(self._bodies, self._relations, self._containment, self._touching)
         self._now: float | None = None
 
     def close(self) -> None:
@@ -248,6 +250,10 @@ class Belief:
             return None
         position, rotation = self._bodies.sim.pose(name)
         return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+
+    def evidence(self) -> Evidence:
+        """All by which worlds are proposed and weighed, at the last step."""
+        return self._evidence.read(self._now or 0.0)
 
     def islands(self) -> Sequence[Island]:
         """All objects that have a place or are gone, as weighted worlds; the best agree with `pose` and `is_gone`."""
