@@ -34,7 +34,8 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
 from simulation_handler.worlds.model import Island, probability
-from simulation_handler.worlds.one_world import one_world_islands
+from simulation_handler.worlds.parameters import learned_parameters
+from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
@@ -62,6 +63,7 @@ class Belief:
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
         self._evidence = EvidenceReader(self._bodies, self._relations, self._containment, self._touching)
+        self._worlds = WeightedWorlds(learned_parameters())
         self._now: float | None = None
 
     def close(self) -> None:
@@ -238,6 +240,7 @@ class Belief:
         self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
+        self._worlds.update(self.evidence())
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
@@ -245,11 +248,11 @@ class Belief:
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object at the last step, with covariance; None while its place is unknown."""
-        item = self._bodies.object(name)
-        if name not in self._bodies.sim:
+        if self._bodies.object(name).name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
-        return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+        known = self._worlds.pose(name)
+        return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)
 
     def evidence(self) -> Evidence:
         """All by which worlds are proposed and weighed, at the last step."""
@@ -257,7 +260,7 @@ class Belief:
 
     def islands(self) -> Sequence[Island]:
         """All objects that have a place or are gone, as weighted worlds; the best agree with `pose` and `is_gone`."""
-        return one_world_islands(self)
+        return self._worlds.islands()
 
     def probability(self, kind: str, relation: Relation) -> float:
         """Probability of a relation `on`, `in` (object, other) or `grasping` (hand, object), by the weighted worlds."""

@@ -1,4 +1,4 @@
-"""What the weighted worlds are proposed and weighed by: the simulated world, percepts, hands and cameras at one moment."""
+"""What proposes and weighs worlds: the simulated world, percepts, hands and cameras at one moment."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.percepts import WeighedPercept
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
+from simulation_handler.worlds.model import innermost_first
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class ObjectEvidence:
     """Name of the gripper that holds it; empty for none"""
     containers: tuple[str, ...] = ()
     """Names of all that it is in, innermost first"""
-    support: str = ""
-    """Name of what it rests on; empty for none, and for the floor"""
+    supports: tuple[str, ...] = ()
+    """Names of what it rests on, but for the floor"""
     touched_by: tuple[str, ...] = ()
     """Names of the human hands that touch it, sorted"""
     let_go_at: float = -np.inf
@@ -112,11 +113,13 @@ class EvidenceReader:
     def read(self, now: float) -> Evidence:
         """The evidence of time `now` (s), after a step of the belief."""
         contents = frozenset(self._containment.current())
-        supports = dict(self._relations.current())
-        below = {upper: lower for upper, lower in supports if lower in self._bodies.objects}
+        below: dict[str, tuple[str, ...]] = {}
+        for upper, lower in self._relations.current():
+            if lower != FLOOR:
+                below[upper] = (*below.get(upper, ()), lower)
         touches = sorted(self._touching.grasps)
         objects = {
-            name: self._read_object(item, now, contents, below.get(name, ""), touches)
+            name: self._read_object(item, now, contents, below.get(name, ()), touches)
             for name, item in self._bodies.objects.items()
         }
         hands = {
@@ -129,13 +132,17 @@ class EvidenceReader:
         return Evidence(now, objects, hands, self._touching.visibility, contents, fixtures)
 
     def _read_object(
-        self, item: BelievedObject, now: float, contents: frozenset[Relation], support: str, touches: list[Relation]
+        self,
+        item: BelievedObject,
+        now: float,
+        contents: frozenset[Relation],
+        supports: tuple[str, ...],
+        touches: list[Relation],
     ) -> ObjectEvidence:
         name, sim, estimate = item.name, self._bodies.sim, item.track.estimate
         has_place = name in sim
         pose = self._bodies.pose(name) if has_place else None
         trail = item.track.trail
-        inner = sorted(hollow for thing, hollow in contents if thing == name)
         return ObjectEvidence(
             solid=None if pose is None else item.solid(pose.t, pose.q),
             believed=None if pose is None else Pose(pose.t, pose.q, now, item.covariance(pose.q)),
@@ -150,8 +157,8 @@ class EvidenceReader:
             hovers=item.static and not item.holder,
             hand=item.hand,
             gripper=item.holder,
-            containers=tuple(sorted(inner, key=lambda hollow: sum((other, hollow) in contents for other in inner))),
-            support=support,
+            containers=innermost_first(name, contents),
+            supports=supports,
             touched_by=tuple(hand for hand, thing in touches if thing == name),
             let_go_at=item.let_go_at,
         )

@@ -23,10 +23,20 @@ class ObjectState:
     """(3,) m/s in the world frame, of the object's centre; None: at rest, or unknown"""
     hand: str = ""
     """Name of the hand or gripper that holds the object; empty for none"""
-    container: str = ""
-    """Name of the innermost container or cover that the object is in; empty for none"""
-    support: str = ""
-    """Name of what the object rests on; empty for none, and for the floor"""
+    containers: tuple[str, ...] = ()
+    """Names of the containers and covers that the object is in, innermost first"""
+    supports: tuple[str, ...] = ()
+    """Names of what the object rests on, but for the floor"""
+
+    @property
+    def container(self) -> str:
+        """Name of the innermost container or cover that the object is in; empty for none."""
+        return self.containers[0] if self.containers else ""
+
+    @property
+    def support(self) -> str:
+        """Name of the first thing that the object rests on; empty for none, and for the floor."""
+        return self.supports[0] if self.supports else ""
 
     @property
     def holder(self) -> str:
@@ -91,15 +101,16 @@ def holds(world: WeightedWorld, kind: str, relation: Relation) -> bool:
         return target in world.objects and world.objects[target].hand == source
     state = world.objects.get(source)
     if kind == ON:
-        return state is not None and state.support == target
+        return state is not None and target in state.supports
     if kind != INSIDE:
         raise ValueError(f"kind {kind!r}: expected {GRASPING!r}, {INSIDE!r} or {ON!r}")
-    passed = {source}
-    while state is not None and state.container and state.container not in passed:
-        if state.container == target:
+    todo, passed = [source], set()
+    while todo:
+        passed.add(name := todo.pop())
+        containers = world.objects[name].containers if name in world.objects else ()
+        if target in containers:
             return True
-        passed.add(state.container)
-        state = world.objects.get(state.container)
+        todo += [container for container in containers if container not in passed]
     return False
 
 
@@ -117,3 +128,9 @@ def joined(pairs: Collection[Relation], names: Sequence[str]) -> list[tuple[str,
             both = group[one] | group[other]
             group |= dict.fromkeys(both, both)
     return sorted({tuple(sorted(members)) for members in group.values()})
+
+
+def innermost_first(name: str, contents: Collection[Relation]) -> tuple[str, ...]:
+    """Names of the containers of an object by pairs (object, container), innermost first."""
+    inner = sorted(container for thing, container in contents if thing == name)
+    return tuple(sorted(inner, key=lambda container: sum((other, container) in contents for other in inner)))

@@ -22,14 +22,13 @@ from simulation_handler.worlds.alternatives import (
 )
 from simulation_handler.worlds.circumstances import INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
+from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from simulation_handler.worlds.parameters import WorldParameters
 from simulation_handler.worlds.spread import scaled, with_spread, with_world_covariances
 
 WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
-_MOST_WORLDS = 24
-"""Worlds of one island; the least probable beyond are left out"""
 _SPEED_TIME = 0.2  # s over which the speed of a believed object is measured
 
 
@@ -111,14 +110,17 @@ class WeightedWorlds:
 
     def islands(self) -> list[Island]:
         """All objects that were ever seen, at the time of the last evidence."""
-        return [Island((name,), tuple(worlds)) for name in sorted(self._watched) if (worlds := self.worlds(name))]
+        worlds = {name: found for name in sorted(self._watched) if (found := self.worlds(name))}
+        contents = () if self._evidence is None else self._evidence.contents
+        unseen_contents = [pair for pair in sorted(contents) if self._watched[pair[0]].alternatives is not None]
+        return islands_of(worlds, unseen_contents)
 
     def worlds(self, name: str) -> list[WeightedWorld]:
         """Those of one object, the most probable first; none if it was never seen."""
         watched, evidence = self._watched[name], self._evidence
         if evidence is None or watched.seen is None:
             return []
-        states = sorted(self._states(name, watched, evidence), key=lambda one: -one[0])[:_MOST_WORLDS]
+        states = sorted(self._states(name, watched, evidence), key=lambda one: -one[0])[:MOST_WORLDS]
         total = sum(weight for weight, _, _ in states)
         return [WeightedWorld(weight / total, {name: state}, reason) for weight, state, reason in states]
 
@@ -136,6 +138,14 @@ class WeightedWorlds:
         circumstance = unseen(thing, evidence, alternatives.moved, alternatives.before)
         return Followed(circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved)
 
+    def pose(self, name: str) -> Pose | None:
+        """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""
+        followed = self.followed(name) if name in self._watched else None
+        if followed is None:
+            return None
+        noise = self._parameters.noise[followed.circumstance]
+        return with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
+
     def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[_Weighted]:
         """What the simulation says, and that something unknown is wrong with it."""
         followed = self.followed(name)
@@ -144,7 +154,7 @@ class WeightedWorlds:
         noise = self._parameters.noise[followed.circumstance]
         placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
         x, y, z = followed.velocity.tolist()
-        state = ObjectState(placed, (x, y, z), thing.gripper or thing.hand, thing.container, thing.support)
+        state = ObjectState(placed, (x, y, z), thing.gripper or thing.hand, thing.containers, thing.supports)
         wide = replace(state, pose=scaled(placed, noise.wide))
         return [(weight * (1.0 - noise.wrong), state, followed.circumstance), (weight * noise.wrong, wide, WRONG)]
 
@@ -181,11 +191,10 @@ class WeightedWorlds:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
-        return ObjectState(placed, hand=mode.hand, container=mode.container)
+        return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
 
 
 _Weighted = tuple[float, ObjectState, str]
 """Weight, state and reason of a world"""
 _ANY_TURN = np.eye(3)
 """rad^2, of an object of which nobody knows how it is turned"""
-

@@ -22,11 +22,11 @@ def test_weights_must_sum_to_1_and_be_in_order(weights: tuple[float, ...]) -> No
 
 
 def test_relations_have_the_weight_of_the_worlds_in_which_they_hold() -> None:
-    cup, tray = ObjectState(HERE, container="tray"), ObjectState(HERE, support="box")
+    cup, tray = ObjectState(HERE, containers=("tray",)), ObjectState(HERE, supports=("box",))
     island = Island(
         ("ball", "cup", "tray"),
         (
-            world(0.6, ball=ObjectState(HERE, container="cup"), cup=cup, tray=tray),
+            world(0.6, ball=ObjectState(HERE, containers=("cup",)), cup=cup, tray=tray),
             world(0.3, ball=ObjectState(THERE, hand="hand_0"), cup=cup, tray=tray),
             world(0.1, ball=ObjectState(None), cup=cup, tray=tray),
         ),
@@ -48,7 +48,7 @@ def test_the_best_world_is_what_the_belief_says() -> None:
     tried = World({"cube_1": cube_at(0.3, 0.0), "cube_2": cube_at(0.3, 0.0, 0.06), "cube_3": cube_at(0.5, 0.0)})
     tried.run(2.0)
     islands = tried.belief.islands()
-    assert [island.names for island in islands] == [("cube_1", "cube_2"), ("cube_3",)]
+    assert [island.names for island in islands] == [("cube_1",), ("cube_2",), ("cube_3",)]
     for island in islands:
         assert sum(one.weight for one in island.worlds) == pytest.approx(1.0)
         for name, state in island.best.objects.items():
