@@ -65,6 +65,8 @@ class Leaning:
             covariance: (3, 3) m^2 of that position.
             flat: how it would rest with a face down.
             scene: all other solids.
+
+        What is believed stays so while the other explains what is perceived only as well.
         """
         around = {name: other for name, other in scene.items() if _is_beside(other, flat)}
         if not around or not flat.rests or percept.kind == "sphere":
@@ -75,7 +77,8 @@ class Leaning:
             leans = [lean for start in starts if (lean := self._settled(item, start, scene)) is not None]
             known = self._found[item.name] = _Found(flat, around, tuple(leans))
         turning = item.turning()
-        least, best = misfit(flat.solid, percept, covariance, turning) - nats.AS_GOOD, None
+        as_believed = -nats.AS_GOOD if item.placement is None or self._is_flat(item.placement.solid) else nats.AS_GOOD
+        least, best = misfit(flat.solid, percept, covariance, turning) + as_believed, None
         for solid, supports in known.leans:
             cost = misfit(solid, percept, covariance, turning)
             if cost < least:
@@ -91,6 +94,9 @@ class Leaning:
             and math.dist(known.flat.solid.position, flat.solid.position) < near
             and all(math.dist(other.position, around[name].position) < near for name, other in known.around.items())
         )
+
+    def _is_flat(self, solid: Solid) -> bool:
+        return solid.face_down()[1] <= self._config.divergence_angle
 
     def _settled(
         self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]
@@ -113,8 +119,7 @@ class Leaning:
         self._engine = self._engine or Engine()
         outcome = self._engine.run(RolloutScene((*others, body)), self._config.rollout_seconds)
         solid = start.at(*outcome.poses[item.name])
-        is_flat = solid.face_down()[1] <= self._config.divergence_angle
-        if is_flat or outcome.speeds[item.name][0] > SLOW:
+        if self._is_flat(solid) or outcome.speeds[item.name][0] > SLOW:
             return None
         pairs = [{contact.upper, contact.lower} for contact in outcome.contacts]
         supports = {name for pair in pairs if item.name in pair for name in pair - {item.name}}
