@@ -104,6 +104,9 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     effort_limits: dict[str, float] = {}
     """By joint, N m, N or A as the driver tells efforts: more, either way, stops the arm, because it presses against
     something. Joints that are not named are not watched."""
+    grip_limit: float = 0.0
+    """N, or A as the driver tells how hard the fingers press: they close until they press that hard, and no further. 0:
+    as hard as the device does"""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01

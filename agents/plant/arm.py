@@ -114,6 +114,13 @@ class SimulatedArm:
         return gripper.opening({name: state[0] for name, state in zip(gripper.names, states, strict=True)})
 
     @property
+    def pressing(self) -> float:
+        """N with which the finger that presses hardest does so: the motor's force at the pads in the last step."""
+        states = self._bullet.getJointStates(self.body, self._fingers)
+        levers = [self._finger_limits[name][1] for name in self.model.gripper.names]
+        return max(abs(float(state[3])) / lever for state, lever in zip(states, levers, strict=True))
+
+    @property
     def contact(self) -> bool:
         """Both pads touch something."""
         return all(map(self._touched, self._sides))

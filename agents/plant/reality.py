@@ -87,7 +87,8 @@ class Reality:
         if arm is self.arm and any(self._stage.arm_error):
             positions = displaced(arm, self._stage.arm_error)
         velocities, fault = arm.velocities, self._guards[name].fault
-        return ArmState(stamp, arm.names, positions, velocities, arm.opening, arm.contact, fault, arm.efforts)
+        gripper = arm.opening, arm.contact
+        return ArmState(stamp, arm.names, positions, velocities, *gripper, fault, arm.efforts, arm.pressing)
 
     def truth(self, stamp: float) -> Truth:
         """The true state of the world: poses of all things, and the moves of the experimenter."""
