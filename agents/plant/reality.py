@@ -192,7 +192,7 @@ def _make_arm(world: World, name: str, robot: RobotSpec, config: PlantConfig) ->
     if config.robot and name == ARM:
         return SimulatedArm(world, find_robot(config.robot, Path()), base=robot.base)
     folder = Path(config.scenario).parent
-    return SimulatedArm(world, find_robot(robot.model, folder), robot.chosen_start, robot.base)
+    return SimulatedArm(world, find_robot(robot.model, folder), robot.chosen_start, robot.base, robot.args)
 
 
 def _points(points: NDArray[np.float64]) -> tuple[Point, ...]:
