@@ -70,6 +70,7 @@ class Belief:
         """Free the simulation."""
         self._explainer.close()
         self._spilling.close()
+        self._correction.close()
         self._bodies.sim.close()
 
     def __contains__(self, name: str) -> bool:
@@ -236,6 +237,7 @@ class Belief:
             self._driving.step(count)
             self._fingers.note_pushes()
         self._now = now
+        self._bodies.note_stances()
         self._explainer.settle_relations(now)
         self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
         self._containment.update(self.solids(), now)

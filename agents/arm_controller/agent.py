@@ -10,12 +10,12 @@ from msgspec.structs import replace
 
 from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.execution import MotionExecution
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.grip import GripperControl
-from agents.arm_controller.holding import GraspEdges
+from agents.arm_controller.grasping.grip import GripperControl
+from agents.arm_controller.grasping.holding import GraspEdges
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
-from agents.arm_controller.motion import MotionControl
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.execution import MotionExecution
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
 from agents.arm_controller.safety.sight import Patience
@@ -23,7 +23,7 @@ from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.targets import MotionControl
 from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
@@ -126,7 +126,7 @@ class ArmController(Agent):
             self._chain,
             config,
             send=self._send,
-            forbids=manipulator.forbids,
+            forbids=manipulator.around.forbids,
             stop=self._driver.stop,
             log=self.log,
             rng=np.random.default_rng(self.seed),
@@ -255,7 +255,7 @@ class ArmController(Agent):
 
     def _follow_targets(self, joints: Joints) -> None:
         self._actions.tick(joints)
-        if not self._actions.running and self._is_moving and (near := self._manipulator.near_arm(joints)):
+        if not self._actions.running and self._is_moving and (near := self._manipulator.right_of_way.near_arm(joints)):
             self._motion.stop_for(near)
         for follower in (self._motion, self._grip):
             if self._actions.running:

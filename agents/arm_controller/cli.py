@@ -9,7 +9,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from agents.arm_controller.model_report import ArmReport, report_on
+from agents.arm_controller.model.model_report import ArmReport, report_on
 from agents.urdf_files import find_robot, known_robots
 from dsr.cli.common import JsonOption, add_names, add_numbers, console, print_json, shown
 

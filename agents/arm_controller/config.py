@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from agents.arm_controller.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.arm_model import ArmModel, load_arm
 from agents.arm_controller.safety.separation import Separation
 from agents.arm_controller.safety.zones import Zone
 from dsr.errors import ConfigError

@@ -18,7 +18,7 @@ from dsr.narration.answers import answer
 from dsr.narration.naming import node_of
 from dsr.runtime.status import StatusBoard
 from dsr.spatial import read_scene, read_view
-from dsr.timeline import query, tell
+from dsr.timeline import EVENT, SITUATION, SUMMARY, query, tell
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.intentions import describe_action
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name, read_relations
@@ -165,7 +165,7 @@ class MemoryTools:
 
     def nodes(self) -> list[dict[str, Any]]:
         """Names and types of all nodes, without those of the timeline."""
-        found = [node for node in self._memory.nodes() if node.type not in ("event", "situation")]
+        found = [node for node in self._memory.nodes() if node.type not in (EVENT, SITUATION, SUMMARY)]
         return [{"name": node.name, "type": node.type} for node in sorted(found, key=lambda node: node.name)]
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from agents.arm_controller.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.arm_model import ArmModel, load_arm
 from agents.joint_ramp import Ramp
 from agents.plant.robot_file import load_body
 from agents.plant.world import STEP, World

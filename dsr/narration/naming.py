@@ -11,7 +11,7 @@ from dsr.vocabulary.sentences import listed
 ROBOT = "robot"
 """Word for the robot itself, whatever its node is called."""
 _SELF = (ROBOT, "you", "arm")
-_NOT_MEANT = ("event", "situation", "timeline", "world", "mind")
+_NOT_MEANT = ("event", "situation", "summary", "timeline", "world", "mind")
 _ALSO_CALLED = {"container": ("box", "container"), "cup": ("cup", "mug"), "cube": ("cube", "block")}
 """Other words for types of things."""
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from agents.arm_controller.arm_model import load_arm
+from agents.arm_controller.model.arm_model import load_arm
 from agents.scenario.format.events import Kill
 from agents.scenario.format.model import RobotSpec, Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.blocks.block import GRAZING, Block, BlockKind, inside
-from agents.scene_estimator.blocks.clusters import Cluster, Relief, Support
+from agents.scene_estimator.blocks.clusters import LEVEL, TOP, Cluster, Relief, Support
+from agents.scene_estimator.colored import LEANING
 from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
 from dsr.math3d.quaternions import Vector3
@@ -35,9 +36,6 @@ MOSTLY_SEEN = 0.15
 _POINTS, _EDGE_POINTS = 200, 80  # that are used of a piece
 _EDGE = 0.5  # px, by which a piece ends outside the middle of its outermost pixels
 _SURFACE = 0.001  # m, standard deviation of a surface: real ones are not flat, edges are round
-_LEVEL = (
-    0.002  # m, standard deviation of the height of the support: tables are not flat, cameras not quite where they seem
-)
 _UNSEEN = 0.05  # m, standard deviation of an extent before anything was seen of it
 _ANYWHERE = 1.0  # m, likewise, of the place
 _LEAST_BIAS = 1e-5  # m, standard deviation of the error of all depths where there is none
@@ -47,7 +45,6 @@ _STEPS = 8  # with each of these
 _SETTLED = 0.05  # standard deviations, of the last step
 _OFF = 1e-4  # m, rad, for difference quotients
 _DAMPING = 1e-3  # of the information: what keeps steps short
-_TOP = 0.97  # quantile of the heights that is at the upper side, at first
 _NO_BLOCK = 2.0  # standard deviations, median of what is missed, from which it is no block
 _RAISED = 0.12  # m, standard deviation of where a block stands that is not on the support: anywhere up to `HIGHEST`
 _STRAINED = 3.0  # standard deviations, by which all depths, or the support's height, may be off, before that is doubted
@@ -68,6 +65,8 @@ class BlockSighting(NamedTuple):
     """(7, 7) of x, y, z of its centre (m), yaw (rad), and size x, y, z (m); a cylinder's x and y are its diameter"""
     color: Vector3
     """Red, green, blue, 0 to 1, as bright as it is seen"""
+    leaning: float
+    """rad, standard deviation of how far it leans from the upright, about any level axis"""
     hidden: float
     """Share of its edge in the image that something hides"""
     measured: bool
@@ -109,7 +108,10 @@ class BlockFinder:
             color: (h, w, 3) RGB image of the same exposure, 0 to 255.
             supports: on which blocks stand.
         """
-        reliefs = (Relief(view, color, support, self._noise.inverse_depth_std) for support in supports)
+        reliefs = (
+            Relief(view, color, support, self._noise.inverse_depth_std, self._noise.depth_bias_std)
+            for support in supports
+        )
         return [cluster for relief in reliefs for cluster in relief.clusters()]
 
     def fit(self, view: FrameView, cluster: Cluster, known: KnownBlock | None = None) -> BlockSighting | None:
@@ -145,7 +147,7 @@ class BlockFinder:
 def upright_box(cluster: Cluster) -> Block:
     """The smallest upright box around the points from above: where the search begins."""
     (x, y), (length, width), degrees = cv2.minAreaRect(cluster.points[:, :2].astype(np.float32))
-    height = float(np.quantile(cluster.points[:, 2], _TOP)) - cluster.base
+    height = float(np.quantile(cluster.points[:, 2], TOP)) - cluster.base
     size = (max(length, SHORTEST), max(width, SHORTEST), max(height, SHORTEST))
     block = Block("box", float(x), float(y), math.radians(degrees), size, cluster.base)
     return block.turned(round(-block.yaw / (0.5 * math.pi)))
@@ -176,8 +178,14 @@ class _Solved(NamedTuple):
         if first == 2:
             covariance[3, 3] = math.pi**2
         return BlockSighting(
-            self.block, covariance, (red, green, blue), cluster.hidden, self.measured, self.strained, self.cost
-        )
+            self.block, covariance, (red, green, blue), self._leaning(cluster.base), cluster.hidden,
+            self.measured, self.strained, self.cost,
+        )  # fmt: skip
+
+    def _leaning(self, level: float) -> float:
+        """Rad: what stands on a support at a height (m) leans as far as both are uneven, whatever else as it may."""
+        stands = abs(self.block.base - level) < _SUNK * LEVEL
+        return _SURFACE / min(self.block.size[:2]) if stands else LEANING
 
 
 class _Problem:
@@ -206,13 +214,14 @@ class _Problem:
         self._depth_weight = min(1.0, news / len(chosen))
         edge = np.linspace(0, len(cluster.contour) - 1, min(_EDGE_POINTS, len(cluster.contour))).astype(int)
         self._contour, self._edge = cluster.contour[edge], cluster.edge
+        self._edge_std = np.hypot(cluster.edge.std, cluster.contour_sigma[edge])
         seen = upright_box(cluster)
         unchanged = known is not None and (cluster.hidden > MOSTLY_SEEN or on is not None)
         self._measured = not unchanged
         before, sigma = (known.block, known.sigma) if known is not None and unchanged else (seen, (_UNSEEN,) * 3)
         base = cluster.base + seen.size[2] - before.size[2] if on == "anywhere" else cluster.base
         self._others, bias_std = [base, 0.0, self._edge.inset], max(noise.depth_bias_std, _LEAST_BIAS)
-        others_std = [_RAISED if on == "anywhere" else _LEVEL, bias_std, self._edge.inset_std]
+        others_std = [_RAISED if on == "anywhere" else LEVEL, bias_std, self._edge.inset_std]
         self._prior = self._parameters(before._replace(x=seen.x, y=seen.y))
         yaw_std = [] if kind == "cylinder" else [_ANY_YAW]
         self._prior_std = np.array([_ANYWHERE, _ANYWHERE, *yaw_std, *_free(kind, sigma), *others_std])
@@ -241,7 +250,7 @@ class _Problem:
         cosines = np.einsum("ij,ij->i", normals, self._along)
         by_depth = distances / np.hypot(self._depth_std * cosines, _SURFACE)
         seen = block.above(self._level + self._edge.rise)
-        by_edge = (inside(seen.outline(self._view), self._contour) - _EDGE - inset) / self._edge.std
+        by_edge = (inside(seen.outline(self._view), self._contour) - _EDGE - inset) / self._edge_std
         return np.concatenate([by_depth, by_edge])
 
     def solve(self) -> _Solved | None:
@@ -298,7 +307,7 @@ class _Problem:
             return None
         if max(float(np.median(by_depth)), float(np.median(by_edge))) > _NO_BLOCK:
             return None
-        if block.base < self._level - _SUNK * _LEVEL:
+        if block.base < self._level - _SUNK * LEVEL:
             return None
         information = self._information(p)
         covariance = np.asarray(np.linalg.inv(information)[: 1 - _OTHERS, : 1 - _OTHERS], np.float64)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agents.arm_controller import ArmController
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from agents.drivers import ArmState
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent

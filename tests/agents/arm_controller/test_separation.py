@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
+from agents.arm_controller.motion.trajectory import PERIOD
 from agents.arm_controller.safety.separation import Separation
-from agents.arm_controller.trajectory import PERIOD
-from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.vocabulary.intentions import DONE, RUNNING
 from tests.agents.arm_controller.conftest import DOWN, GEN3, Table

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import CUBE, DOWN, Table, pick

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.arm_controller.agent import START_UP
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import HOME, Bench

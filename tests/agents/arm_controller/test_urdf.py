@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from agents.arm_controller.arm_model import arm_model
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.shapes import bounds
-from agents.arm_controller.urdf import load_robot, parse_robot
+from agents.arm_controller.model.arm_model import arm_model
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.shapes import bounds
+from agents.arm_controller.model.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
 
 from .conftest import GEN3

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import load_arm
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.obstacles import Load, Obstacles
+from agents.arm_controller.model.arm_model import load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.obstacles import Load, Obstacles
+from agents.arm_controller.motion.trajectory import PERIOD
 from agents.arm_controller.safety.zones import EDGE, Zone, Zones
 from agents.arm_controller.scene import ArmScene
-from agents.arm_controller.trajectory import PERIOD
 from dsr import Pose
 from dsr.errors import ConfigError
 from tests.agents.arm_controller.conftest import DOWN, GEN3, HOME, Table

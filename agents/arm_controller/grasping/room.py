@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.obstacles import GRIPPER_MARGIN, STANDOFF
-from agents.arm_controller.overlap import room
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.obstacles import GRIPPER_MARGIN, STANDOFF
+from agents.arm_controller.motion.overlap import room
 from agents.arm_controller.scene import Obstacle
 from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.arm_controller.urdf import Joint
+from agents.arm_controller.model.urdf import Joint
 from dsr.errors import ConfigError, DsrError
 from dsr.math3d.batches import rotvecs, skew
 from dsr.math3d.transforms import Pose

@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agents.arm_controller.arm_model import ArmModel, load_arm
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.urdf import Joint
+from agents.arm_controller.model.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.urdf import Joint
 
 
 class JointReport(msgspec.Struct, frozen=True):

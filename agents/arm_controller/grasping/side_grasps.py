@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.arm_controller.grasps import (
+from agents.arm_controller.grasping.grasps import (
     FROM_SIDE,
     LEAST_HOLD,
     SIDE_ROOM,
@@ -23,7 +23,7 @@ from agents.arm_controller.grasps import (
     openings,
     upright,
 )
-from agents.arm_controller.room import Room
+from agents.arm_controller.grasping.room import Room
 from agents.arm_controller.scene import Obstacle
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.forms import PLAIN, form
+from agents.arm_controller.grasping.forms import PLAIN, form
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.scene import ArmScene, Obstacle
 from dsr import Memory

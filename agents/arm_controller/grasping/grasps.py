@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.forms import PLAIN, GripForm, Wall, form, parts_beside
-from agents.arm_controller.obstacles import GRIPPER_MARGIN
-from agents.arm_controller.room import Room
+from agents.arm_controller.grasping.forms import PLAIN, GripForm, Wall, form, parts_beside
+from agents.arm_controller.grasping.room import Room
+from agents.arm_controller.motion.obstacles import GRIPPER_MARGIN
 from agents.arm_controller.scene import Obstacle
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array

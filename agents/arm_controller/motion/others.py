@@ -13,11 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agents.arm_controller.figure import Figure
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.obstacles import Load
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.obstacles import Load
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.trajectory import Trajectory
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.boxes import Array, Boxes, gaps, stacked

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.overlap import room
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.shapes import LinkBox
+from agents.arm_controller.motion.overlap import room
 from agents.arm_controller.safety.zones import EDGE, Zone
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.shapes import LinkBox
 from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose
 

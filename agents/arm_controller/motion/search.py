@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.trajectory import SPACING
+from agents.arm_controller.motion.trajectory import SPACING
 
 Array = NDArray[np.float64]
 Free = Callable[[Array], NDArray[np.bool_]]

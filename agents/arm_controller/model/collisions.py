@@ -9,8 +9,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from agents.arm_controller.mesh_boxes import boxes_around
-from agents.arm_controller.shapes import LinkBox
+from agents.arm_controller.model.mesh_boxes import boxes_around
+from agents.arm_controller.model.shapes import LinkBox
 from agents.urdf_elements import attribute, collision_solid, origin, vector
 from agents.urdf_files import find_mesh
 from dsr.errors import ConfigError

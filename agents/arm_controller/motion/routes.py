@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.search import Draw, search, shortened
-from agents.arm_controller.trajectory import PERIOD, SPACING, MotionLimits, Trajectory, resampled, rounded, timed
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.motion.obstacles import ITSELF, Load, Obstacles
+from agents.arm_controller.motion.search import Draw, search, shortened
+from agents.arm_controller.motion.trajectory import PERIOD, SPACING, MotionLimits, Trajectory, resampled, rounded, timed
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.urdf import Joint, Robot
+from agents.arm_controller.model.shapes import LinkBox
+from agents.arm_controller.model.urdf import Joint, Robot
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose

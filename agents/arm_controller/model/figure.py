@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.arm_model import ArmModel
-from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.urdf import fixed_pose
+from agents.arm_controller.model.arm_model import ArmModel
+from agents.arm_controller.model.shapes import LinkBox
+from agents.arm_controller.model.urdf import fixed_pose
 from dsr.errors import ConfigError
 from dsr.math3d.boxes import Array, Boxes, gaps, stacked
 from dsr.math3d.transforms import Pose

@@ -8,14 +8,14 @@ from collections.abc import Callable
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.figure import Figure
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.routes import Router
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.motion.routes import Router
+from agents.arm_controller.motion.trajectory import PERIOD, MotionLimits, Trajectory
 from agents.arm_controller.safety.following import Following
 from agents.arm_controller.safety.separation import PeopleNearby
 from agents.arm_controller.scene import ArmScene
-from agents.arm_controller.trajectory import PERIOD, MotionLimits, Trajectory
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
@@ -71,7 +71,8 @@ class MotionExecution:
         self._config, self._names = config, chain.names
         self._router = Router(chain, Pose.identity())  # speeds do not depend on where the arm stands
         self._people = PeopleNearby(scene.memory, figure, config.arm)
-        self._follow, self._stop = follow, stop
+        self._follow, self.stop = follow, stop
+        """`stop` has the arm come to rest."""
         self.announce: Callable[[Trajectory], None] = lambda trajectory: None
         """Is told each trajectory before the arm sets out."""
         self._limits: MotionLimits
@@ -110,7 +111,7 @@ class MotionExecution:
             return
         fastest = self._router.fastest(trajectory.positions)
         if fastest > allowed:
-            if self._moves:
+            if self.moves:
                 self._wait()
                 return
             slower = limits._replace(speed=limits.speed * MEANT * allowed / fastest)
@@ -135,20 +136,21 @@ class MotionExecution:
             return False
         if self.short <= self._config.joint_tolerance:
             return True
-        if self._moves:
+        if self.moves:
             self._end = self.joints.stamp  # late, but on its way
         elif self.joints.stamp > self._end + PATIENCE:
             raise StuckError(f"the arm stands still {self.short:.3f} rad short of its goal")
         return False
 
     @property
-    def _moves(self) -> bool:
+    def moves(self) -> bool:
+        """Whether a joint moved at the newest sample."""
         return max(map(abs, self.joints.velocities)) > self._config.still_speed
 
     def _wait(self) -> None:
         """Stand still until there is room."""
-        if self._moves:
-            self._stop()
+        if self.moves:
+            self.stop()
         self._end = math.inf
 
     def _allowed_speed(self) -> float:
@@ -172,9 +174,9 @@ class MotionExecution:
             ahead = self._ahead(SOON)
             if len(ahead) < 2 or self._router.fastest(ahead) <= allowed:
                 return False
-            self._stop()
+            self.stop()
             self._end = math.inf
-        elif allowed > 0.0 and not self._moves:
+        elif allowed > 0.0 and not self.moves:
             self.go_on()
         return True
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.arm_controller.gripper import GripperModel
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.srdf import semantics_of
-from agents.arm_controller.urdf import Robot, fixed_pose, load_robot
+from agents.arm_controller.model.gripper import GripperModel
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.srdf import semantics_of
+from agents.arm_controller.model.urdf import Robot, fixed_pose, load_robot
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 

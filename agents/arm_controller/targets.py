@@ -14,7 +14,7 @@ import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import JointChain, UnreachableError
+from agents.arm_controller.model.kinematics import JointChain, UnreachableError
 from agents.arm_controller.report import (
     ACTING,
     FORBIDDEN,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.shapes import LinkBox
+from agents.arm_controller.model.shapes import LinkBox
 from dsr.geometry import Model, load_model
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3

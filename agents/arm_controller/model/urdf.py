@@ -14,8 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from agents.arm_controller.collisions import read_boxes
-from agents.arm_controller.shapes import LinkBox
+from agents.arm_controller.model.collisions import read_boxes
+from agents.arm_controller.model.shapes import LinkBox
 from agents.urdf_elements import attribute, number, origin, parse_urdf, vector
 from agents.xacro_file import read_robot
 from dsr.errors import ConfigError, suggest
