@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from benchmarks.honesty.statement import DOUBT, GONE, RESOLUTION, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
-from simulation_handler.worlds.evidence import Evidence, SharesQuery, seen_shares
+from simulation_handler.worlds.circumstances import is_unseen
+from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.parameters import WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
@@ -44,19 +46,34 @@ class Episode:
     moments: Sequence[Recorded]
     shares: SharesQuery
 
+    @cached_property
+    def unseen(self) -> list[list[str]]:
+        """Names of the objects that are not recognised at each moment, nor at the next one."""
+        absent = [
+            {name for name, thing in moment.evidence.objects.items() if _is_lost(thing, moment.evidence.now)}
+            for moment in self.moments
+        ]
+        known = [{name for name, thing in moment.evidence.objects.items() if thing.percept} for moment in self.moments]
+        following = [*absent[1:], set()]
+        return [sorted((now | after) & seen) for now, after, seen in zip(absent, following, known, strict=True)]
 
-def log_scores(episode: Episode, parameters: WorldParameters, *, unseen_only: bool = False) -> Array:
-    """(n,) nats of the position of each object at each moment of an episode, after it was first recognised."""
+
+def log_scores(episode: Episode, parameters: WorldParameters) -> Array:
+    """(n,) nats of the position of each object that is not in view, at each moment after it was first recognised."""
     worlds = WeightedWorlds(parameters, episode.shares)
     found = []
-    for moment in episode.moments:
-        worlds.update(moment.evidence)
-        if moment.time < episode.settle:
-            continue
-        for name, thing in moment.evidence.objects.items():
-            if thing.percept is not None and not (unseen_only and name in moment.in_view):
-                found.append(log_score_of(worlds, name, moment.truth.get(name)))
+    for moment, names in zip(episode.moments, episode.unseen, strict=True):
+        if names:
+            worlds.update(moment.evidence, names)
+        if moment.time >= episode.settle:
+            found += [
+                log_score_of(worlds, name, moment.truth.get(name)) for name in names if name not in moment.in_view
+            ]
     return np.array(found)
+
+
+def _is_lost(thing: ObjectEvidence, now: float) -> bool:
+    return is_unseen(thing, now) or thing.believed is None
 
 
 def log_score_of(worlds: WeightedWorlds, name: str, truth: Pose | None) -> float:

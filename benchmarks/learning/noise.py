@@ -82,21 +82,24 @@ def learn_noise(errors: Errors, start: Noise = START) -> Noise:
     """The noise under which the true places and rotations are most probable, drawn to `start` where little is known."""
     if len(errors.age) < _FEWEST:
         return start
-    first = _to_vector(start)
+    first = np.append(_to_vector(start), _logit(_ASTRAY))
 
     weight = min(len(errors.age) / _MOMENTS, _INDEPENDENT * len(set(errors.episode.tolist())))
 
     def cost(vector: Array) -> float:
-        likelihood = weight * float(np.mean(log_densities(errors, _to_noise(vector))))
+        likelihood = weight * float(np.mean(log_densities(errors, _to_noise(vector[:-1]), vector[-1])))
         return 0.5 * float(np.sum(((vector - first) / _PRIOR) ** 2)) - likelihood
 
-    bounds = [_bounds_of(name) for name in Noise.__struct_fields__]
+    bounds = [*(_bounds_of(name) for name in Noise.__struct_fields__), (-7.0, 0.0)]
     found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
-    return _to_noise(found.x)
+    return _to_noise(found.x[:-1])
 
 
-def log_densities(errors: Errors, noise: Noise) -> Array:
-    """(n,) nats, of true places (per m^3), and of rotations (per rad^3) where these are known."""
+def log_densities(errors: Errors, noise: Noise, astray: float) -> Array:
+    """(n,) nats, of true places (per m^3), and of rotations (per rad^3) where these are known.
+
+    `astray` is the logit of the probability of something else than the simulation has: alternatives tell of it.
+    """
     covariance = position_covariance(noise, errors.own_places, errors.age, errors.moved, errors.velocity)
     covariance = covariance + _GRAIN**2 * np.eye(3)
     distances = _distances2(errors.places, covariance)
@@ -109,12 +112,12 @@ def log_densities(errors: Errors, noise: Noise) -> Array:
     scale = determinants + np.where(known, turned_determinants, 0.0) + size * np.log(2.0 * np.pi)
     near = -0.5 * (distances + turns + scale)
     far = -0.5 * ((distances + turns) / noise.wide**2 + scale) - size * np.log(noise.wide)
-    indifferent = -np.log(VOLUME) - np.where(known, np.log(8 * np.pi**2), 0.0) + np.log(_ASTRAY)
+    indifferent = -np.log(VOLUME) - np.where(known, np.log(8 * np.pi**2), 0.0) + astray
     parts = (np.log1p(-noise.wrong) + near, np.log(noise.wrong) + far, indifferent)
     return np.asarray(np.logaddexp.reduce(parts))
 
 
-_ASTRAY = 0.02  # 1, probability of something else than the simulation has: alternatives tell of it
+_ASTRAY = 0.02  # 1, where the search for the probability of something else begins
 _GRAIN, _GRAIN_TURN = 1e-4, 1e-3  # m and rad, grain of the truth (benchmarks.honesty.statement)
 
 
@@ -137,10 +140,13 @@ def _to_noise(vector: Array) -> Noise:
     return Noise(**values)
 
 
+_WIDEST = 12.0  # 1, factor of a wide world at most: what is further off is told of by alternatives
+
+
 def _bounds_of(name: str) -> tuple[float, float]:
     """Of a logarithm or logit. Nothing is known better than its grain; a wide world is twice as wide at least."""
     least = {"level": 2 * _GRAIN, "height": 2 * _GRAIN, "turn": 2 * _GRAIN_TURN, "wide": 2.0}.get(name)
-    return (-12.0 if least is None else float(np.log(least)), 3.5)
+    return (-12.0 if least is None else float(np.log(least)), float(np.log(_WIDEST)))
 
 
 def _logit(share: float) -> float:

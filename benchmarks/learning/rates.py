@@ -52,7 +52,7 @@ def with_values(parameters: WorldParameters, vector: Vector) -> WorldParameters:
 
 def cost_of(episodes: Sequence[Episode], parameters: WorldParameters) -> float:
     """Minus the log likelihood of the truth of what is not seen, nats, neighbours in time counted as one."""
-    scores = [log_scores(episode, parameters, unseen_only=True) for episode in episodes]
+    scores = [log_scores(episode, parameters) for episode in episodes]
     return float(sum(score.sum() for score in scores)) / _MOMENTS
 
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import pickle
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from agents.scenario.generate.episode import generate
 from agents.scenario.run.runner import play
 from agents.scenario.run.staging import Sensor, make_run, staged_system, without
 from agents.scenario.truth.history import History
+from benchmarks.honesty.watching import watched
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.runtime.system import System
-from simulation_handler.agent import SimulationHandler
 from simulation_handler.belief import Belief
 from simulation_handler.worlds.evidence import Evidence
-
-HANDLER = "simulation_handler"
-"""Name of the agent that keeps the belief"""
 
 
 @dataclass(frozen=True)
@@ -35,21 +31,6 @@ class Recorded:
     """Names of the objects that the camera recognises by the plant's account"""
     tagged: frozenset[str]
     """Names of the objects that have a tag: cameras see how they are turned"""
-
-
-def watched(system: System) -> tuple[System, list[SimulationHandler]]:
-    """The system with a simulation handler that can be looked into; the list holds it once it runs."""
-    running: list[SimulationHandler] = []
-
-    class Watched(SimulationHandler):
-        """The simulation handler, which tells that it runs."""
-
-        def setup(self) -> None:
-            super().setup()
-            running.append(self)
-
-    agents = [replace(spec, kind=Watched) if spec.name == HANDLER else spec for spec in system.agents]
-    return replace(system, agents=tuple(agents)), running
 
 
 def record_episode(family: str, seed: int, sensor: Sensor, file: Path) -> None:

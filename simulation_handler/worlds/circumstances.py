@@ -17,7 +17,7 @@ VANISHED: Final = "vanished on its way"
 MOVED_UNSEEN: Final = "moved unseen"
 HELD_UNSEEN: Final = "held unseen"
 HELD_OUT_OF_SIGHT: Final = "held out of sight"
-INSIDE: Final = "inside something"
+INSIDE: Final = "moved inside something"
 
 CIRCUMSTANCES: Final = (
     *(RESTS, TOUCHED, HELD, MOVES, GRIPPED, RESTS_UNSEEN, VANISHED, MOVED_UNSEEN),
@@ -56,10 +56,10 @@ def unseen(thing: ObjectEvidence, evidence: Evidence, moved: float, before: str)
         return GRIPPED
     if thing.hand:
         return held(thing.hand, evidence)
-    if thing.container:
-        return INSIDE
     if moved > _MOVED:
-        return MOVED_UNSEEN
+        return INSIDE if thing.container else MOVED_UNSEEN
+    if thing.container and before not in (RESTS, TOUCHED):
+        return INSIDE
     return RESTS_UNSEEN if before in (RESTS, TOUCHED) else VANISHED
 
 

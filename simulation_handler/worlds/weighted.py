@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -89,12 +90,12 @@ class WeightedWorlds:
         self._watched: dict[str, _Watched] = {}
         self._evidence: Evidence | None = None
 
-    def update(self, evidence: Evidence) -> None:
-        """Take in the evidence of a moment that is not before the last one."""
+    def update(self, evidence: Evidence, names: Collection[str] | None = None) -> None:
+        """Take in the evidence of a moment that is not before the last one, of the objects `names`, or of all."""
         self._evidence = evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
         for name, thing in evidence.objects.items():
-            if thing.percept is None:
+            if thing.percept is None or not (names is None or name in names):
                 continue
             watched = self._watched[name]
             watched.note(thing.believed, evidence.now)
