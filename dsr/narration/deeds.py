@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 
+import msgspec
+
 from dsr.narration.account import LATELY
 from dsr.narration.answer import Response, joined, understood
 from dsr.narration.asked import span_asked
@@ -14,7 +16,7 @@ from dsr.narration.past import doings, limits_of_memory, within
 from dsr.narration.places import surprise_of
 from dsr.narration.questions import Query
 from dsr.narration.retrospect import DID, explanations_of
-from dsr.narration.statements import Moment, Statement, sentence_begin
+from dsr.narration.statements import Moment, Statement
 from dsr.timeline import SURPRISES, Entry, recall
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN
 from dsr.vocabulary.sentences import listed
@@ -68,7 +70,7 @@ def who_did(moment: Moment, query: Query) -> Response:
     chosen = mine[-1:] if span is None else mine
     told = entry_statements(moment, chosen)
     who = dict.fromkeys(name for entry in chosen for name in entry.participants[1:2] if name != UNKNOWN)
-    text = joined(told) if len(told) <= _MOST_SENTENCES else _counted(moment, chosen, name)
+    text = joined(told if len(told) <= _MOST_SENTENCES else counted_deeds(moment, chosen))
     return understood(_ended(text, moment, span, told), told, names=who, time=chosen[-1].begin)
 
 
@@ -96,16 +98,18 @@ def _deeds(moment: Moment, name: str, word: str, span: TimeSpan | None) -> list[
     return [entry for entry in entries if entry.participants[:1] == (name,)]
 
 
-def _counted(moment: Moment, entries: list[Entry], name: str) -> str:
-    """Many actions in a sentence for each who did them."""
-    by: dict[str, list[Entry]] = defaultdict(list)
+def counted_deeds(moment: Moment, entries: list[Entry]) -> list[Statement]:
+    """One sentence for all that somebody did of one kind with a thing, with how often and when last."""
+    by: dict[tuple[str, tuple[str, ...]], list[Entry]] = defaultdict(list)
     for entry in entries:
-        by[(*entry.participants, UNKNOWN)[1]].append(entry)
-    return " ".join(
-        f"{sentence_begin('somebody' if who == UNKNOWN else who)} moved {name}, as it seems: {len(same)} actions, the "
-        f"last {moment.when(same[-1].begin)}."
-        for who, same in by.items()
-    )
+        by[entry.kind, entry.participants].append(entry)
+    found = []
+    for same in by.values():
+        (last,) = entry_statements(moment, same[-1:])
+        often = f" It was the last of {len(same)} times." if len(same) > 1 else ""
+        evidence = last.evidence | {"times": len(same)}
+        found.append(msgspec.structs.replace(last, text=f"{last.text}{often}", evidence=evidence))
+    return found
 
 
 def _shortened(told: list[Statement]) -> str:

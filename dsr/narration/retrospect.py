@@ -37,7 +37,7 @@ def where_at(moment: Moment, query: Query) -> Response:
     """Where a thing is, or was at a time."""
     span = span_asked(moment, query)
     if span is None:
-        return where(moment, query)
+        return where(moment, msgspec.structs.replace(query, things=query.things[-1:]))
     name = name_of(moment, query.things[-1])
     told = told_during(moment, relations_during(moment, name, span), span)
     limits = limits_of_memory(moment, span, told)
