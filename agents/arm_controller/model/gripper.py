@@ -136,7 +136,7 @@ class GripperModel:
     def _measured(self) -> Array:
         """(n,) m, the opening at each share of the stroke.
 
-        Fingers on circles also move along the tool's z axis. So other shapes may be beside the tool point at each share.
+        Fingers on circles also move along the tool's z axis: other shapes may be beside the tool point at each share.
         """
         if not self.driven:
             return np.zeros(len(self._shares))
