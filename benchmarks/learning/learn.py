@@ -17,7 +17,7 @@ from simulation_handler.worlds.circumstances import CIRCUMSTANCES
 from simulation_handler.worlds.parameters import Noise, WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
-_MOST_MOMENTS = 6000  # of one circumstance that are used, evenly chosen
+_MOST_MOMENTS = 2000  # of one circumstance that are used, evenly chosen
 _RESAMPLINGS = 8  # of episodes, by which standard errors of noise are found
 
 Deviations = Mapping[str, Mapping[str, float]]

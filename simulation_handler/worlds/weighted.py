@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 from simulation_handler.worlds.alternatives import (
     ELSEWHERE,
@@ -21,7 +22,7 @@ from simulation_handler.worlds.alternatives import (
     mode_circumstance,
     speed_of,
 )
-from simulation_handler.worlds.circumstances import INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
@@ -30,6 +31,7 @@ from simulation_handler.worlds.spread import scaled, with_spread, with_world_cov
 
 WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
+_CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
 _SPEED_TIME = 0.2  # s over which the speed of a believed object is measured
 
 
@@ -82,9 +84,14 @@ class WeightedWorlds:
     Args:
         parameters: what was learned.
         shares: how much cameras should see of an object in places.
+
+    Raises:
+        ConfigError: for parameters without the noise of some circumstance.
     """
 
     def __init__(self, parameters: WorldParameters, shares: SharesQuery = seen_shares) -> None:
+        if missing := [name for name in CIRCUMSTANCES if name not in parameters.noise]:
+            raise ConfigError(f"no learned noise for {', '.join(map(repr, missing))}; expected all circumstances")
         self._parameters = parameters
         self._shares = shares
         self._watched: dict[str, _Watched] = {}
@@ -138,6 +145,12 @@ class WeightedWorlds:
             return None
         circumstance = unseen(thing, evidence, alternatives.moved, alternatives.before)
         return Followed(circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved)
+
+    def leading(self, name: str) -> tuple[str, Mode] | None:
+        """The mode of an unseen object that is more probable than all others together, by its kind; None without."""
+        alternatives = self._watched[name].alternatives if name in self._watched else None
+        modes = {} if alternatives is None else alternatives.modes
+        return next(((key, mode) for key, mode in modes.items() if mode.weight > _CLEARLY), None)
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""
