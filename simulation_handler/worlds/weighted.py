@@ -168,9 +168,17 @@ class WeightedWorlds:
         noise = self._parameters.noise[followed.circumstance]
         placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
         x, y, z = followed.velocity.tolist()
-        state = ObjectState(placed, (x, y, z), thing.gripper or thing.hand, thing.containers, thing.supports)
+        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
         wide = replace(state, pose=scaled(placed, noise.wide))
-        return [(weight * (1.0 - noise.wrong), state, followed.circumstance), (weight * noise.wrong, wide, WRONG)]
+        parts = [(1.0 - noise.wrong, state, followed.circumstance), (noise.wrong, wide, WRONG)]
+        if not state.hand or thing.gripper:
+            return [(weight * share, one, reason) for share, one, reason in parts]
+        held = self._parameters.holding.get(followed.circumstance, 0.0)
+        return [
+            (weight * share * probability, replace(one, hand=hand), reason)
+            for share, one, reason in parts
+            for probability, hand in ((held, state.hand), (1.0 - held, ""))
+        ]
 
     def _states(self, name: str, watched: _Watched, evidence: Evidence) -> list[_Weighted]:
         alternatives, thing = watched.alternatives, evidence.objects[name]
@@ -206,6 +214,11 @@ class WeightedWorlds:
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+
+
+def _hand_of(thing: ObjectEvidence) -> str:
+    """Name of the gripper or hand that holds an object, or else touches it; empty for none."""
+    return thing.gripper or thing.hand or next(iter(thing.touched_by), "")
 
 
 _Weighted = tuple[float, ObjectState, str]
