@@ -33,6 +33,7 @@ from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
+from simulation_handler.worlds.following import Following
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -64,6 +65,7 @@ class Belief:
         self._explainer.take = self._touching.take
         self._evidence = EvidenceReader(self._bodies, self._relations, self._containment, self._touching)
         self._worlds = WeightedWorlds(learned_parameters())
+        self._following = Following(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
 
     def close(self) -> None:
@@ -243,6 +245,7 @@ class Belief:
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
         self._worlds.update(self.evidence())
+        self._following.update()
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
@@ -261,7 +264,7 @@ class Belief:
         return self._evidence.read(self._now or 0.0)
 
     def islands(self) -> Sequence[Island]:
-        """All objects that have a place or are gone, as weighted worlds; the best agree with `pose` and `is_gone`."""
+        """All objects that were ever seen, as weighted worlds. The simulated world is one of them, mostly the best."""
         return self._worlds.islands()
 
     def probability(self, kind: str, relation: Relation) -> float:
