@@ -29,9 +29,11 @@ from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.bumps import seem_bumped
+from simulation_handler.motion.rolling import rolling
 from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, Twist, only_base
 from simulation_handler.perception.paths import Path, between, turn_between
 from simulation_handler.perception.percepts import Array
+from simulation_handler.physics.rollouts.scene import STILL
 from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -86,6 +88,8 @@ class _Drive:
     """What carries it there; None while that is not known"""
     by_hand: bool = False
     """A hand has held it since it rested"""
+    runs: bool = False
+    """It is out of sight, and physics alone moves it on"""
     still_since: float | None = None
     """s"""
     velocity: Twist = HALTED
@@ -201,9 +205,10 @@ class Driving:
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
-        names = sorted(self._drives.keys() | {name for name in seen if name in sim})
+        led = {name for name, drive in self._drives.items() if not drive.runs}
+        names = sorted(led | {name for name in seen if name in sim})
         supported = {name: self._supported.supported([name]) for name in names}
-        pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
+        pairs = [pair for pair in combinations(names, 2) if not led.isdisjoint(pair)]
         sim.let_pass(
             {(a, b) for a, b in pairs if b not in supported[a] and a not in supported[b] and self._beside(a, b)}
         )
@@ -222,10 +227,11 @@ class Driving:
         if not self._drives:
             sim.step(count)
             return
-        loads = self._supported.standing(self._drives.keys())
-        pushed = self._supported.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
+        led = {name: drive for name, drive in self._drives.items() if not drive.runs}
+        loads = self._supported.standing(led.keys())
+        pushed = self._supported.pushed({name: drive.speed for name, drive in led.items()}, loads)
         for k in range(1, count + 1):
-            for name, drive in self._drives.items():
+            for name, drive in led.items():
                 here = Pose.unchecked(*sim.pose(name))
                 before, drive.velocity = drive.velocity, _velocity(here, drive, k / count, count * TIME_STEP)
                 (x, y, z), spin = drive.velocity
@@ -277,6 +283,11 @@ class Driving:
         self._drives[item.name] = _Drive(self._now, start, here, here, here)
 
     def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
+        if not item.hand and self._is_out_of_sight(item, drive, now):
+            self._let_run(item, drive, now)
+            return
+        if drive.runs:
+            drive.runs, drive.played, drive.end = False, item.path.newest, self._bodies.pose(item.name)
         before, late = item.path.at(drive.played), now - _BODY_LAG - drive.played
         drive.played += min(late, HURRY * seconds) if late > 0.0 else 0.0
         drive.begin = drive.end
@@ -298,6 +309,25 @@ class Driving:
                 self._end(item, drive)
         else:
             drive.still_since = None
+
+    def _is_out_of_sight(self, item: BelievedObject, drive: _Drive, now: float) -> bool:
+        """Whether an object on its way is not seen any more, and nothing can hold it in the air: nobody has lifted it."""
+        if now - item.track.last_stamp <= _JUST:
+            return False
+        is_lifted = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
+        return drive.runs or (any(item.path.velocity) and (item.path.is_falling or not is_lifted))
+
+    def _let_run(self, item: BelievedObject, drive: _Drive, now: float) -> None:
+        """Leave the body to physics, as fast as it was seen to move last; for good, once it is unseen."""
+        if not drive.runs:
+            velocity = item.path.velocity
+            rotation, spin = rolling(self._bodies.solid(item.name), velocity, free=not item.shows_rotation)
+            self._bodies.put(item, self._bodies.sim.position(item.name), rotation)
+            self._bodies.sim.set_velocity(item.name, velocity, spin if drive.rests else STILL)
+            drive.runs, drive.supports = True, None
+        if item.estimate_at(now) is None:
+            del self._drives[item.name]
+            item.leave_to_physics()
 
     def _is_still(self, item: BelievedObject, drive: _Drive) -> bool:
         was_played = drive.played >= item.path.newest - _STILL_SECONDS

@@ -104,14 +104,20 @@ class Path:
         apart = [math.dist(one.t, pose.t) for one in list(self._poses)[-3:]]
         return len(apart) == 3 and metres < apart[0] < apart[1] < apart[2]
 
-    def _ahead(self, seconds: float) -> Pose:
-        """Where it is some time after the last percept, if it goes on as it did."""
+    @property
+    def velocity(self) -> Vector3:
+        """(3,) m/s, as it was seen to move last; 0 if it was not on its way."""
         last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]
         passed = last.stamp - before.stamp
-        moved = math.dist(last.t, before.t)
-        if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or moved < _SLOWEST * passed:
-            return last
-        x, y, z = (a + (a - b) * seconds / passed for a, b in zip(last.t, before.t, strict=True))
+        if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or math.dist(last.t, before.t) < _SLOWEST * passed:
+            return 0.0, 0.0, 0.0
+        x, y, z = ((a - b) / passed for a, b in zip(last.t, before.t, strict=True))
+        return x, y, z
+
+    def _ahead(self, seconds: float) -> Pose:
+        """Where it is some time after the last percept, if it goes on as it did."""
+        last = self._poses[-1]
+        x, y, z = (a + seconds * speed for a, speed in zip(last.t, self.velocity, strict=True))
         return Pose.unchecked((x, y, z), last.q, last.stamp)
 
     def _smooth(self, index: int) -> Pose:
