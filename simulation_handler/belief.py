@@ -242,11 +242,16 @@ class Belief:
         return {*self._explainer.missing(now), *(name for name, _ in self._containment.current())}
 
     def pose(self, name: str) -> Pose | None:
-        """world_from_object at the last step, with covariance; None while its place is unknown."""
+        """world_from_object at the last step, with covariance; None while its place is unknown.
+
+        Of what is on its way, that is where it is by now: its body follows a little late.
+        """
         item = self._bodies.object(name)
         if name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
+        lead = self._driving.lead(name)
+        position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
         return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
 
     def solids(self) -> list[Solid]:

@@ -19,11 +19,12 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.placement import Placement, place
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.contact.stances import likeliest_stance
+from simulation_handler.contact.stances import likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
@@ -114,6 +115,7 @@ class Driving:
         self._config = config
         self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
         self._drives: dict[str, _Drive] = {}
+        self._leaders: dict[str, str] = {}  # driven object on or in which each other one is
         self._now = -math.inf
 
     def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
@@ -140,6 +142,7 @@ class Driving:
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
         supported = self._supported.supported(self._drives)
+        self._leaders = {load: name for name in sorted(self._drives) for load in self._supported.supported([name])}
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in supported and not self._is_lost(item, now)
@@ -248,6 +251,18 @@ class Driving:
         drives = self._drives.items()
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
 
+    def lead(self, name: str) -> Vector3:
+        """(3,) m that an object has moved on, by what was seen of its way, beyond its body, which follows late.
+
+        That of what is on or in a driven object is the same.
+        """
+        leader = name if name in self._drives else self._leaders.get(name, "")
+        drive, item = self._drives.get(leader), self._bodies.objects.get(leader)
+        if drive is None or item is None or drive.runs or item.path.newest == -math.inf:
+            return STILL
+        x, y, z = np.subtract(item.path.at(self._now).t, item.path.at(drive.played).t).tolist()
+        return x, y, 0.0 if drive.rests else z
+
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and the object does not move any more."""
         drive = self._drives[name]
@@ -269,7 +284,20 @@ class Driving:
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
         start = item.path.start(solid.pose, _HAS_LEFT)
-        return item.path.newest if start is None and item.hand else start
+        if start is None and not item.hand:
+            return self._start_in_sight(item)
+        return item.path.newest if start is None else start
+
+    def _start_in_sight(self, item: BelievedObject) -> float | None:
+        """From when (s) on an object is seen on its way that set out unseen: its body is put where that was seen first.
+
+        None if it does not move, or something may have come along with it: that is to be explained.
+        """
+        first = item.path.reappeared(_HAS_LEFT)
+        if first is None or self._supported.supported([item.name]):
+            return None
+        self._bodies.put(item, first.t, self._bodies.pose(item.name).q)
+        return first.stamp
 
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
@@ -341,9 +369,10 @@ class Driving:
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._lifted if _is_lifted(item, drive) else self._config
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
-        if not (item.hand or item.shows_stance) and item.track.estimate is not None:
-            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
         placement = place(seen, covariance, others, config)
+        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
+            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
+            placement = place(seen, covariance, others, config)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
             as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)
             fallen = place(seen.face_down()[0], covariance, others, config)
@@ -352,6 +381,12 @@ class Driving:
             placement = _stands_or_leans(seen, placement, stands)
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
+
+    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, covariance: Array) -> bool:
+        """Whether an object is seen where it cannot be, turned as it is believed to be."""
+        if item.track.estimate is None:
+            return False
+        return misfit(placement.solid, seen, covariance, item.turning()) > nats.SURPRISING
 
     def _end(self, item: BelievedObject, drive: _Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""

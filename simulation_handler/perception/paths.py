@@ -71,6 +71,18 @@ class Path:
             return None
         return poses[near[-1]].stamp
 
+    def reappeared(self, distance: float) -> Pose | None:
+        """Where the object was first seen after a break, if it has been seen to move on by `distance` m since.
+
+        None if there was no break, or it does not move.
+        """
+        poses = list(self._poses)
+        breaks = [k for k, (a, b) in enumerate(pairwise(poses), start=1) if _is_break(a, b)]
+        if not breaks or len(poses) - breaks[-1] < 3 or not any(self.velocity):  # count: a single one shows no motion
+            return None
+        first = poses[breaks[-1]]
+        return first if math.dist(first.t, poses[-1].t) > distance else None
+
     def at(self, stamp: float) -> Pose:
         """Where it was at a time (s) between two percepts, smoothed; before all of them, where it was first; after
         them, where it is going, at most 0.1 s ahead.
@@ -107,6 +119,8 @@ class Path:
     @property
     def velocity(self) -> Vector3:
         """(3,) m/s, as it was seen to move last; 0 if it was not on its way."""
+        if not self._poses:
+            return 0.0, 0.0, 0.0
         last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]
         passed = last.stamp - before.stamp
         if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or math.dist(last.t, before.t) < _SLOWEST * passed:
