@@ -19,19 +19,22 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.placement import Placement, place
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.contact.stances import likeliest_stance
+from simulation_handler.contact.stances import likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.bumps import seem_bumped
+from simulation_handler.motion.rolling import rolling
 from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, Twist, only_base
 from simulation_handler.perception.paths import Path, between, turn_between
 from simulation_handler.perception.percepts import Array
+from simulation_handler.physics.rollouts.scene import STILL
 from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -86,6 +89,8 @@ class _Drive:
     """What carries it there; None while that is not known"""
     by_hand: bool = False
     """A hand has held it since it rested"""
+    runs: bool = False
+    """It is out of sight, and physics alone moves it on"""
     still_since: float | None = None
     """s"""
     velocity: Twist = HALTED
@@ -110,6 +115,7 @@ class Driving:
         self._config = config
         self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
         self._drives: dict[str, _Drive] = {}
+        self._leaders: dict[str, str] = {}  # driven object on or in which each other one is
         self._now = -math.inf
 
     def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
@@ -136,6 +142,7 @@ class Driving:
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
         supported = self._supported.supported(self._drives)
+        self._leaders = {load: name for name in sorted(self._drives) for load in self._supported.supported([name])}
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in supported and not self._is_lost(item, now)
@@ -201,9 +208,10 @@ class Driving:
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
-        names = sorted(self._drives.keys() | {name for name in seen if name in sim})
+        led = {name for name, drive in self._drives.items() if not drive.runs}
+        names = sorted(led | {name for name in seen if name in sim})
         supported = {name: self._supported.supported([name]) for name in names}
-        pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
+        pairs = [pair for pair in combinations(names, 2) if not led.isdisjoint(pair)]
         sim.let_pass(
             {(a, b) for a, b in pairs if b not in supported[a] and a not in supported[b] and self._beside(a, b)}
         )
@@ -222,10 +230,11 @@ class Driving:
         if not self._drives:
             sim.step(count)
             return
-        loads = self._supported.standing(self._drives.keys())
-        pushed = self._supported.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
+        led = {name: drive for name, drive in self._drives.items() if not drive.runs}
+        loads = self._supported.standing(led.keys())
+        pushed = self._supported.pushed({name: drive.speed for name, drive in led.items()}, loads)
         for k in range(1, count + 1):
-            for name, drive in self._drives.items():
+            for name, drive in led.items():
                 here = Pose.unchecked(*sim.pose(name))
                 before, drive.velocity = drive.velocity, _velocity(here, drive, k / count, count * TIME_STEP)
                 (x, y, z), spin = drive.velocity
@@ -241,6 +250,18 @@ class Driving:
         """Pairs (object, support) of the driven objects that slide or stand on something, which they hardly touch."""
         drives = self._drives.items()
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
+
+    def lead(self, name: str) -> Vector3:
+        """(3,) m that an object has moved on, by what was seen of its way, beyond its body, which follows late.
+
+        That of what is on or in a driven object is the same.
+        """
+        leader = name if name in self._drives else self._leaders.get(name, "")
+        drive, item = self._drives.get(leader), self._bodies.objects.get(leader)
+        if drive is None or item is None or drive.runs or item.path.newest == -math.inf:
+            return STILL
+        x, y, z = np.subtract(item.path.at(self._now).t, item.path.at(drive.played).t).tolist()
+        return x, y, 0.0 if drive.rests else z
 
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and the object does not move any more."""
@@ -263,7 +284,20 @@ class Driving:
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
         start = item.path.start(solid.pose, _HAS_LEFT)
-        return item.path.newest if start is None and item.hand else start
+        if start is None and not item.hand:
+            return self._start_in_sight(item)
+        return item.path.newest if start is None else start
+
+    def _start_in_sight(self, item: BelievedObject) -> float | None:
+        """From when (s) on an object is seen on its way that set out unseen: its body is put where that was seen first.
+
+        None if it does not move, or something may have come along with it: that is to be explained.
+        """
+        first = item.path.reappeared(_HAS_LEFT)
+        if first is None or self._supported.supported([item.name]):
+            return None
+        self._bodies.put(item, first.t, self._bodies.pose(item.name).q)
+        return first.stamp
 
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
@@ -277,6 +311,11 @@ class Driving:
         self._drives[item.name] = _Drive(self._now, start, here, here, here)
 
     def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
+        if not item.hand and self._is_out_of_sight(item, drive, now):
+            self._let_run(item, drive, now)
+            return
+        if drive.runs:
+            drive.runs, drive.played, drive.end = False, item.path.newest, self._bodies.pose(item.name)
         before, late = item.path.at(drive.played), now - _BODY_LAG - drive.played
         drive.played += min(late, HURRY * seconds) if late > 0.0 else 0.0
         drive.begin = drive.end
@@ -299,6 +338,25 @@ class Driving:
         else:
             drive.still_since = None
 
+    def _is_out_of_sight(self, item: BelievedObject, drive: _Drive, now: float) -> bool:
+        """Whether an object on its way is not seen any more, and nothing can hold it in the air: nobody has lifted it."""
+        if now - item.track.last_stamp <= _JUST:
+            return False
+        is_lifted = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
+        return drive.runs or (any(item.path.velocity) and (item.path.is_falling or not is_lifted))
+
+    def _let_run(self, item: BelievedObject, drive: _Drive, now: float) -> None:
+        """Leave the body to physics, as fast as it was seen to move last; for good, once it is unseen."""
+        if not drive.runs:
+            velocity = item.path.velocity
+            rotation, spin = rolling(self._bodies.solid(item.name), velocity, free=not item.shows_rotation)
+            self._bodies.put(item, self._bodies.sim.position(item.name), rotation)
+            self._bodies.sim.set_velocity(item.name, velocity, spin if drive.rests else STILL)
+            drive.runs, drive.supports = True, None
+        if item.estimate_at(now) is None:
+            del self._drives[item.name]
+            item.leave_to_physics()
+
     def _is_still(self, item: BelievedObject, drive: _Drive) -> bool:
         was_played = drive.played >= item.path.newest - _STILL_SECONDS
         return was_played and item.path.is_still(_STILL_SECONDS, _STILL_METRES, _STILL_RADIANS)
@@ -311,9 +369,10 @@ class Driving:
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._lifted if _is_lifted(item, drive) else self._config
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
-        if not (item.hand or item.shows_stance) and item.track.estimate is not None:
-            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
         placement = place(seen, covariance, others, config)
+        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
+            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
+            placement = place(seen, covariance, others, config)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
             as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)
             fallen = place(seen.face_down()[0], covariance, others, config)
@@ -322,6 +381,12 @@ class Driving:
             placement = _stands_or_leans(seen, placement, stands)
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
+
+    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, covariance: Array) -> bool:
+        """Whether an object is seen where it cannot be, turned as it is believed to be."""
+        if item.track.estimate is None:
+            return False
+        return misfit(placement.solid, seen, covariance, item.turning()) > nats.SURPRISING
 
     def _end(self, item: BelievedObject, drive: _Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""

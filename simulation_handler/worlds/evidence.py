@@ -100,12 +100,26 @@ class Evidence:
 
 
 class EvidenceReader:
-    """Takes the evidence from the parts of a belief."""
+    """Takes the evidence from the parts of a belief.
+
+    Args:
+        bodies: of the simulation.
+        relations: by contact.
+        containment: what is in what.
+        touching: what hands do.
+        lead: gives (3,) m that an object is beyond its body, by name.
+    """
 
     def __init__(
-        self, bodies: Bodies, relations: ContactRelations, containment: Containment, touching: Touching
+        self,
+        bodies: Bodies,
+        relations: ContactRelations,
+        containment: Containment,
+        touching: Touching,
+        lead: Callable[[str], Vector3],
     ) -> None:
         self._bodies = bodies
+        self._lead = lead
         self._relations = relations
         self._containment = containment
         self._touching = touching
@@ -145,7 +159,7 @@ class EvidenceReader:
         trail = item.track.trail
         return ObjectEvidence(
             solid=None if pose is None else item.solid(pose.t, pose.q),
-            believed=None if pose is None else Pose(pose.t, pose.q, now, item.covariance(pose.q)),
+            believed=None if pose is None else self._believed(item, pose, now),
             velocity=sim.velocity(name)[0] if has_place and not item.static else (0.0, 0.0, 0.0),
             percept=_pose_of(trail[-1], item) if trail else None,
             is_recognised=item.track.is_fresh(now),
@@ -162,6 +176,12 @@ class EvidenceReader:
             touched_by=tuple(hand for hand, thing in touches if thing == name),
             let_go_at=item.let_go_at,
         )
+
+    def _believed(self, item: BelievedObject, pose: Pose, now: float) -> Pose:
+        """world_from_object, with the covariance of perception: the pose of its body and how far it is beyond that."""
+        lead = self._lead(item.name)
+        position = pose.t[0] + lead[0], pose.t[1] + lead[1], pose.t[2] + lead[2]
+        return Pose(position, pose.q, now, item.covariance(pose.q))
 
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
