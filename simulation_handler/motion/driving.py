@@ -252,7 +252,7 @@ class Driving:
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
 
     def lead(self, name: str) -> Vector3:
-        """(3,) m that an object has moved on, by what was seen of its way, beyond its body, which follows late.
+        """(3,) m that an object has moved on, by what was seen of its way, beyond its body, which is late.
 
         That of what is on or in a driven object is the same.
         """
@@ -339,7 +339,7 @@ class Driving:
             drive.still_since = None
 
     def _is_out_of_sight(self, item: BelievedObject, drive: _Drive, now: float) -> bool:
-        """Whether an object on its way is not seen any more, and nothing can hold it in the air: nobody has lifted it."""
+        """Whether an object on its way is not seen any more, and nobody has lifted it, who may hold it in the air."""
         if now - item.track.last_stamp <= _JUST:
             return False
         is_lifted = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
