@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from agents.arm_controller.arm_model import load_arm
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.obstacles import Load, Obstacles
-from agents.arm_controller.routes import SPARE, BlockedError, Finding, JointGoal, Router
+from agents.arm_controller.model.arm_model import load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.obstacles import Load, Obstacles
+from agents.arm_controller.motion.routes import SPARE, BlockedError, Finding, JointGoal, Router
+from agents.arm_controller.motion.search import is_free
+from agents.arm_controller.motion.trajectory import MotionLimits, Trajectory
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.search import is_free
-from agents.arm_controller.skills.manipulator import CLEARANCE
-from agents.arm_controller.trajectory import MotionLimits, Trajectory
+from agents.arm_controller.skills.ways import CLEARANCE
 from dsr.files.built_in import ETC
 from dsr.math3d.transforms import Pose
 

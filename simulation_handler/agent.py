@@ -72,6 +72,11 @@ class SimulationHandler(Agent):
             return reasoner
         return Belief(self.config, make_policy(self.config, self.clock))
 
+    @property
+    def belief(self) -> Reasoner:
+        """The belief that it keeps, from `setup` on."""
+        return self._belief
+
     def tick(self, now: float) -> None:
         """Bring the belief to time `now` (s), and the graph into step with it."""
         self._reading.update(now)

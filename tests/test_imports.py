@@ -21,7 +21,7 @@ ONE_PLACE = {
     "xacrodoc": ("agents/xacro_file.py",),
     "rosbags": ("agents/ros_bridge/", "benchmarks/real/"),
     "cyclonedds": ("agents/ros_bridge/link/dds/",),
-    "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py", "agents/arm_controller/mesh_boxes.py"),
+    "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py", "agents/arm_controller/model/mesh_boxes.py"),
     "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
@@ -35,9 +35,9 @@ ONE_PLACE = {
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
-    "agents.arm_controller.arm_model",
-    "agents.arm_controller.kinematics",
-    "agents.arm_controller.urdf",
+    "agents.arm_controller.model.arm_model",
+    "agents.arm_controller.model.kinematics",
+    "agents.arm_controller.model.urdf",
     "agents.camera_feed",
     "agents.colors",
     "agents.depth_alignment",

@@ -314,6 +314,7 @@ _NODE_TYPES = {
     "timeline": "where events and situations hang, see dsr.timeline",
     "event": "something that happened at an instant",
     "situation": "something that holds, or held, for a time",
+    "summary": "what is remembered of an hour, a day or a week, see dsr.timeline",
     "query": "a request for edges of spatial relations, see dsr.spatial",
     "calibration": "a request to calibrate a camera, see dsr.vocabulary.calibration",
     "zone": "a box that no arm may enter; its frame is at the centre",
@@ -423,6 +424,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
                              "via": "worlds through which it came, comma-separated, see dsr.worlds",
                              "record": "what is known of a world or a name, JSON, see dsr.worlds",
+                             "content": "what a summary holds, JSON, see dsr.timeline",
                              "halt_id": "tells an order of an emergency stop from all others",
                              "note": "free text"}),
 ])  # fmt: skip

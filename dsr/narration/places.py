@@ -22,7 +22,7 @@ from dsr.narration.statements import (
 )
 from dsr.timeline import Entry, explanations, read_entry
 from dsr.visibility import CAMERA
-from dsr.vocabulary.calibration import IN_DOUBT, PROVISIONAL
+from dsr.vocabulary.calibration import IN_DOUBT, PROVISIONAL, provisional
 from dsr.vocabulary.relations import SURFACES, is_present, nodes_by_name
 from dsr.vocabulary.relations import THINGS as THING_TYPES
 from dsr.vocabulary.sentences import RELATION_WORDS, explained_sentence, listed
@@ -102,10 +102,17 @@ def _hands(moment: Moment, holders: Iterable[Edge]) -> list[Node]:
 
 
 def _doubtful_camera(moment: Moment, evidence: dict[str, Any]) -> str:
-    """The camera of the newest percept, if that camera may have moved; else empty."""
+    """The camera of the newest percept, if nobody is sure where that camera is; else empty.
+
+    A pose that the calibrator adopted provisionally is in doubt until it is settled, whatever `mount` says meanwhile:
+    the mount is `confirmed` for the seconds in which beliefs follow the new pose.
+    """
     name = str(evidence.get("percept", {}).get("from", ""))
     camera = moment.memory.get_node(name)
-    return name if camera is not None and camera.get("mount") in (IN_DOUBT, PROVISIONAL) else ""
+    if camera is None:
+        return ""
+    is_doubted = camera.get("mount") in (IN_DOUBT, PROVISIONAL) or provisional(moment.memory, name) is not None
+    return name if is_doubted else ""
 
 
 def why_believed(moment: Moment, node: Node, around: Iterable[Node] = (), doubtful: str = "") -> str:

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import arm_model, load_arm
-from agents.arm_controller.gripper import GripperModel
-from agents.arm_controller.shapes import bounds
-from agents.arm_controller.urdf import parse_robot
+from agents.arm_controller.model.arm_model import arm_model, load_arm
+from agents.arm_controller.model.gripper import GripperModel
+from agents.arm_controller.model.shapes import bounds
+from agents.arm_controller.model.urdf import parse_robot
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 
