@@ -19,6 +19,7 @@ from simulation_handler.unseen.prior import Prior
 from simulation_handler.unseen.sight import Sight, matrices
 
 Array = NDArray[np.float64]
+Indexes = NDArray[np.int64]
 Fixed = Mapping[str, tuple[Vector3, Vector3, Quaternion]]
 """Bodies in the way: size (m), position (m) and rotation by name."""
 
@@ -50,7 +51,7 @@ class Components:
     gone: Array
     """(W + 1,) likewise of that there is no such thing any more"""
 
-    def take(self, chosen: Array) -> Components:
+    def take(self, chosen: Indexes) -> Components:
         """Some of the components, by index."""
         parts = States(*(part[chosen] for part in self.states))
         return Components(parts, self.spread[chosen], self.most[chosen], self.mass[chosen], self.gone)
@@ -79,7 +80,9 @@ class Motions:
         seed: of the motions that are drawn.
     """
 
-    def __init__(self, name: str, size: Vector3, components: Components, prior: Prior, window: float, seed: int) -> None:
+    def __init__(
+        self, name: str, size: Vector3, components: Components, prior: Prior, window: float, seed: int
+    ) -> None:
         self.name = name
         self.size = size
         self.seen = True
@@ -283,7 +286,7 @@ class Motions:
         kept = np.flatnonzero(parts.mass[:, 0] > _FORGOTTEN)
         parts = parts.take(kept)
         if len(kept) > _MOST:
-            parts = parts.take(*self._drawn(parts))
+            parts = parts.take(self._drawn(parts))
         self._parts = parts
         lost = np.logaddexp.reduce(np.append(parts.mass[:, 0], parts.gone[0]))
         parts.mass = parts.mass.copy()
@@ -291,7 +294,7 @@ class Motions:
         parts.mass[:, 0] -= lost
         parts.gone[0] -= lost
 
-    def _drawn(self, parts: Components) -> tuple[Array]:
+    def _drawn(self, parts: Components) -> Indexes:
         """Priority sampling: a component below a limit survives in proportion to its weight, and gets the limit."""
         weights = np.exp(parts.mass[:, 0])
         limit = _limit(weights, _MOST)
@@ -299,7 +302,7 @@ class Motions:
         edges = np.cumsum(chance) + self._random.random()
         chosen = np.flatnonzero(np.floor(edges) > np.floor(np.concatenate([edges[:1] - chance[:1], edges[:-1]])))
         parts.mass = parts.mass - np.log(chance)[:, None]
-        return (chosen,)
+        return np.asarray(chosen)
 
 
 def _limit(weights: Array, count: int) -> float:

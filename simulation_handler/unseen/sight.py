@@ -82,4 +82,5 @@ class Sight:
 
 def matrices(rotations: Sequence[Sequence[float]] | Array) -> Array:
     """(n, 3, 3) of quaternions (n, 4)."""
-    return np.array([quaternions.to_matrix(tuple(map(float, q))) for q in rotations]).reshape(-1, 3, 3)
+    found = [quaternions.to_matrix((float(x), float(y), float(z), float(w))) for x, y, z, w in rotations]
+    return np.array(found, dtype=np.float64).reshape(-1, 3, 3)

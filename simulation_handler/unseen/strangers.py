@@ -56,11 +56,11 @@ def stranger(
     """
     random = np.random.default_rng(seed)
     velocities, owners, paths, chances = _histories(place, now, memory, prior, random)
-    weights = np.bincount(
+    masses = np.bincount(
         owners, prior.strangers * chances * _possible(size, rotation, paths, memory, trails, prior), len(velocities)
     )
     seconds = now - memory.times[0] if memory.times else 0.0
-    weights = weights + prior.wonder_rate * max(seconds, 1.0) / len(weights)
+    weights = masses + prior.wonder_rate * max(seconds, 1.0) / len(masses)
     kept = weights > _LEAST * weights.sum()
     mass = np.log(weights[kept])
     total = float(np.logaddexp.reduce(mass))

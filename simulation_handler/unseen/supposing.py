@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Part
 from simulation_handler.physics.ghosts import Ghosts, Mechanics
-from simulation_handler.unseen.motions import Body, Fixed, Motions
+from simulation_handler.unseen.motions import Body, Components, Fixed, Motions
 from simulation_handler.unseen.prior import Prior
 from simulation_handler.unseen.sight import Sight
 from simulation_handler.unseen.strangers import Memory, Trail, stranger
@@ -28,6 +28,9 @@ _FORGOTTEN = -20.0  # nats, below which a hypothesis does not count
 _AMBIGUOUS = 15.0  # nats by which another reading of the percepts may be worse and still be followed
 _REMEMBERED = 3  # frames from one remembered view to the next
 _MOST_REMEMBERED = 120  # views
+
+
+_Born = tuple[Components, float]
 
 
 class Percept(NamedTuple):
@@ -52,7 +55,6 @@ class _Hypothesis:
     trails: Mapping[str, tuple[Array | None, ...]]
     mass: Array
     """(W + 1,) nats, as the mass of components"""
-    known_for: int = 0
 
 
 class Improbability(NamedTuple):
@@ -170,16 +172,21 @@ class Supposing:
         best = max((score for score, _ in readings), default=0.0)
         for score, names in readings:
             if score > best - _AMBIGUOUS:
-                yield self._read(hypothesis, percepts, names, new, score + sum(absent.values()), now)
+                yield self._read(hypothesis, percepts, names, new, score + sum(absent.values()))
 
-    def _stranger(self, hypothesis: _Hypothesis, percept: Percept, now: float):
+    def _stranger(self, hypothesis: _Hypothesis, percept: Percept, now: float) -> _Born:
+        """The components of a thing that nobody knew of, and the probability (nats) of such a thing."""
         trails = [Trail(hypothesis.things[name].size, trail) for name, trail in hypothesis.trails.items()]
         return stranger(
             percept.size, percept.position, percept.rotation, now, self._memory, trails, self._prior, self._columns,
             self._seed + self._frames,
         )  # fmt: skip
 
-    def _read(self, hypothesis, percepts, names, new, score: float, now: float) -> _Hypothesis:
+    def _read(
+        self, hypothesis: _Hypothesis, percepts: Sequence[Percept], names: Sequence[str], new: Sequence[_Born | None],
+        score: float,
+    ) -> _Hypothesis:
+        """What is believed if the percepts are of the things of these names, or of strangers where there is none."""
         things, kinds, trails = dict(hypothesis.things), dict(hypothesis.kinds), dict(hypothesis.trails)
         bodies = [(percept.size, percept.position) for percept in percepts]
         seen = {name: index for index, name in enumerate(names) if name}
@@ -192,7 +199,7 @@ class Supposing:
             else:
                 things[name].take_in(thing.absence(bodies), None, None)
         for name, percept, born in zip(names, percepts, new, strict=True):
-            if not name:
+            if not name and born is not None:
                 called = f"{percept.kind}_{self._frames}_{len(things)}"
                 components, _ = born
                 things[called] = Motions(
@@ -202,7 +209,7 @@ class Supposing:
                 trails[called] = (None,) * len(self._memory.times)
         mass = hypothesis.mass.copy()
         mass[0] += score
-        return _Hypothesis(things, kinds, trails, mass, hypothesis.known_for + 1)
+        return _Hypothesis(things, kinds, trails, mass)
 
     def _keep(self, children: list[_Hypothesis]) -> None:
         children.sort(key=lambda child: -child.mass[0])
