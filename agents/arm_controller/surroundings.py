@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.grasping.holding import GraspEdges
 from agents.arm_controller.grasping.room import Room
-from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.model.shapes import LinkBox
-from agents.arm_controller.motion.obstacles import ITSELF, Load, Obstacles
+from agents.arm_controller.motion.obstacles import Load, Obstacles
 from agents.arm_controller.motion.others import OtherArms
-from agents.arm_controller.motion.trajectory import resampled
 from agents.arm_controller.safety.zones import Zones
 from agents.arm_controller.scene import ArmScene, Obstacle
 from dsr.math3d.transforms import Pose
@@ -81,15 +77,6 @@ class Surroundings:
         """The free space around an object, for the gripper at time `now` (s)."""
         arms = self.others.names()
         return Room(self.figure, [thing for thing in self.things(now) if thing.name not in (target, *arms)])
-
-    def forbids(self, joints: Joints, goal: Sequence[float]) -> str:
-        """What keeps a straight way in joint space from its end, of zones and workspace; empty if nothing does.
-
-        Raises `TransformError` if it is unknown where the arm stands.
-        """
-        rows = resampled(np.array([joints.positions, goal]))
-        by = self.obstacles(self.forbidden(joints.stamp)).blocking(rows, Load(joints.opening), len(rows))
-        return "" if by in (None, ITSELF) else f"{by} is in the way"
 
     def is_arm(self, name: str) -> bool:
         """Whether that is the name of another arm."""

@@ -1,5 +1,8 @@
 """Moves the arm to the target that its node names, and says in the node how that goes.
 
+The arm goes straight through joint space, past things, in the same way as in actions otherwise: within the limits of
+velocity, acceleration and jerk, more slowly near people, out of zones, and out of the ways of other arms.
+
 The target is what is wanted, not an event: it is followed again after the driver or this process was away.
 Writing `target_joints` or `target_pose` (or the same value again) is a new target and takes the other one
 away; removing the target, or `target_speed` 0, stops the arm. While an action runs, targets are refused.
@@ -8,13 +11,13 @@ away; removing the target, or `target_speed` 0, stops the arm. While an action r
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 
 import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.kinematics import JointChain, UnreachableError
+from agents.arm_controller.motion.routes import BlockedError
 from agents.arm_controller.report import (
     ACTING,
     FORBIDDEN,
@@ -25,14 +28,14 @@ from agents.arm_controller.report import (
     STOPPED,
     UNREACHABLE,
     NodeReport,
-    StallDetector,
 )
+from agents.arm_controller.skills.by_hand import go_straight
+from agents.arm_controller.skills.manipulator import Manipulator
+from agents.arm_controller.skills.steps import Steps
 from dsr import Memory, Node
-from dsr.errors import TransformError
+from dsr.errors import DsrError, TransformError
 
 Positions = tuple[float, ...]
-Send = Callable[[Positions, float], None]
-"""Called with joint positions in the chain's order (rad) and a speed (0 to 1)."""
 
 LIMIT_SLACK = 0.02
 """rad beyond a limit that a target may be, because data sheets round; it is then cut to the limit"""
@@ -48,11 +51,9 @@ class MotionControl:
 
     Args:
         memory: holds the arm's node.
+        arm: moves.
         chain: from the arm's base to the tool point.
         config: names and tolerances.
-        send: moves the joints.
-        forbids: says what keeps the arm from going from its joints to others, empty if nothing does.
-        stop: holds them at once.
         log: for targets that cannot be reached.
         rng: starting points of the inverse kinematics.
     """
@@ -60,28 +61,29 @@ class MotionControl:
     def __init__(
         self,
         memory: Memory,
+        arm: Manipulator,
         chain: JointChain,
         config: ArmControllerConfig,
         *,
-        send: Send,
-        forbids: Callable[[Joints, Positions], str],
-        stop: Callable[[], None],
         log: logging.Logger,
         rng: np.random.Generator,
     ) -> None:
         self.report = NodeReport(memory, config.arm, log)
         self._memory = memory
+        self._arm = arm
         self._chain = chain
         self._config = config
-        self._send = send
-        self._forbids = forbids
-        self._stop = stop
         self._rng = rng
         self._watch = memory.watch(node_type="arm", attribute=(*_TARGETS, "target_speed"))
-        self._stall = StallDetector()
         self._active = ""  # the attribute that is followed
-        self._goal: Positions | None = None  # while on the way
+        self._steps: Steps[None] | None = None  # while on the way
+        self._waits_for = ""  # whom the arm was said to stand still for
         self._yields = ("", "")  # status and explanation while something else decides over the arm
+
+    @property
+    def is_on_the_way(self) -> bool:
+        """Whether the arm goes to a target, or waits until it may."""
+        return self._steps is not None
 
     def tick(self, joints: Joints) -> None:
         """Take a new target if there is one, else see how far the arm is."""
@@ -93,8 +95,8 @@ class MotionControl:
         node = self._memory.get_node(self._config.arm)
         if node is not None and self._choose(node, changed):
             self._follow(node, joints)
-        elif self._goal is not None:
-            self._supervise(self._goal, joints)
+        elif self._steps is not None:
+            self._advance(self._steps)
         elif not self.report.status:
             self.report.say(IDLE)
 
@@ -119,16 +121,20 @@ class MotionControl:
         for name in written:
             self._memory.remove_attribute(self._config.arm, name)
         if self._yields != (status, told):
-            self._active, self._goal = "", None
+            if self._steps is not None:
+                self._leave(status)
+            self._active, self._steps = "", None
             self.report.say(status, told)
         elif written:
             self.report.say(REFUSED, f"{written[0]}: {refusal}")
         self._yields = (status, told)
 
-    def stop_for(self, other: str) -> None:
-        """Stop on the way to the target, because the arm moves into another one."""
-        if self._goal is not None:
-            self._halt(STOPPED, f"{other} is near")
+    def _leave(self, status: str) -> None:
+        """End the motion for what decides over the arm: an action, or what forbids motion and has stopped the arm."""
+        if status == FORBIDDEN:
+            self._arm.right_of_way.withdraw()
+        elif self._arm.execution.moves:
+            self._arm.hold_still()
 
     def resume(self, joints: Joints) -> None:
         """Follow the target again, because the driver may have forgotten it."""
@@ -141,8 +147,8 @@ class MotionControl:
     def close(self) -> None:
         """Stop what is under way, and no longer look for targets."""
         self._watch.close()
-        if self._goal is not None:
-            self._stop()
+        if self._steps is not None:
+            self._arm.hold_still()
 
     def _choose(self, node: Node, changed: frozenset[str]) -> bool:
         """Decide which attribute is followed after those `changed`; true if it is to be followed anew."""
@@ -156,7 +162,6 @@ class MotionControl:
         return bool(self._active) and bool(changed & {self._active, "target_speed"})
 
     def _follow(self, node: Node, joints: Joints) -> None:
-        self._stall.reset()
         speed = node.get("target_speed", self._config.default_speed)
         if self._active not in node or speed == 0.0:
             if self._active not in node:
@@ -165,14 +170,15 @@ class MotionControl:
             return
         try:
             goal = self._goal_of(node, speed, joints)
-            if problem := self._forbids(joints, goal):
-                raise TargetError(problem)
+            self._arm.begin(joints, speed)
         except (TargetError, UnreachableError, TransformError) as error:
             self._halt(UNREACHABLE, f"{self._active}: {error}")
             return
-        self._goal = goal
-        self._send(goal, speed)
+        if self._arm.execution.moves:
+            self._arm.hold_still()
+        self._steps, self._waits_for = go_straight(self._arm, np.array(goal)), ""
         self.report.say(MOVING)
+        self._advance(self._steps)
 
     def _goal_of(self, node: Node, speed: float, joints: Joints) -> Positions:
         """Joint positions (rad) that the node's target asks for."""
@@ -196,16 +202,22 @@ class MotionControl:
         return cut
 
     def _halt(self, status: str, explanation: str = "") -> None:
-        self._goal = None
-        self._stop()
+        self._steps = None
+        self._arm.hold_still()
         self.report.say(status, explanation)
 
-    def _supervise(self, goal: Positions, joints: Joints) -> None:
-        """Notice that the goal is reached, or that the arm no longer gets closer."""
-        away = float(np.abs(self._chain.difference(joints.positions, goal)).max())
-        moving = max(map(abs, joints.velocities)) > self._config.still_speed
-        if away <= self._config.joint_tolerance and not moving:
-            self._goal = None
+    def _advance(self, steps: Steps[None]) -> None:
+        """Do the next step on the way, and say for whom the arm stands still."""
+        try:
+            next(steps)
+        except StopIteration:
+            self._steps = None
             self.report.say(REACHED)
-        elif self._stall.is_stalled(moving, joints.stamp):
-            self._halt(STOPPED, f"stands still {away:.4f} rad short of its target")
+        except BlockedError as error:
+            self._halt(UNREACHABLE, f"{self._active}: {error}")
+        except DsrError as error:
+            self._halt(STOPPED, str(error))
+        else:
+            if (whom := self._arm.execution.waits_for) != self._waits_for:
+                self._waits_for = whom
+                self.report.say(MOVING, f"stands still: {whom} is near" if whom else "")

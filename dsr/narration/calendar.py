@@ -35,7 +35,7 @@ _DAYS = {"day": 1, "days": 1, "week": 7, "weeks": 7}
 _PARTS = {"morning": (5, 12), "afternoon": (12, 18), "evening": (18, 24), "night": (18, 30)}
 """Hours of the day from which to which a part of it lasts: the night until six of the next day."""
 _WORD = re.compile(r"\d{4}-\d{2}-\d{2}|\d{1,2}:\d{2}|\d+(?:\.\d+)?|[^\s,?!\"\d][^\s,?!\"]*")
-_PLACE = "\N{SECTION SIGN}"
+MARK = "\N{SECTION SIGN}"
 """Stands in a question where a time was; no name has it."""
 
 
@@ -110,7 +110,7 @@ def without_times(text: str) -> tuple[str, tuple[str, ...]]:
             index += 1
             continue
         begin = words[index].start()
-        kept.append(text[end:begin] + f" {_PLACE} ")
+        kept.append(text[end:begin] + f" {MARK} ")
         end = words[read[1] - 1].end()
         found.append(text[begin:end])
         index = read[1]
@@ -150,6 +150,18 @@ def moment_words(time: float, now: float, zone: tzinfo | None = None) -> str:
     if days == 1:
         return f"yesterday at {then:%H:%M}"
     return f"on {day_words(time, now, zone)} at {then:%H:%M}"
+
+
+def span_words(begin: float, end: float, now: float, zone: tzinfo | None = None) -> str:
+    """A stretch of time in words, as of `now` (s): `yesterday from 10:00 until 15:00`; of the last moment `now`."""
+    first, last = datetime.fromtimestamp(begin, zone), datetime.fromtimestamp(end, zone)
+    until = "now" if end >= now else f"{last:%H:%M}"
+    days = (datetime.fromtimestamp(now, zone).date() - first.date()).days
+    day = "today" if days == 0 else "yesterday" if days == 1 else f"on {day_words(begin, now, zone)}"
+    if first.date() == last.date() or end >= now:
+        return f"{day} from {first:%H:%M} until {until}"
+    midnight = first.date() + timedelta(days=1) == last.date() and f"{last:%H:%M}" == "00:00"
+    return f"{day} from {first:%H:%M} until {'midnight' if midnight else moment_words(end, now, zone)}"
 
 
 def day_words(time: float, now: float, zone: tzinfo | None = None) -> str:
@@ -304,7 +316,10 @@ def _range(
     if first is None or _at(words, first[2]) not in joints:
         return None
     second = _hour(words, first[2] + 1)
-    if second is None or not (first[1] or second[1] or has_day):
+    if second is None:
+        return None
+    has_day = has_day or _day(words, second[2]) is not None or _part(words, second[2], False) is not None
+    if not (first[1] or second[1] or has_day):
         return None
     begin, end = first[0], second[0]
     if not first[1] and second[1] and begin < 12.0 <= end and begin + 12.0 <= end:

@@ -20,7 +20,7 @@ from dsr.timeline.kinds import ACTION, AGENT, DERIVED, FORBIDDEN, INTENTION, OBJ
 from dsr.timeline.queries import query
 from dsr.timeline.recall import SUMMARY, StoredSummary, read_summary, recall, stored_summaries
 from dsr.timeline.retention import Retention
-from dsr.timeline.summaries import Remembered, Summary
+from dsr.timeline.summaries import SURPRISES, Remembered, Summary
 from dsr.timeline.telling import Event, tell
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "SUMMARY",
     "SUMMARY_ATTRIBUTES",
     "SUMMARY_NODES",
+    "SURPRISES",
     "SURPRISING",
     "TIMELINE",
     "WRITTEN_ATTRIBUTES",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,10 +11,13 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.placement import place
+from simulation_handler.contact.placement import place, separate
 from simulation_handler.perception.estimate import PLACE_FLOOR
 from simulation_handler.perception.percepts import Array
 from simulation_handler.shapes.geometry import Solid
+
+_YAWS = 8
+"""count of directions in half a turn that are tried where a body would be in the way of its neighbours"""
 
 
 def likeliest_stance(
@@ -30,19 +34,38 @@ def likeliest_stance(
 
     Returns:
         The rotation, and whether none at another height is about as likely. The rotation of `percept`, for sure, where
-        nothing can carry any of them.
+        nothing can carry any of them. Turned about the vertical, for nobody sees that, where its neighbours would else
+        push it aside.
     """
-    found: list[tuple[float, float, Quaternion]] = []
-    for rotation in percept.stances():
-        placement = place(percept.turned(rotation), covariance, others, config)
-        if placement.rests:
-            cost = misfit(placement.solid, percept, covariance, turning)
-            found.append((cost, placement.solid.position[2], placement.solid.rotation))
-    if not found:
+
+    def weighed(rotation: Quaternion) -> tuple[float, Solid]:
+        solid = place(percept.turned(rotation), covariance, others, config).solid
+        return misfit(_beside(solid, others), percept, covariance, turning), solid
+
+    rotations = [q for q in percept.stances() if place(percept.turned(q), covariance, others, config).rests]
+    if not rotations:
         return percept.rotation, True
-    least, height, best = min(found, key=lambda entry: entry[0])
-    rivals = [cost for cost, other, _ in found if abs(other - height) > config.divergence]
-    return best, all(cost - least > nats.AS_GOOD for cost in rivals)
+    found = [weighed(rotation) for rotation in rotations]
+    least, best = min(found, key=lambda entry: entry[0])
+    rivals = [cost for cost, other in found if abs(other.position[2] - best.position[2]) > config.divergence]
+    is_sure = all(cost - least > nats.AS_GOOD for cost in rivals)
+    if _beside(best, others) is not best:
+        cost, turned = min(map(weighed, _turned(best.rotation)), key=lambda entry: entry[0])
+        best = turned if cost + nats.AS_GOOD < least else best
+    return best.rotation, is_sure
+
+
+def _beside(solid: Solid, others: Sequence[Solid]) -> Solid:
+    """The solid, out of the way of those beside it."""
+    near = [other for other in others if math.dist(other.position, solid.position) < other.radius + solid.radius]
+    pushed = separate([solid, *near], {solid.name: 1.0}) if near else {}
+    return solid.moved(pushed[solid.name]) if pushed else solid
+
+
+def _turned(rotation: Quaternion) -> Iterator[Quaternion]:
+    """The rotation, turned about the vertical."""
+    for k in range(1, _YAWS):
+        yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, math.pi * k / _YAWS)), rotation)
 
 
 def misfit(solid: Solid, percept: Solid, covariance: Array, turning: Array) -> float:

@@ -133,15 +133,18 @@ class Correction:
         if item.prop is not None:
             others.append(item.prop)
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
-        beside = self._bodies.scene(leaving_out={item.name}) | scene  # also what is to be reconsidered after it
-        return self._leaning.find(item, *self._without_own_bias(item), flat, beside) or flat
+        return self._leaning.find(item, *self._without_own_bias(item), flat, self._around(item, scene)) or flat
 
     def _stance(self, item: BelievedObject, scene: Scene) -> tuple[Quaternion, bool]:
         """How an object, whose percepts do not tell, is turned most likely by its height; and whether that is sure."""
         percept, covariance = self._without_own_bias(item)
         above = self._bodies.above(item, percept.position)
-        others = [solid for name, solid in scene.items() if name not in above]
+        others = [solid for name, solid in self._around(item, scene).items() if name not in above]
         return likeliest_stance(percept, covariance, item.turning(), others, self._config)
+
+    def _around(self, item: BelievedObject, scene: Scene) -> Scene:
+        """The scene without an object, but with what is to be reconsidered after it, where that is believed now."""
+        return self._bodies.scene(leaving_out={item.name}) | scene
 
     def _without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
         """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.

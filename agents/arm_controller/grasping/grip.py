@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.grasping.pressing import Fingers
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.report import (
     ACTING,
@@ -34,7 +34,7 @@ class GripperControl:
         memory: holds the gripper's node.
         config: names and tolerances.
         widest: m, the largest opening.
-        send: moves the fingers to an opening (m).
+        fingers: moves them.
         log: for openings that cannot be reached.
     """
 
@@ -43,15 +43,15 @@ class GripperControl:
         memory: Memory,
         config: ArmControllerConfig,
         widest: float,
+        fingers: Fingers,
         *,
-        send: Callable[[float], None],
         log: logging.Logger,
     ) -> None:
         self.report = NodeReport(memory, config.gripper, log)
         self._memory = memory
         self._config = config
         self._widest = widest
-        self._send = send
+        self._fingers = fingers
         self._watch = memory.watch(node_type="gripper", attribute="target_opening")
         self._stall = StallDetector()
         self._goal: float | None = None
@@ -65,7 +65,7 @@ class GripperControl:
             self.report.say(IDLE)
         changed = any(change.name == self._config.gripper for change in self._watch.poll())
         if changed:
-            self._follow()
+            self._follow(joints)
         elif self._goal is not None:
             self._supervise(self._goal, joints)
         elif not self.report.status:
@@ -96,16 +96,16 @@ class GripperControl:
             self.report.say(REFUSED, f"target_opening: {refusal}")
         self._yields = (status, told)
 
-    def resume(self) -> None:
+    def resume(self, joints: Joints) -> None:
         """Follow the opening again, because the driver may have forgotten it."""
         self.report.say(IDLE)
-        self._follow()
+        self._follow(joints)
 
     def close(self) -> None:
         """No longer look for targets."""
         self._watch.close()
 
-    def _follow(self) -> None:
+    def _follow(self, joints: Joints) -> None:
         node = self._memory.get_node(self._config.gripper)
         opening = None if node is None else node.get("target_opening")
         self._goal = None
@@ -115,8 +115,11 @@ class GripperControl:
         if not -_SLACK <= opening <= self._widest + _SLACK:
             self.report.say(UNREACHABLE, f"target_opening {opening} m: expected 0 to {self._widest} m")
             return
+        if opening < joints.opening and (problem := self._fingers.problem(joints)):
+            self.report.say(UNREACHABLE, f"target_opening: {problem}")
+            return
         self._goal = min(max(opening, 0.0), self._widest)
-        self._send(self._goal)
+        self._fingers.move(self._goal, joints)
         self.report.say(MOVING)
 
     def _supervise(self, goal: float, joints: Joints) -> None:
@@ -126,4 +129,4 @@ class GripperControl:
             self.report.say(REACHED)
         elif self._stall.is_stalled(moving, joints.stamp):
             self._goal = None
-            self.report.say(STOPPED)
+            self.report.say(STOPPED, self._fingers.problem(joints))

@@ -15,6 +15,7 @@ from agents.arm_controller.model.gripper import GripperModel
 from agents.arm_controller.model.kinematics import JointChain
 from agents.arm_controller.model.srdf import semantics_of
 from agents.arm_controller.model.urdf import Robot, fixed_pose, load_robot
+from agents.xacro_file import Value
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 
@@ -48,11 +49,14 @@ class ArmModel:
         return fixed_pose(self.robot.between(self.palm, self.tool))
 
 
-def load_arm(file: Path, *, tool_mount: Pose | None = None, **names: Any) -> ArmModel:
+def load_arm(
+    file: Path, *, args: Mapping[str, Value] | None = None, tool_mount: Pose | None = None, **names: Any
+) -> ArmModel:
     """The arm in a URDF file, with what the SRDF file beside it says.
 
     Args:
         file: the description.
+        args: arguments of its macros, by name.
         tool_mount: as of `arm_model`.
         names: `base`, `palm`, `tool` and `fingers` as of `arm_model`; they precede those of the SRDF file.
 
@@ -61,7 +65,7 @@ def load_arm(file: Path, *, tool_mount: Pose | None = None, **names: Any) -> Arm
     """
     said = semantics_of(file)
     given = {key: value for key, value in names.items() if value}
-    robot = load_robot(file)
+    robot = load_robot(file, args)
     roles = {"base": said.base, "palm": said.palm, "tool": said.tool, "fingers": said.fingers, **given}
     return arm_model(robot, tool_mount=tool_mount, home=said.home, **roles)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -12,6 +12,7 @@ import numpy as np
 from agents.arm_controller.model.arm_model import ArmModel, load_arm
 from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.model.urdf import Joint
+from agents.xacro_file import Value
 
 
 class JointReport(msgspec.Struct, frozen=True):
@@ -54,9 +55,12 @@ class ArmReport(msgspec.Struct, frozen=True):
     """What may be meant, and may not."""
 
 
-def report_on(file: Path) -> ArmReport:
-    """What the description in `file` holds. Raises `ConfigError` for one that no arm controller would take."""
-    model = load_arm(file)
+def report_on(file: Path, args: Mapping[str, Value] | None = None) -> ArmReport:
+    """What the description in `file` holds, with these arguments of its macros.
+
+    Raises `ConfigError` for one that no arm controller would take.
+    """
+    model = load_arm(file, args=args)
     figure = Figure(model)
     names = {joint.name for joint in model.chain.moving}
     moving = [joint for joint in model.robot.joints if joint.name in names or joint.name in model.gripper.names]

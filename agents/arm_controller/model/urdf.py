@@ -17,7 +17,7 @@ from typing import Literal, cast, get_args
 from agents.arm_controller.model.collisions import read_boxes
 from agents.arm_controller.model.shapes import LinkBox
 from agents.urdf_elements import attribute, number, origin, parse_urdf, vector
-from agents.xacro_file import read_robot
+from agents.xacro_file import Value, read_robot
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3, from_rotvec
 from dsr.math3d.transforms import Pose
@@ -152,9 +152,9 @@ class Robot:
             raise ConfigError(f"robot {self.name!r} has no link {link!r}; {suggest(link, [self.root, *self.parents])}")
 
 
-def load_robot(file: Path) -> Robot:
-    """The robot described in a URDF or xacro file. Raises `ConfigError`."""
-    return parse_robot(read_robot(file), str(file))
+def load_robot(file: Path, args: Mapping[str, Value] | None = None) -> Robot:
+    """The robot described in a URDF file, or in a xacro file with these arguments. Raises `ConfigError`."""
+    return parse_robot(read_robot(file, args), str(file))
 
 
 def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:

@@ -63,11 +63,11 @@ class RunningActions:
                 self._arm.hold_still()
                 self._say(node.name, FAILED, "the arm controller was restarted")
 
-    def tick(self, joints: Joints) -> None:
-        """Take requests, and do a step of the action under way."""
+    def tick(self, joints: Joints, *, idle: bool = True) -> None:
+        """Take requests, and do a step of the action under way; an `idle` arm steps back for others without any."""
         self._arm.joints = joints
         self._take_requests(joints)
-        if not self.running and self._arm.around.others.waits_for_us() and joints.stamp >= self._retreat_at:
+        if idle and not self.running and self._arm.around.others.waits_for_us() and joints.stamp >= self._retreat_at:
             self._retreat(joints)
         if self._steps is not None:
             self._advance(self._steps)

@@ -8,10 +8,11 @@ import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.grasping.holding import GraspEdges
+from agents.arm_controller.grasping.pressing import Fingers
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.model.kinematics import JointChain
-from agents.arm_controller.motion.execution import MotionExecution, StuckError
+from agents.arm_controller.motion.execution import Blocking, MotionExecution, StuckError
 from agents.arm_controller.motion.others import Announcer
 from agents.arm_controller.motion.routes import UP, BlockedError, JointGoal
 from agents.arm_controller.motion.trajectory import Trajectory
@@ -20,7 +21,6 @@ from agents.arm_controller.skills.right_of_way import RightOfWay
 from agents.arm_controller.skills.steps import Attempt, DroppedError, SkillError, Steps, at_once
 from agents.arm_controller.skills.ways import Ways
 from agents.arm_controller.surroundings import Surroundings
-from agents.drivers import ArmDriver
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -45,7 +45,7 @@ class Manipulator:
         figure: its shape.
         scene: the belief.
         holding: what the gripper holds.
-        driver: moves the arm.
+        fingers: moves them.
         execution: moves the arm along trajectories.
         config: speeds and heights.
         rng: starting points of the inverse kinematics.
@@ -57,7 +57,7 @@ class Manipulator:
         figure: Figure,
         scene: ArmScene,
         holding: GraspEdges,
-        driver: ArmDriver,
+        fingers: Fingers,
         execution: MotionExecution,
         config: ArmControllerConfig,
         rng: np.random.Generator,
@@ -77,7 +77,8 @@ class Manipulator:
         announcer = Announcer(scene.memory, config.arm, figure)
         self.right_of_way = RightOfWay(self.ways, self.around, execution, announcer, config, self._go_back)
         """Gives way to other arms."""
-        self._driver = driver
+        self.fingers = fingers
+        """Opens and closes the gripper."""
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill, at `speed` (0 to 1 of the joints' limits).
@@ -162,6 +163,18 @@ class Manipulator:
             obstacles = self.around.obstacles(self.around.things(self.joints.stamp), attempt.target)
             return obstacles.blocking(rows, self.around.load(attempt.opening), final)
 
+        self._start(trajectory, blocking)
+
+    def start_straight(self, trajectory: Trajectory) -> None:
+        """Begin to follow a way past things: only zones, arms and people count."""
+
+        def blocking(rows: Array, final: int) -> str | None:
+            obstacles = self.around.obstacles(self.around.forbidden(self.joints.stamp))
+            return obstacles.blocking(rows, self.around.load(self.joints.opening), len(rows))
+
+        self._start(trajectory, blocking)
+
+    def _start(self, trajectory: Trajectory, blocking: Blocking) -> None:
         self.execution.start(trajectory, self.ways.limits, blocking)
         self.right_of_way.set_out()
 
@@ -187,7 +200,7 @@ class Manipulator:
 
     def hold_still(self) -> None:
         """Stop at once; the grip stays. The arm takes a moment to brake."""
-        self._driver.stop()
+        self.execution.stop()
         self.right_of_way.withdraw()
 
     def settle(self) -> Steps[None]:
@@ -202,7 +215,7 @@ class Manipulator:
 
     def open(self, opening: float) -> Steps[None]:
         """Open to at least `opening` m."""
-        self._driver.move_gripper(opening)
+        self.fingers.move(opening, self.joints)
         until = self.joints.stamp + GRIP_PATIENCE
         while abs(self.joints.opening - opening) > _OPENED:
             if self.joints.stamp > until:
@@ -210,10 +223,15 @@ class Manipulator:
             yield "open"
 
     def close(self) -> Steps[bool]:
-        """Close until the fingers stand still; returns whether both pads touch something."""
-        self._driver.move_gripper(0.0)
+        """Close until the fingers stand still, or press hard enough; returns whether both pads touch something.
+
+        Raises `SkillError` where nobody could tell how hard they press.
+        """
+        if problem := self.fingers.problem(self.joints):
+            raise SkillError(problem)
+        self.fingers.move(0.0, self.joints)
         still, last, until = 0, self.joints.opening, self.joints.stamp + GRIP_PATIENCE
-        while still < 4 and self.joints.stamp < until:
+        while (still < 4 or not self.fingers.is_settled(self.joints)) and self.joints.stamp < until:
             yield "close"
             still = still + 1 if abs(self.joints.opening - last) < STILL_OPENING else 0
             last = self.joints.opening

@@ -46,8 +46,7 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
         grasp, attempt = yield from _reach(arm, name)
         problem = yield from _close(arm, name, grasp)
         if problem:
-            yield from arm.open(grasp.opening)
-            yield from arm.retreat(arm.out, arm.holding.held)
+            yield from _give_back(arm, grasp)
             raise SkillError(problem)
         try:
             yield from _lift(arm, name, grasp, attempt)
@@ -84,7 +83,7 @@ def _stands(arm: Manipulator, name: str, stood: Pose) -> bool:
 
 
 def _give_back(arm: Manipulator, grasp: Grasp) -> Steps[None]:
-    """Open the gripper and move it away from what it lost."""
+    """Open the gripper and move it away from what it lost, or must not hold."""
     yield from arm.open(grasp.opening)
     while arm.holding.held is not None:
         yield "release"
@@ -173,6 +172,8 @@ def _close(arm: Manipulator, name: str, grasp: Grasp) -> Steps[str]:
     meant = Expected(name, grasp.width, grasp.world_from_tool.inverse() @ arm.believed(name).pose)
     arm.holding.expect(meant)
     contact = yield from arm.close()
+    if too_hard := arm.fingers.problem(arm.joints):
+        return too_hard
     if not contact or abs(arm.joints.opening - grasp.width) > WIDTH_TOLERANCE:
         if not contact:
             return NOTHING_GRASPED

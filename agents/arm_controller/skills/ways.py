@@ -12,6 +12,7 @@ from agents.arm_controller.model.kinematics import JointChain, UnreachableError
 from agents.arm_controller.motion.execution import MotionExecution
 from agents.arm_controller.motion.routes import BlockedError, Finding, Router
 from agents.arm_controller.motion.trajectory import MotionLimits, Trajectory, resampled
+from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.steps import Attempt, InTheWayError, SkillError, Steps
 from agents.arm_controller.surroundings import Surroundings
 from dsr.math3d.boxes import Array
@@ -151,10 +152,16 @@ class Ways:
 
     def through(self, way: Array) -> Trajectory:
         """From here through joint positions (m, n) rad, straight in between. Raises `BlockedError`."""
-        rows = np.vstack([self._here, way])
+        return self._through(way, self._around.things(self._now))
+
+    def straight(self, goal: Array) -> Trajectory:
+        """Straight to joint positions `goal` (n,) rad; things are no obstacles. Raises `BlockedError`."""
+        return self._through(goal[None], self._around.forbidden(self._now))
+
+    def _through(self, way: Array, things: Sequence[Obstacle]) -> Trajectory:
+        rows = resampled(np.vstack([self._here, way]))
         load = self._around.load(self._execution.joints.opening)
-        obstacles = self._around.obstacles(self._around.things(self._now))
-        by = obstacles.blocking(resampled(rows), load, len(rows))
+        by = self._around.obstacles(things).blocking(rows, load, len(rows))
         if by is not None:
             raise BlockedError(by)
         return self._router.through(rows, self.limits)

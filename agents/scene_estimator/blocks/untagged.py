@@ -97,10 +97,10 @@ class UntaggedObjects:
         clusters = self._finder.clusters(view, color, tables)
         tagged = [one._replace(frame_from_box=view.world_from_camera @ one.frame_from_box) for one in seen]
         explaining = [*tagged, *known_volumes(self._memory, now, stamp)] if clusters else []
-        found: list[BlockSighting | None] = []
+        found: list[BlockSighting] = []
         for cluster in unexplained(clusters, explaining):
-            found += self._fit_touching(view, cluster) or [self._fit(view, cluster)]
-        return SeenBlocks(level, [sighting for sighting in found if sighting is not None])
+            found += self._fit_touching(view, cluster) or self._fit(view, cluster)
+        return SeenBlocks(level, found)
 
     def _fit_touching(self, view: FrameView, cluster: Cluster) -> list[BlockSighting]:
         """The known blocks of one colour that share a piece; none if it is not that of several."""
@@ -119,18 +119,21 @@ class UntaggedObjects:
         color = cluster.color.tolist()
         return [track for track in self._tracks.values() if track.unlike_color(color) <= 1.0]
 
-    def _fit(self, view: FrameView, cluster: Cluster) -> BlockSighting | None:
+    def _fit(self, view: FrameView, cluster: Cluster) -> list[BlockSighting]:
+        """The block of a piece, or the two; none if it is neither."""
         x, y = cluster.points[:, :2].mean(axis=0).tolist()
         candidates = (one.track for several in self._candidates.values() for one in several)
         near = [track for track in (*self._tracks.values(), *candidates) if _is_at(track.block, x, y)]
         for track in sorted(near, key=lambda track: math.dist((x, y), track.block.centre[:2])):
             sighting = self._finder.fit(view, cluster, track.known)
             if sighting is not None and not sighting.strained and assigned([track], [sighting])[0] is track:
-                return sighting
+                return [sighting]
         fits = [self._finder.fit(view, cluster)]
         fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in self._alike(cluster)]
-        possible = [sighting for sighting in fits if sighting is not None]
-        return min(possible, key=lambda sighting: sighting.cost, default=None)
+        possible = [[sighting] for sighting in fits if sighting is not None]
+        if (two := self._finder.fit_two(view, cluster)) is not None:
+            possible.append(list(two))
+        return min(possible, key=lambda several: several[0].cost, default=[])
 
     def consider(self, camera: str, seen: SeenBlocks, stamp: float) -> list[tuple[str, Pose]]:
         """Tell which objects were seen by a camera, and where: camera_from_object with covariance.
