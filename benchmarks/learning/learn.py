@@ -18,8 +18,8 @@ from simulation_handler.worlds.circumstances import CIRCUMSTANCES
 from simulation_handler.worlds.parameters import Noise, WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
-_MOST_MOMENTS = 2000  # of one circumstance that are used, evenly chosen
-_RESAMPLINGS = 8  # of episodes, by which standard errors of noise are found
+_MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
+_RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
 
 Deviations = Mapping[str, Mapping[str, float]]
 
@@ -37,12 +37,12 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
 
 
 def load_episodes(folder: Path, *, for_tuning: bool) -> Iterator[Episode]:
-    """Recorded episodes by name; those for tuning alone, or all others alone."""
+    """Recorded episodes by name, every other moment; those for tuning alone, or all others alone."""
     for file in sorted(folder.glob("*-*.pickle")):
         family, _, seed = file.stem.partition("-")
         if is_for_tuning(family, int(seed)) == for_tuning:
             settle, moments = pickle.loads(file.read_bytes())
-            yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0], RememberedShares())
+            yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0][::2], RememberedShares())
 
 
 def _learn_noise(

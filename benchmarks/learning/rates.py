@@ -22,8 +22,8 @@ WITHIN = Within(level=0.25)
 SHARES = {("rates", "kept"), ("rates", "entered"), ("rates", "missed"), ("absence", "blind"), ("elsewhere", "hidden")}
 """Values that are probabilities"""
 _PRIOR = 1.5  # 1, standard deviation of the logarithm (or logit) of each value around its start
-_MOMENTS = 10.0  # moments of one object that say as much as one
-_STEPS = (1.0, 0.6, 0.4)  # of the logarithm (or logit), one pass over all values with each
+_MOMENTS = 5.0  # moments of one object that say as much as one; every other one is judged
+_STEPS = (1.0, 0.5)  # of the logarithm (or logit), one pass over all values with each
 
 
 Key = tuple[str, str]
