@@ -37,8 +37,7 @@ def likeliest_stance(
         nothing can carry any of them. Turned about the vertical, for nobody sees that, where its neighbours would else
         push it aside.
 
-    Each costs half its squared Mahalanobis distance from the percept. What is believed stays while another explains
-    what is perceived only as well.
+    Each costs half its squared Mahalanobis distance from the percept.
     """
 
     def weighed(rotation: Quaternion) -> tuple[float, Solid]:
@@ -55,12 +54,9 @@ def likeliest_stance(
     if not rotations:
         return percept.rotation, True
     found = [min(ways(rotation), key=lambda entry: entry[0]) for rotation in rotations]
-    as_believed = min(found, key=lambda entry: _turn(entry[1], percept))
-    best = min(found, key=lambda entry: entry[0])
-    if as_believed[0] - best[0] <= nats.AS_GOOD:
-        best = as_believed
-    rivals = [cost for cost, other in found if abs(other.position[2] - best[1].position[2]) > config.divergence]
-    return best[1].rotation, all(cost - best[0] > nats.AS_GOOD for cost in rivals)
+    least, best = min(found, key=lambda entry: entry[0])
+    rivals = [cost for cost, other in found if abs(other.position[2] - best.position[2]) > config.divergence]
+    return best.rotation, all(cost - least > nats.AS_GOOD for cost in rivals)
 
 
 def _beside(solid: Solid, others: Sequence[Solid]) -> Solid:
@@ -68,11 +64,6 @@ def _beside(solid: Solid, others: Sequence[Solid]) -> Solid:
     near = [other for other in others if math.dist(other.position, solid.position) < other.radius + solid.radius]
     pushed = separate([solid, *near], {solid.name: 1.0}) if near else {}
     return solid.moved(pushed[solid.name]) if pushed else solid
-
-
-def _turn(solid: Solid, other: Solid) -> float:
-    """rad, the angle between the rotations of two solids."""
-    return solid.pose.distance(other.pose)[1]
 
 
 def _turned(rotation: Quaternion) -> Iterator[Quaternion]:
