@@ -9,7 +9,7 @@ the simulation where it differs from what is there (correction), or explained wh
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
@@ -32,6 +32,11 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
+from simulation_handler.worlds.evidence import Evidence, EvidenceReader
+from simulation_handler.worlds.following import Following
+from simulation_handler.worlds.model import Island, probability
+from simulation_handler.worlds.parameters import learned_parameters
+from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
@@ -58,6 +63,11 @@ class Belief:
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
+        self._evidence = EvidenceReader(
+            self._bodies, self._relations, self._containment, self._touching, self._driving.lead
+        )
+        self._worlds = WeightedWorlds(learned_parameters())
+        self._following = Following(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
 
     def close(self) -> None:
@@ -236,6 +246,8 @@ class Belief:
         self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
+        self._worlds.update(self.evidence())
+        self._following.update()
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
@@ -246,13 +258,25 @@ class Belief:
 
         Of what is on its way, that is where it is by now: its body follows a little late.
         """
-        item = self._bodies.object(name)
-        if name not in self._bodies.sim:
+        if self._bodies.object(name).name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
         lead = self._driving.lead(name)
         position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
-        return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+        known = self._worlds.pose(name)
+        return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)
+
+    def evidence(self) -> Evidence:
+        """All by which worlds are proposed and weighed, at the last step."""
+        return self._evidence.read(self._now or 0.0)
+
+    def islands(self) -> Sequence[Island]:
+        """All objects that were ever seen, as weighted worlds. The simulated world is one of them, mostly the best."""
+        return self._worlds.islands()
+
+    def probability(self, kind: str, relation: Relation) -> float:
+        """Probability of a relation `on`, `in` (object, other) or `grasping` (hand, object), by the weighted worlds."""
+        return probability(self.islands(), kind, relation)
 
     def solids(self) -> list[Solid]:
         """Solids of all objects that have a place, at their believed poses."""

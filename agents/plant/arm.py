@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from agents.arm_controller.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.arm_model import ArmModel, load_arm
 from agents.joint_ramp import Ramp
 from agents.plant.robot_file import load_body
 from agents.plant.world import STEP, World
+from agents.xacro_file import Value
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -42,16 +43,24 @@ class SimulatedArm:
         file: its description (URDF).
         start: rad or m, joint positions; cut to the joints' limits. Its home posture if empty.
         base: world_from_base
+        args: arguments of the macros of its description.
 
     Raises:
         ConfigError: for a description that cannot be read or that the physics engine cannot load, one without two
             fingers, or a wrong number of positions.
     """
 
-    def __init__(self, world: World, file: Path, start: Sequence[float] = (), base: Pose | None = None) -> None:
+    def __init__(
+        self,
+        world: World,
+        file: Path,
+        start: Sequence[float] = (),
+        base: Pose | None = None,
+        args: Mapping[str, Value] | None = None,
+    ) -> None:
         self._world = world
         self._bullet = world.bullet
-        self.model = load_arm(file)
+        self.model = load_arm(file, args=args)
         """Its joints and fingers."""
         chain, gripper = self.model.chain, self.model.gripper
         start = start or self.model.home
@@ -64,7 +73,7 @@ class SimulatedArm:
                 f"expected {len(start)} joints as in the start pose, and fingers on 2 sides",
                 file=str(file),
             )
-        self.body = load_body(self._bullet, file, base or Pose.identity())
+        self.body = load_body(self._bullet, file, base or Pose.identity(), args)
         """The physics engine's number of the robot."""
         infos = [self._bullet.getJointInfo(self.body, i) for i in range(self._bullet.getNumJoints(self.body))]
         self._links = {info[12].decode(): info[0] for info in infos}
@@ -112,6 +121,13 @@ class SimulatedArm:
         states = self._bullet.getJointStates(self.body, self._fingers)
         gripper = self.model.gripper
         return gripper.opening({name: state[0] for name, state in zip(gripper.names, states, strict=True)})
+
+    @property
+    def pressing(self) -> float:
+        """N with which the finger that presses hardest does so: the motor's force at the pads in the last step."""
+        states = self._bullet.getJointStates(self.body, self._fingers)
+        levers = [self._finger_limits[name][1] for name in self.model.gripper.names]
+        return max(abs(float(state[3])) / lever for state, lever in zip(states, levers, strict=True))
 
     @property
     def contact(self) -> bool:

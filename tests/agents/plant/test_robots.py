@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.arm_controller.arm_model import ArmModel, load_arm
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.urdf import load_robot
 from agents.plant.arm import SimulatedArm
 from agents.plant.bullet import Bullet
 from agents.plant.robot_file import load_body
