@@ -33,6 +33,7 @@ from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
+from simulation_handler.worlds.following import Following
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -62,8 +63,11 @@ class Belief:
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
-        self._evidence = EvidenceReader(self._bodies, self._relations, self._containment, self._touching)
+        self._evidence = EvidenceReader(
+            self._bodies, self._relations, self._containment, self._touching, self._driving.lead
+        )
         self._worlds = WeightedWorlds(learned_parameters())
+        self._following = Following(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
 
     def close(self) -> None:
@@ -243,16 +247,22 @@ class Belief:
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
         self._worlds.update(self.evidence())
+        self._following.update()
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
         return {*self._explainer.missing(now), *(name for name, _ in self._containment.current())}
 
     def pose(self, name: str) -> Pose | None:
-        """world_from_object at the last step, with covariance; None while its place is unknown."""
+        """world_from_object at the last step, with covariance; None while its place is unknown.
+
+        Of what is on its way, that is where it is by now: its body follows a little late.
+        """
         if self._bodies.object(name).name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
+        lead = self._driving.lead(name)
+        position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
         known = self._worlds.pose(name)
         return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)
 
@@ -261,7 +271,7 @@ class Belief:
         return self._evidence.read(self._now or 0.0)
 
     def islands(self) -> Sequence[Island]:
-        """All objects that have a place or are gone, as weighted worlds; the best agree with `pose` and `is_gone`."""
+        """All objects that were ever seen, as weighted worlds. The simulated world is one of them, mostly the best."""
         return self._worlds.islands()
 
     def probability(self, kind: str, relation: Relation) -> float:

@@ -106,7 +106,7 @@ class Reasoner(Protocol):
         """world_from_object; None while its place is unknown."""
 
     def islands(self) -> Sequence[Island]:
-        """All objects that have a place or are gone, as weighted worlds; the best agree with `pose` and `is_gone`."""
+        """All objects that were ever seen, as weighted worlds. The simulated world is one of them, mostly the best."""
 
     def probability(self, kind: str, relation: Relation) -> float:
         """Probability of a relation `on`, `in` (object, other) or `grasping` (hand, object), by the weighted worlds."""

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from agents.scenario.generate.registry import is_for_tuning
+from benchmarks.learning.holding import learn_holding
 from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
@@ -17,8 +18,8 @@ from simulation_handler.worlds.circumstances import CIRCUMSTANCES
 from simulation_handler.worlds.parameters import Noise, WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
-_MOST_MOMENTS = 6000  # of one circumstance that are used, evenly chosen
-_RESAMPLINGS = 8  # of episodes, by which standard errors of noise are found
+_MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
+_RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
 
 Deviations = Mapping[str, Mapping[str, float]]
 
@@ -27,19 +28,21 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     """Learn by the recorded episodes of a folder; the TOML file. Those for judging are left out."""
     episodes = list(load_episodes(folder, for_tuning=True))
     tell(f"{len(episodes)} episodes")
-    begun = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), RATES, ABSENCE, ELSEWHERE, WITHIN)
+    begun = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, ELSEWHERE, WITHIN)
     noise, deviations = _learn_noise(episodes, begun, tell)
-    parameters, errors = learn_rates(episodes, msgspec.structs.replace(begun, noise=noise), tell)
+    holding = learn_holding((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    known = msgspec.structs.replace(begun, noise=noise, holding=holding)
+    parameters, errors = learn_rates(episodes, known, tell)
     return toml_of(parameters, deviations, errors, [episode.name for episode in episodes])
 
 
 def load_episodes(folder: Path, *, for_tuning: bool) -> Iterator[Episode]:
-    """Recorded episodes by name; those for tuning alone, or all others alone."""
+    """Recorded episodes by name, every other moment; those for tuning alone, or all others alone."""
     for file in sorted(folder.glob("*-*.pickle")):
         family, _, seed = file.stem.partition("-")
         if is_for_tuning(family, int(seed)) == for_tuning:
             settle, moments = pickle.loads(file.read_bytes())
-            yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0], RememberedShares())
+            yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0][::2], RememberedShares())
 
 
 def _learn_noise(
@@ -85,6 +88,7 @@ def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector,
     ]
     for circumstance, noise in parameters.noise.items():
         lines += _table(f'parameters.noise."{circumstance}"', msgspec.structs.asdict(noise))
+    lines += _table("parameters.holding", {f'"{name}"': share for name, share in parameters.holding.items()})
     for group in ("rates", "absence", "elsewhere", "within"):
         lines += _table(f"parameters.{group}", msgspec.structs.asdict(getattr(parameters, group)))
     lines += ["# Standard errors of the logarithms of these values, of probabilities: of their logits.", ""]

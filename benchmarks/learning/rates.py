@@ -1,4 +1,4 @@
-"""Learns the rates of unseen events and of recognition: maximum likelihood of the truth, one value after the other."""
+"""Learns the rates of unseen events and of recognition: maximum likelihood, one value after the other by a parabola."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ WITHIN = Within(level=0.25)
 SHARES = {("rates", "kept"), ("rates", "entered"), ("rates", "missed"), ("absence", "blind"), ("elsewhere", "hidden")}
 """Values that are probabilities"""
 _PRIOR = 1.5  # 1, standard deviation of the logarithm (or logit) of each value around its start
-_MOMENTS = 10.0  # moments of one object that say as much as one
-_STEP = 0.7  # first step of the logarithm (or logit) in the search
-_LEAST_STEP = 0.15  # step below which a value is found
+_MOMENTS = 5.0  # moments of one object that say as much as one; every other one is judged
+_STEPS = (1.0, 0.5)  # of the logarithm (or logit), one pass over all values with each
+
 
 Key = tuple[str, str]
 """Group and name of a value"""
@@ -67,22 +67,20 @@ def learn_rates(
         drawn = 0.5 * sum(((at[key] - first[key]) / _PRIOR) ** 2 for key in at)
         return drawn + cost_of(episodes, with_values(parameters, at))
 
-    best, steps, errors = cost(vector), dict.fromkeys(vector, _STEP), dict.fromkeys(vector, _PRIOR)
+    best, errors = cost(vector), dict.fromkeys(vector, _PRIOR)
     tell(f"start: {best:.1f} nats")
-    while todo := [key for key, step in steps.items() if step >= _LEAST_STEP]:
-        for key in todo:
-            step = steps[key]
-            tried = {sign: cost({**vector, key: vector[key] + sign * step}) for sign in (-1.0, 1.0)}
-            curvature = (tried[-1.0] + tried[1.0] - 2.0 * best) / step**2
+    for step in _STEPS:
+        for key in tuple(vector):
+            below, above = (cost({**vector, key: vector[key] + sign * step}) for sign in (-1.0, 1.0))
+            curvature = (below + above - 2.0 * best) / step**2
+            moves = {-step: below, 0.0: best, step: above}
             if curvature > 0.0:
                 errors[key] = min(_PRIOR, curvature**-0.5)
-            sign = min(tried, key=lambda sign: tried[sign])
-            if tried[sign] < best:
-                best = tried[sign]
-                vector[key] += sign * step
-            else:
-                steps[key] = 0.45 * step
-        tell(f"{len(todo)} values: {best:.1f} nats")
+                vertex = float(np.clip(0.5 * (below - above) / (step * curvature), -2.0 * step, 2.0 * step))
+                moves[vertex] = cost({**vector, key: vector[key] + vertex})
+            move = min(moves, key=lambda shift: moves[shift])
+            vector[key], best = vector[key] + move, moves[move]
+        tell(f"steps of {step}: {best:.1f} nats")
     return with_values(parameters, vector), errors
 
 

@@ -29,6 +29,8 @@ class Recorded:
     """world_from_object of what is in the scene, by name"""
     in_view: frozenset[str]
     """Names of the objects that the camera recognises by the plant's account"""
+    held: dict[str, str]
+    """True: objects that are held, and the name of the hand or gripper that holds each"""
     tagged: frozenset[str]
     """Names of the objects that have a tag: cameras see how they are turned"""
 
@@ -49,7 +51,9 @@ def record_episode(family: str, seed: int, sensor: Sensor, file: Path) -> None:
             if sample is None or not isinstance(belief, Belief) or sample.time < 0.0:
                 return
             if not moments or sample.time - moments[-1].time >= PERIOD - _SLACK:
-                moments.append(Recorded(sample.time, belief.evidence(), sample.truth, sample.in_view, tagged))
+                moments.append(
+                    Recorded(sample.time, belief.evidence(), sample.truth, sample.in_view, sample.grasped, tagged)
+                )
 
         play(run, system, onlooker=look)
     file.write_bytes(pickle.dumps((run.scenario.settle, moments), protocol=pickle.HIGHEST_PROTOCOL))

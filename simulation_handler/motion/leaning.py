@@ -69,7 +69,9 @@ class Leaning:
         What is believed stays so while the other explains what is perceived only as well.
         """
         around = {name: other for name, other in scene.items() if _is_beside(other, flat)}
-        if not around or not flat.rests or percept.kind == "sphere":
+        is_held = not flat.rests  # by something unknown, unless it leans
+        is_upright = percept.face_down()[1] <= self._config.tilt_tolerance
+        if not around or percept.kind == "sphere" or (is_held and is_upright):
             return None
         known = self._found.get(item.name)
         if known is None or not self._holds(known, flat, around):
@@ -78,7 +80,7 @@ class Leaning:
             known = self._found[item.name] = _Found(flat, around, tuple(leans))
         turning = item.turning()
         as_believed = -nats.AS_GOOD if item.placement is None or self._is_flat(item.placement.solid) else nats.AS_GOOD
-        least, best = misfit(flat.solid, percept, covariance, turning) + as_believed, None
+        least, best = misfit(flat.solid, percept, covariance, turning) + as_believed + is_held * nats.HELD, None
         for solid, supports in known.leans:
             cost = misfit(solid, percept, covariance, turning)
             if cost < least:

@@ -76,6 +76,8 @@ class Alternatives:
         """world_from_object when it was recognised last"""
         self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now)}
         self._container = thing.container
+        self.looked = now
+        """s, when it was last worked out what cameras should see of it"""
         self._now = now
         self._told_gone = False
         self._is_new = True
@@ -87,8 +89,8 @@ class Alternatives:
         assert pose is not None
         return math.dist(pose.t, self.left.t)
 
-    def step(self, name: str, evidence: Evidence) -> None:
-        """Bring the modes of the object of that name to the time of the evidence."""
+    def step(self, name: str, evidence: Evidence, *, look: bool) -> None:
+        """Bring the modes of the object of that name to the time of the evidence; `look` whether it should be seen."""
         thing, step = evidence.objects[name], evidence.now - self._now
         self._now = evidence.now
         self._go_along(thing, evidence)
@@ -97,7 +99,9 @@ class Alternatives:
         if self._is_new:
             self._enter(name, evidence)
             self._is_new = False
-        self._miss(name, evidence, step)
+        if look:
+            self._miss(name, evidence, evidence.now - self.looked)
+            self.looked = evidence.now
         total = sum(mode.weight for mode in self.modes.values())
         for key, mode in list(self.modes.items()):
             mode.weight /= total

@@ -104,6 +104,8 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     noise: dict[str, Noise]
     """By circumstance (`simulation_handler.worlds.circumstances`)."""
+    holding: dict[str, Share]
+    """1, probability by circumstance that the human hand which seems to hold or touch an object does hold it"""
     rates: Rates
     absence: Absence
     elsewhere: Elsewhere

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 from simulation_handler.worlds.alternatives import (
     ELSEWHERE,
@@ -21,7 +22,7 @@ from simulation_handler.worlds.alternatives import (
     mode_circumstance,
     speed_of,
 )
-from simulation_handler.worlds.circumstances import INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
@@ -30,6 +31,9 @@ from simulation_handler.worlds.spread import scaled, with_spread, with_world_cov
 
 WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
+LOOK_PERIOD = 0.2
+"""s between two times at which it is worked out what cameras should see of an unseen object"""
+_CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
 _SPEED_TIME = 0.2  # s over which the speed of a believed object is measured
 
 
@@ -82,9 +86,14 @@ class WeightedWorlds:
     Args:
         parameters: what was learned.
         shares: how much cameras should see of an object in places.
+
+    Raises:
+        ConfigError: for parameters without the noise of some circumstance.
     """
 
     def __init__(self, parameters: WorldParameters, shares: SharesQuery = seen_shares) -> None:
+        if missing := [name for name in CIRCUMSTANCES if name not in parameters.noise]:
+            raise ConfigError(f"no learned noise for {', '.join(map(repr, missing))}; expected all circumstances")
         self._parameters = parameters
         self._shares = shares
         self._watched: dict[str, _Watched] = {}
@@ -92,8 +101,9 @@ class WeightedWorlds:
 
     def update(self, evidence: Evidence, names: Collection[str] | None = None) -> None:
         """Take in the evidence of a moment that is not before the last one, of the objects `names`, or of all."""
-        self._evidence = evidence
+        before, self._evidence = self._evidence, evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
+        unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
                 continue
@@ -107,7 +117,18 @@ class WeightedWorlds:
                     watched.alternatives = Alternatives(
                         self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares
                     )
-                watched.alternatives.step(name, evidence)
+                unseen_names.append(name)
+        looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
+        for name in unseen_names:
+            alternatives = self._watched[name].alternatives
+            assert alternatives is not None
+            alternatives.step(name, evidence, look=name in looking)
+
+    def _looking(self, names: Sequence[str], step: float) -> Collection[str]:
+        """Names of the unseen objects whose visibility is worked out now, in turn: that takes most of the time."""
+        most = math.ceil(len(names) * step / LOOK_PERIOD)
+        waiting = [(found.looked, name) for name in names if (found := self._watched[name].alternatives) is not None]
+        return {name for _, name in sorted(waiting)[:most]}
 
     def islands(self) -> list[Island]:
         """All objects that were ever seen, at the time of the last evidence."""
@@ -139,6 +160,12 @@ class WeightedWorlds:
         circumstance = unseen(thing, evidence, alternatives.moved, alternatives.before)
         return Followed(circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved)
 
+    def leading(self, name: str) -> tuple[str, Mode] | None:
+        """The mode of an unseen object that is more probable than all others together, by its kind; None without."""
+        alternatives = self._watched[name].alternatives if name in self._watched else None
+        modes = {} if alternatives is None else alternatives.modes
+        return next(((key, mode) for key, mode in modes.items() if mode.weight > _CLEARLY), None)
+
     def pose(self, name: str) -> Pose | None:
         """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""
         followed = self.followed(name) if name in self._watched else None
@@ -155,9 +182,17 @@ class WeightedWorlds:
         noise = self._parameters.noise[followed.circumstance]
         placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
         x, y, z = followed.velocity.tolist()
-        state = ObjectState(placed, (x, y, z), thing.gripper or thing.hand, thing.containers, thing.supports)
+        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
         wide = replace(state, pose=scaled(placed, noise.wide))
-        return [(weight * (1.0 - noise.wrong), state, followed.circumstance), (weight * noise.wrong, wide, WRONG)]
+        parts = [(1.0 - noise.wrong, state, followed.circumstance), (noise.wrong, wide, WRONG)]
+        if not state.hand or thing.gripper:
+            return [(weight * share, one, reason) for share, one, reason in parts]
+        held = self._parameters.holding.get(followed.circumstance, 0.0)
+        return [
+            (weight * share * probability, replace(one, hand=hand), reason)
+            for share, one, reason in parts
+            for probability, hand in ((held, state.hand), (1.0 - held, ""))
+        ]
 
     def _states(self, name: str, watched: _Watched, evidence: Evidence) -> list[_Weighted]:
         alternatives, thing = watched.alternatives, evidence.objects[name]
@@ -193,6 +228,11 @@ class WeightedWorlds:
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+
+
+def _hand_of(thing: ObjectEvidence) -> str:
+    """Name of the gripper or hand that holds an object, or else touches it; empty for none."""
+    return thing.gripper or thing.hand or next(iter(thing.touched_by), "")
 
 
 _Weighted = tuple[float, ObjectState, str]

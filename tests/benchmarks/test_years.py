@@ -13,6 +13,7 @@ import pytest
 
 from benchmarks.years import __main__ as command
 from benchmarks.years.disk import FailingDisk, failing_disks
+from benchmarks.years.mutants import MUTANTS
 from benchmarks.years.running import Setting, run, shortest
 from benchmarks.years.shrinking import shrunk
 from benchmarks.years.steps import day
@@ -33,6 +34,14 @@ def test_days_of_the_whole_memory(seed: int) -> None:
 def test_a_history_follows_from_its_seed() -> None:
     first, again, other = (run(Setting(seed, days=1)) for seed in (7, 7, 8))
     assert first == again and first != other
+
+
+def test_replicas_that_differ_for_want_of_a_dot_are_no_failure_and_others_are() -> None:
+    outcome = run(Setting(7043, days=1))
+    assert outcome.differences and not outcome.problem
+    mutant = next(each for each in MUTANTS if each.title.startswith("additions of deltas are left out"))
+    with mock.patch.object(mutant.target, mutant.name, mutant.wrong(getattr(mutant.target, mutant.name))):
+        assert "have seen the same, and only one holds" in run(Setting(0, days=1, steps=150)).problem
 
 
 def test_a_failure_is_made_shorter() -> None:

@@ -134,38 +134,41 @@ class GripperModel:
                 raise ConfigError(f"{who} mimics {joint.mimic.joint!r}, which is none below {self._palm!r}")
 
     def _measured(self) -> Array:
-        """(n,) m, the opening at each share of the stroke."""
+        """(n,) m, the opening at each share of the stroke.
+
+        Fingers on circles also move along the tool's z axis: other shapes may be beside the tool point at each share.
+        """
         if not self.driven:
             return np.zeros(len(self._shares))
-        beside = [self._beside_tool(float(share)) for share in self._shares]
-        signs = [np.sign([center[0] for center, _ in row]) for row in beside]
-        if not beside[0] or not all(len(row) == len(beside[0]) for row in beside):
+        centers, halves = (np.array(part) for part in zip(*map(self._extents, self._shares.tolist()), strict=True))
+        beside = np.abs(centers[..., 2]) <= halves[..., 2]
+        if not beside.any(axis=1).all():
             raise ConfigError(f"{self._who()}: no finger has a collision shape beside the tool point at all openings")
-        wider = max(range(len(beside)), key=lambda row: float(np.abs([center[0] for center, _ in beside[row]]).min()))
-        left, right = signs[wider] < 0, signs[wider] > 0
-        if not (left.any() and right.any()):
+        nearest = np.where(beside, np.abs(centers[..., 0]), np.inf).min(axis=1)
+        wider = int(nearest.argmax())
+        left, right = beside & (centers[wider, :, 0] < 0), beside & (centers[wider, :, 0] > 0)
+        if not (left.any(axis=1) & right.any(axis=1)).all():
             raise ConfigError(f"{self._who()}: the tool point is not between the fingers, as seen along its x axis")
-        self._check_way(beside[0], beside[-1])
-        edges = np.array([[(center[0] - half[0], center[0] + half[0]) for center, half in row] for row in beside])
-        gaps = np.maximum(edges[:, right, 0].min(axis=1) - edges[:, left, 1].max(axis=1), 0.0)
-        gaps = np.round(gaps, _DIGITS)
+        self._check_way((centers[-1] - centers[0])[beside[wider]])
+        edge = np.where(right, centers[..., 0] - halves[..., 0], np.inf).min(axis=1)
+        other = np.where(left, centers[..., 0] + halves[..., 0], -np.inf).max(axis=1)
+        gaps = np.round(np.maximum(edge - other, 0.0), _DIGITS)
         steps = np.diff(gaps)
         if gaps.max() < _LEAST_STROKE or not ((steps >= -1e-6).all() or (steps <= 1e-6).all()):
             raise ConfigError(f"{self._who()}: its fingers do not open from one end of their ranges to the other")
         return np.asarray(gaps)
 
-    def _beside_tool(self, share: float) -> list[tuple[Array, Array]]:
-        """Centres and half extents (3,), along the tool's axes, of the boxes that reach as far as the tool point."""
-        found = []
-        for box in self._boxes(self._at(share)):
-            corners = self._tool_from_palm.apply(box.corners)
-            low, high = corners.min(axis=0), corners.max(axis=0)
-            found.append(((low + high) / 2, (high - low) / 2))
-        return [(center, half) for center, half in found if abs(center[2]) <= half[2]]
+    def _extents(self, share: float) -> tuple[Array, Array]:
+        """Centres and half extents (k, 3), along the tool's axes, of all boxes below the palm."""
+        corners = np.array([self._tool_from_palm.apply(box.corners) for box in self._boxes(self._at(share))])
+        if not len(corners):
+            return np.zeros((0, 3)), np.zeros((0, 3))
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        return (low + high) / 2, (high - low) / 2
 
-    def _check_way(self, start: list[tuple[Array, Array]], end: list[tuple[Array, Array]]) -> None:
-        """The fingers move along x, not along y."""
-        way = np.abs([b - a for (a, _), (b, _) in zip(start, end, strict=True)]).sum(axis=0)
+    def _check_way(self, ways: Array) -> None:
+        """The fingers move by `ways` (k, 3), along x and not along y."""
+        way = np.abs(ways).sum(axis=0)
         if way[1] > _ASKEW * way[0]:
             x_not_y = "its x axis must point from finger to finger; turn it with `tool_mount`"
             raise ConfigError(f"{self._who()}: the fingers close along the y axis of the tool; {x_not_y}")

@@ -128,28 +128,47 @@ class BlockFinder:
     def fit_two(self, view: FrameView, cluster: Cluster) -> tuple[BlockSighting, BlockSighting] | None:
         """The most likely two blocks that touch and are one piece; None if nothing speaks for two.
 
-        The first guess is the cut of the piece by which the smallest boxes around its points have least volume. Each
-        part then tells what kind of block it is.
+        The first guess is the cut of the piece by which the smallest boxes around its points have least volume. Then
+        each is also taken for a cube and a cylinder, as far as there is more evidence for that.
 
         Args:
             view: depth and camera.
             cluster: a piece of it.
         """
         halves = cut(cluster) if len(cluster.contour) >= _LEAST_EDGE else None
-        parts = None if halves is None else parted(view, cluster, halves)
-        if halves is None or parts is None:
+        if halves is None:
             return None
-        single = [self.fit(view, part) for part in parts]
-        starts = [half if one is None else one.block for half, one in zip(halves, single, strict=True)]
-        guesses = [Guess(half._replace(kind=one.kind)) for half, one in zip(halves, starts, strict=True)]
-        fit = self._solved(view, cluster, guesses, [starts, halves], (cluster.base, LEVEL))
-        if fit is None:
+        fit = self._solved_two(view, cluster, halves, halves)
+        for k in range(2):
+            for kind in EXTENTS:
+                start = list(halves if fit is None else fit.blocks)
+                start[k] = start[k]._replace(kind=kind)
+                other = self._solved_two(view, cluster, halves, start) if kind != "box" else None
+                fit = min((one for one in (fit, other) if one is not None), key=lambda one: one.cost, default=None)
+        shares = None if fit is None else parted(view, cluster, fit.blocks)
+        if fit is None or shares is None or fit.strained:
             return None
-        shares = parted(view, cluster, fit.blocks) or parts
-        first, second = (
-            _sighting(fit, k, part._replace(color=cluster.color), measured=True) for k, part in enumerate(shares)
-        )
+        first, second = (_sighting(fit, k, part, measured=True) for k, part in enumerate(shares))
         return first, second
+
+    def _solved_two(
+        self, view: FrameView, cluster: Cluster, halves: Sequence[Block], start: Sequence[Block]
+    ) -> Solved | None:
+        guesses = [Guess(half._replace(kind=one.kind)) for half, one in zip(halves, start, strict=True)]
+        return self._solved(view, cluster, guesses, [start], (cluster.base, LEVEL))
+
+    def most_likely(self, view: FrameView, cluster: Cluster, known: Sequence[KnownBlock] = ()) -> list[BlockSighting]:
+        """What has most evidence: a new block, two of them, or a known one anywhere; empty if it is none of these.
+
+        Args:
+            view: depth and camera.
+            cluster: a piece of it.
+            known: blocks of its colour.
+        """
+        fits = [self.fit(view, cluster), *(self.fit_unchanged(view, cluster, one) for one in known)]
+        possible = [[sighting] for sighting in fits if sighting is not None]
+        two = self.fit_two(view, cluster)
+        return min([*possible, *([] if two is None else [[*two]])], key=lambda several: several[0].cost, default=[])
 
     def _solved(
         self, view: FrameView, cluster: Cluster, guesses: Sequence[Guess], starts: Sequence[Sequence[Block]],

@@ -69,6 +69,14 @@ def test_pads_are_as_far_apart_as_the_opening_says_and_stay_upright(file: Path) 
         assert all(abs(box.pose.rotation_matrix[2, 2]) == pytest.approx(1.0, abs=1e-9) for box in pads)
 
 
+def test_fingers_that_also_move_along_the_tool_have_other_parts_beside_the_tool_point_on_the_way() -> None:
+    """As the tips of a real Robotiq 2F-85, whose meshes are several boxes each."""
+    parts = "".join(PAD.replace("<geometry>", f'<origin xyz="0 0 {z}"/><geometry>') for z in (-0.03, 0.0, 0.03))
+    gripper = jaws(axis="1 0 0.8", pad=parts)
+    assert gripper.widest == pytest.approx(0.06 / math.hypot(1.0, 0.8))
+    assert gripper.opening({"open_left": 0.015}) == pytest.approx(gripper.widest / 2)
+
+
 def test_knuckles_of_the_open_manipulator_turn_as_its_maker_says() -> None:
     """The gap between the pads follows 2 (0.008 + 0.0494 cos q - 0.0285 sin q), less the pads' depth of 4 mm each."""
     gripper = load_arm(GEN3.with_name("open_manipulator_p.urdf")).gripper
