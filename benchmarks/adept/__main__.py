@@ -67,7 +67,7 @@ def _rows(data: Path, shape: str, options: argparse.Namespace) -> Iterator[tuple
         paths = [data / shape / f"{name}_{shape}_{variant}.json.gz" for variant in (violation, *controls)]
         for path in paths:
             if path not in known:
-                known[path] = scores(read_case(path))
+                known[path] = scores(read_case(path), seed=options.seed)
                 print(f"{path.name}: {', '.join(f'{key} {nats:.2f}' for key, nats in known[path].items())} nats",
                       file=sys.stderr, flush=True)  # fmt: skip
         yield row, {
@@ -128,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder with a folder for each shape")
     parser.add_argument("--shape", action="append", metavar="NAME", help="only this shape; repeatable")
     parser.add_argument("--row", action="append", choices=list(ROWS), help="only this row; repeatable")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the motions that the belief draws")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     return parser
 

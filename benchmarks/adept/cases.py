@@ -80,11 +80,10 @@ def read_case(path: Path) -> Case:
 
 
 def _moments(case: _Case) -> Iterator[Moment]:
-    camera, lens = _camera()
     for index in range(min(len(body.frames) for body in (*case.objects, *case.occluders))):
         screens = [part for body in case.occluders if (part := _part(body, index)) is not None]
         things = [(body, part) for body in case.objects if (part := _part(body, index)) is not None]
-        sight = Sight(camera, lens, tuple(screens), tuple(f"screen {number}" for number in range(len(screens))))
+        sight = Sight(CAMERA, LENS, tuple(screens), tuple(f"screen {number}" for number in range(len(screens))))
         yield Moment(index * case.dt, sight, list(_recognised(sight, things)))
 
 
@@ -123,3 +122,7 @@ def _camera() -> tuple[Pose, Intrinsics]:
     lens = Intrinsics(focal, focal, 0.5 * (_WIDTH - 1), 0.5 * (_HEIGHT - 1), _WIDTH, _HEIGHT)
     x, y, z = place.tolist()
     return Pose((x, y, z), quaternions.from_matrix(rotation.tolist())), lens
+
+
+CAMERA, LENS = _camera()
+"""world_from_camera, and the intrinsics, of the data set"""

@@ -136,7 +136,7 @@ def time_span(text: str, now: float, zone: tzinfo | None = None) -> TimeSpan:
         begin, end = _resolved(read[0], now, zone)
     except (ValueError, OverflowError, OSError) as error:
         raise ConfigError(f"time {text!r}: {error}") from error
-    if not 0.0 <= begin:
+    if not begin >= 0.0:
         raise ConfigError(f"time {text!r} is before all that anybody remembers")
     if begin > now:
         raise ConfigError(f"time {text!r} lies in the future")

@@ -8,7 +8,7 @@ import pytest
 from dsr import Alternative, Memory, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE, encoded
 from dsr.narration import Basis, Moment, account, chances, chances_of_thing
-from dsr.narration.answers import answer
+from dsr.narration.answers import answer_alone
 from dsr.narration.chances import alternative_words, percent
 
 THERE = Pose((0.2, -0.3, 0.05), covariance=np.diag([0.04, 0.04, 0.01, 1.0, 1.0, 1.0]))
@@ -52,9 +52,9 @@ def test_what_is_all_but_certain_needs_no_alternatives(memory: Memory) -> None:
 
 def test_questions_and_accounts_list_alternatives(memory: Memory) -> None:
     memory.update_node("ball", **{ATTRIBUTE: encoded(ball(0.6))})
-    response = answer(Moment.of(memory), "where is the ball?")
+    response = answer_alone(Moment.of(memory), "where is the ball?", "nobody simulates")
     assert "in hand_0" in response.text and "(30 %)" in response.text and "(60 %)" in response.text
-    assert response.names == ["box"]
+    assert tuple(response.names) == ("box",)
     told = [statement.text for statement in account(Moment.of(memory), about=["ball"])]
     assert sum("could be in hand_0" in text for text in told) == 1
 
