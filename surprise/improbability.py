@@ -24,7 +24,7 @@ ATTRIBUTE = "nats"
 _SAME = 0.5  # nats, by which it may change before it is written again
 
 
-class Seen(NamedTuple):
+class LatelySeen(NamedTuple):
     """What cameras tell lately of one thing."""
 
     tracks: Sequence[EvidenceTrack] = ()
@@ -35,7 +35,7 @@ class Seen(NamedTuple):
     """Whether it is seen although another thing should hide it where it is believed most"""
 
 
-def improbability(where: Whereabouts, seen: Seen, config: SurpriseConfig) -> float:
+def improbability(where: Whereabouts, seen: LatelySeen, config: SurpriseConfig) -> float:
     """How improbable what is seen of a thing is under the belief, nats: from 0 to `MOST_MISFIT`."""
     whole = sum(one.weight * math.exp(-_misfit(one, where.best, seen, config)) for one in where.alternatives)
     return max(-math.log(whole + math.exp(-MOST_MISFIT)), 0.0)
@@ -98,7 +98,7 @@ class ImprobabilityWriter:
             return
 
 
-def _misfit(one: Alternative, best: Alternative, seen: Seen, config: SurpriseConfig) -> float:
+def _misfit(one: Alternative, best: Alternative, seen: LatelySeen, config: SurpriseConfig) -> float:
     """How badly an alternative explains what is seen, nats."""
     is_best = are_at_one_place(one, best)
     nats = min(seen.missed * MISSED_FRAME, MOST_MISSED) if is_best and one.pose is not None else 0.0

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dsr.math3d.quaternions import Quaternion, Vector3
 from simulation_handler.physics.ghosts import Ghosts, States
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight, matrices
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 Indexes = NDArray[np.int64]
@@ -81,7 +81,7 @@ class Motions:
     """
 
     def __init__(
-        self, name: str, size: Vector3, components: Components, prior: Prior, window: float, seed: int
+        self, name: str, size: Vector3, components: Components, prior: EventRates, window: float, seed: int
     ) -> None:
         self.name = name
         self.size = size
@@ -183,7 +183,7 @@ class Motions:
         children.states = children.states._replace(velocity=velocity)
         return children
 
-    def look(self, sight: Sight) -> None:
+    def look(self, sight: CameraSight) -> None:
         """Find how much would be seen of every component."""
         states = self._parts.states
         self._shares = sight.shares(self.name, self.size, states.position, matrices(states.rotation))
@@ -336,7 +336,7 @@ def _spread_on(spread: Array, seconds: float, drift: Array) -> Array:
     )
 
 
-def _unrecognised(share: Array, prior: Prior) -> Array:
+def _unrecognised(share: Array, prior: EventRates) -> Array:
     """Probability that the limit from which a thing is recognised is above a share."""
     known = np.clip((share - prior.seen_from) / (prior.seen_at - prior.seen_from), 0.0, 1.0)
     return np.asarray(np.maximum(1.0 - known, prior.missed))

@@ -30,7 +30,7 @@ _GRID = _NORMALS + np.array(
 
 
 @dataclass(frozen=True)
-class Sight:
+class CameraSight:
     """A camera and what stands in its way, at one time."""
 
     world_from_camera: Pose

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from dsr.math3d.quaternions import Quaternion, Vector3
 from simulation_handler.physics.ghosts import States
 from simulation_handler.unseen.motions import Components
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight, matrices
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 
@@ -30,12 +30,12 @@ class Trail(NamedTuple):
     """Of each view (3,) m; None while it was not there"""
 
 
-class Memory(NamedTuple):
+class LookedAt(NamedTuple):
     """What was looked at before now, oldest first."""
 
     times: Sequence[float]
     """s"""
-    sights: Sequence[Sight]
+    sights: Sequence[CameraSight]
 
 
 def stranger(
@@ -43,9 +43,9 @@ def stranger(
     place: Array,
     rotation: Quaternion,
     now: float,
-    memory: Memory,
+    memory: LookedAt,
     trails: Sequence[Trail],
-    prior: Prior,
+    prior: EventRates,
     columns: int,
     seed: int,
 ) -> tuple[Components, float]:
@@ -68,7 +68,7 @@ def stranger(
 
 
 def _components(
-    place: Array, rotation: Quaternion, velocities: Array, mass: Array, total: float, prior: Prior, columns: int
+    place: Array, rotation: Quaternion, velocities: Array, mass: Array, total: float, prior: EventRates, columns: int
 ) -> Components:
     count = len(mass)
     noise = prior.resolution**2
@@ -81,7 +81,7 @@ def _components(
 
 
 def _histories(
-    place: Array, now: float, memory: Memory, prior: Prior, random: np.random.Generator
+    place: Array, now: float, memory: LookedAt, prior: EventRates, random: np.random.Generator
 ) -> tuple[Array, NDArray[np.int64], Array, Array]:
     """Ways in which a thing may have come to a place (3,).
 
@@ -110,7 +110,7 @@ def _histories(
 
 
 def _possible(
-    size: Vector3, rotation: Quaternion, paths: Array, memory: Memory, trails: Sequence[Trail], prior: Prior
+    size: Vector3, rotation: Quaternion, paths: Array, memory: LookedAt, trails: Sequence[Trail], prior: EventRates
 ) -> Array:
     """(n,) probability that nothing of paths (n, times, 3) was seen, and that nothing else was in the same place."""
     turned = np.tile(matrices([rotation]), (len(paths), 1, 1))
