@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from dsr.math3d.quaternions import Quaternion, Vector3
 from simulation_handler.physics.ghosts import States
-from simulation_handler.unseen.motions import Components
+from simulation_handler.unseen.motions import HORIZONTAL, TOUCH, Components
 from simulation_handler.unseen.rates import EventRates
 from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 
 _DRAWN = 64  # histories with each number of events
-_LEAST = 1e-9  # probability of a history, below which it does not count
-_TOUCH = 0.8  # of the sum of two half edges, within which two things are in one place
+_LEAST_CHANCE = 1e-9  # probability of a history, below which it does not count
 
 
 class Trail(NamedTuple):
@@ -61,7 +60,7 @@ def stranger(
     )
     seconds = now - memory.times[0] if memory.times else 0.0
     weights = masses + prior.wonder_rate * max(seconds, 1.0) / len(masses)
-    kept = weights > _LEAST * weights.sum()
+    kept = weights > _LEAST_CHANCE * weights.sum()
     mass = np.log(weights[kept])
     total = float(np.logaddexp.reduce(mass))
     return _components(place, rotation, velocities[kept], mass, total, prior, columns), total
@@ -92,7 +91,7 @@ def _histories(
     ago = now - np.array(memory.times, dtype=np.float64)
     seconds = float(ago.max(initial=0.0))
     expected = prior.push_rate * seconds
-    speeds = random.normal(0.0, prior.push_speed, (_DRAWN, 3)) * (1.0, 1.0, 0.0)
+    speeds = random.normal(0.0, prior.push_speed, (_DRAWN, len(HORIZONTAL))) * HORIZONTAL
     pushed = random.random((_DRAWN, 1)) * seconds
     left, stopped = np.sort(random.random((2, _DRAWN, 1)) * seconds, axis=0)[::-1]
     each, nobody = np.arange(_DRAWN), math.exp(-expected)
@@ -122,7 +121,7 @@ def _possible(
         most = np.maximum(most, share)
         for trail in trails:
             if (other := trail.places[index]) is not None:
-                room = _TOUCH * 0.5 * (np.array(size) + np.array(trail.size))
+                room = TOUCH * 0.5 * (np.array(size) + np.array(trail.size))
                 log += (np.abs(paths[:, index] - other) < room).all(axis=1) * math.log(prior.wonder_rate)
     known = np.clip((most - prior.seen_from) / (prior.seen_at - prior.seen_from), 0.0, 1.0)
     return np.asarray(np.exp(log) * np.maximum(1.0 - known, prior.missed))

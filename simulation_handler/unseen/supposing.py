@@ -23,8 +23,8 @@ from simulation_handler.unseen.strangers import LookedAt, Trail, stranger
 
 Array = NDArray[np.float64]
 
-_MOST = 6  # hypotheses
-_FORGOTTEN = -20.0  # nats, below which a hypothesis does not count
+_MOST_HYPOTHESES = 6  # hypotheses
+_IMPOSSIBLE = -20.0  # nats, below which a hypothesis does not count
 _AMBIGUOUS = 15.0  # nats by which another reading of the percepts may be worse and still be followed
 _REMEMBERED = 3  # frames from one remembered view to the next
 _MOST_REMEMBERED = 120  # views
@@ -216,7 +216,7 @@ class Supposing:
     def _keep(self, children: list[_Hypothesis]) -> None:
         children.sort(key=lambda child: -child.mass[0])
         total = float(np.logaddexp.reduce([child.mass[0] for child in children]))
-        kept = [child for child in children[:_MOST] if child.mass[0] > total + _FORGOTTEN]
+        kept = [child for child in children[:_MOST_HYPOTHESES] if child.mass[0] > total + _IMPOSSIBLE]
         total = float(np.logaddexp.reduce([child.mass[0] for child in kept]))
         for child in kept:
             child.mass[0] -= total
