@@ -1,7 +1,7 @@
 """The real model as a finder of hands: its landmarks in the image, made points in space by the depth image.
 
 The model guesses where hidden fingertips are, and depth there is that of the hand before them. So fingertips that the
-outline of the skin shows near the model's are told beside these.
+outline of the skin shows near the model's are told beside these. A hand that the model loses goes on with its outline.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from agents.frame_images import Depth
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
+from agents.hand_tracker.going_on import GoingOn
 from agents.hand_tracker.model.found import FoundHand, Landmarker
 from agents.hand_tracker.sighting import (
     LANDMARKS,
@@ -60,6 +61,7 @@ class ModelFinder:
         self._config = config
         self._landmarker = landmarker
         self._skin = SkinFinder(config)
+        self._going_on = GoingOn()
         self._milliseconds = -1
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
@@ -68,7 +70,8 @@ class ModelFinder:
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         found = []
         hands = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
-        outlined = [tip for hand in self._skin.find(frame, table) for tip in hand.tips.values()] if hands else []
+        outlines = self._skin.find(frame, table) if hands or self._going_on.waits else []
+        outlined = [tip for outline in outlines for tip in outline.tips.values()]
         for hand in hands:
             pixels = hand.landmarks[:, :2] - 0.5
             shape = _as_seen(hand.shape, pixels, intrinsics)
@@ -77,7 +80,7 @@ class ModelFinder:
             if there is not None:
                 tips = _outlined(np.array(outlined), intrinsics, pixels) if outlined else ()
                 found.append(there._replace(outlined=tips))
-        return found
+        return found + self._going_on.update(found, outlines, frame.stamp)
 
     def close(self) -> None:
         """Release the model."""

@@ -49,6 +49,15 @@ class OutlinedTip(NamedTuple):
     """(5,) m, how far across the view it is from each finger's tip as the landmarks have it"""
 
 
+class Outline(NamedTuple):
+    """The outline of a hand in the image."""
+
+    middle: Array
+    """(3,) m, the middle of its widest place"""
+    area: float
+    """m^2, across the view"""
+
+
 class SeenHand(NamedTuple):
     """One hand in one frame, in the camera's optical frame."""
 
@@ -66,6 +75,10 @@ class SeenHand(NamedTuple):
     """m, standard deviation of each coordinate of the palm's centre, where that is more than landmarks would give it"""
     is_whole: bool = True
     """Whether this is a hand for certain, not perhaps a part of one that something cuts in two."""
+    outline: Outline | None = None
+    """That of its skin, if this was looked for"""
+    begins: bool = True
+    """Whether this may be a hand that was not known before."""
     outlined: tuple[OutlinedTip, ...] = ()
     """Fingertips that were seen beside the labelled ones, and better: some of these may be hidden, and guessed"""
 

@@ -314,7 +314,7 @@ class Tracks:
         return distance + (_GATE if other_side else 0.0)
 
     def _begin(self, hand: SeenHand, source: Source) -> int | None:
-        number = None if self._is_part(hand) else self._free_number(hand)
+        number = self._free_number(hand) if hand.begins and not self._is_part(hand) else None
         if number is None:
             self.ignored += 1
             return None

@@ -50,8 +50,9 @@ class Differences(logging.Handler):
         def digest(synchroniser: Synchroniser, physical: float) -> bytes:
             store = synchroniser.graph.store
             if store in self._stores:
-                held = _held(synchroniser.graph.rid, store)
-                self._told.setdefault(store.context.summary().hash, {})[held.rid] = held
+                told, rid = self._told.setdefault(store.context.hash, {}), synchroniser.graph.rid
+                if rid not in told or told[rid].fingerprint != store.fingerprint:
+                    told[rid] = _held(rid, store)
             return right(synchroniser, physical)
 
         logger = logging.getLogger(LOGGER)
@@ -72,7 +73,7 @@ class Differences(logging.Handler):
             for participant in self._world.participants:
                 graph = participant.memory.replica.graph
                 here = _held(graph.rid, graph.store)
-                for there in self._told.get(graph.store.context.summary().hash, {}).values():
+                for there in self._told.get(graph.store.context.hash, {}).values():
                     if here.fingerprint != there.fingerprint:
                         self._explain(here, there, graph.store)
 

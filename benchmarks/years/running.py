@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+from benchmarks.years.beginning import begun
 from benchmarks.years.differences import Differences
-from benchmarks.years.history import begun
 from benchmarks.years.shrinking import shrunk
 from benchmarks.years.steps import Step, day
 from benchmarks.years.world import Complaints

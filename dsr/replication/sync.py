@@ -259,7 +259,7 @@ class Synchroniser:
 
     @property
     def _state(self) -> tuple[int, int]:
-        return self.graph.store.context.summary().hash, self.graph.store.fingerprint
+        return self.graph.store.context.hash, self.graph.store.fingerprint
 
     def _note_answer(self, sender: str, *, useful: bool) -> None:
         peer = self._peers.get(sender)
@@ -375,6 +375,11 @@ class Synchroniser:
         return self.complaints.dropped
 
     @property
+    def is_asking(self) -> bool:
+        """Whether an answer is under way."""
+        return self._fetch is not None
+
+    @property
     def peers(self) -> list[str]:
         """Replica ids of the reachable peers."""
         return sorted(self._peers)
@@ -483,7 +488,7 @@ class Synchroniser:
     def _differs(self, digest: Digest) -> bool:
         """Whether somebody holds something else and has seen the same: one of us cannot account for a removal."""
         store = self.graph.store
-        return digest.fingerprint != store.fingerprint and digest.seen.hash == store.context.summary().hash
+        return digest.fingerprint != store.fingerprint and digest.seen.hash == store.context.hash
 
     def _trusts(self, rid: str) -> bool:
         return self.gate is None or self.gate.trusts(rid)

@@ -14,18 +14,9 @@ from collections.abc import Iterable
 from dsr.memory import Memory
 from dsr.timeline.entries import TIMELINE, Entry
 from dsr.timeline.recall import SUMMARY, StoredSummary, period_of, read_summary
+from dsr.timeline.remembered import Remembered, Summary, encoded_summary
 from dsr.timeline.retention import read_all
-from dsr.timeline.summaries import (
-    DAY,
-    HOUR,
-    LEVELS,
-    Level,
-    Remembered,
-    Summary,
-    encoded_summary,
-    merged,
-    remembered,
-)
+from dsr.timeline.summaries import DAY, HOUR, LEVELS, Level, merged, remembered
 
 SUMMARY_NODES = (SUMMARY,)
 """Node types that an agent with a `Consolidator` declares to write, besides those of a `Chronicle`."""

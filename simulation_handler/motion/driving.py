@@ -226,9 +226,10 @@ class Driving:
         """
         leader = name if name in self._drives else self._leaders.get(name, "")
         drive, item = self._drives.get(leader), self._bodies.objects.get(leader)
-        if drive is None or item is None or drive.runs or item.path.newest == -math.inf:
+        if drive is None or item is None or drive.runs:
             return STILL
-        x, y, z = np.subtract(item.path.at(self._now).t, item.path.at(drive.played).t).tolist()
+        late = min(self._now - drive.played, _BODY_LAG)
+        x, y, z = (late * speed for speed in item.path.steady_velocity)
         return x, y, 0.0 if drive.rests else z
 
     def rests(self, name: str) -> bool:

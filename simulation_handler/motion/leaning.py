@@ -22,8 +22,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import SLOW, Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_TIPS = 8  # count of tilts between upright and lying, at which contact with a neighbour is looked for
-_HALVINGS = 8  # count: of the interval between two of those, to 1 mrad
+_TIPS = 8  # count of tilts up to lying at which a neighbour may be met, and of halvings between two of them, to 1 mrad
 _UP: Array = np.array((0.0, 0.0, 1.0))
 
 
@@ -156,7 +155,7 @@ def _tipped(percept: Solid, covariance: Array, flat: Placement, around: Sequence
         if first == 0:
             continue
         free, stopped = angles[first - 1], angles[first]
-        for _ in range(_HALVINGS):
+        for _ in range(_TIPS):
             middle = 0.5 * (free + stopped)
             free, stopped = (free, middle) if is_stopped(tipped(middle)) else (middle, stopped)
         yield tipped(free)

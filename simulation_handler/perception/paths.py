@@ -119,11 +119,23 @@ class Path:
     @property
     def velocity(self) -> Vector3:
         """(3,) m/s, as it was seen to move last; 0 if it was not on its way."""
+        return self._velocity(_PERIODS)
+
+    @property
+    def steady_velocity(self) -> Vector3:
+        """(3,) m/s at which it goes on surely: what jumped, turned or has stopped does not go on as before."""
+        before, last = self._velocity(_PERIODS), self._velocity(1)
+        if sum(a * b for a, b in zip(before, last, strict=True)) <= 0.0:
+            return 0.0, 0.0, 0.0
+        return min(before, last, key=lambda velocity: math.hypot(*velocity))
+
+    def _velocity(self, periods: int) -> Vector3:
+        """(3,) m/s, the mean over the last periods between percepts."""
         if not self._poses:
             return 0.0, 0.0, 0.0
-        last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]
+        last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - periods, 0)]
         passed = last.stamp - before.stamp
-        if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or math.dist(last.t, before.t) < _SLOWEST * passed:
+        if not 0.0 < passed <= _LONGEST_GAP * periods or math.dist(last.t, before.t) < _SLOWEST * passed:
             return 0.0, 0.0, 0.0
         x, y, z = ((a - b) / passed for a, b in zip(last.t, before.t, strict=True))
         return x, y, z

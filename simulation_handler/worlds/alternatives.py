@@ -212,9 +212,9 @@ class Alternatives:
         placed = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
         shares = self._shares(evidence, name, [_placed(mode.pose) for _, mode in placed])
         for (_, mode), share in zip(placed, shares, strict=True):
-            before = unseen_likelihood(mode.missed, absence)
-            mode.missed += absence.rate * share**absence.power * step
-            mode.weight *= unseen_likelihood(mode.missed, absence) / before
+            missed = missed_after(mode.missed, share, step, absence)
+            mode.weight *= math.exp(mode.missed - missed)
+            mode.missed = missed
         away = self.modes.get(ELSEWHERE)
         if away is not None:
             before = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
@@ -226,9 +226,15 @@ class Alternatives:
 _WATCHING = 0.3  # s since the newest percept of anything, up to which cameras count as seeing
 
 
-def unseen_likelihood(missed: float, absence: Absence) -> float:
-    """Probability that an object is not recognised at a place where it should have been `missed` times."""
-    return absence.blind + (1.0 - absence.blind) * math.exp(-missed)
+def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:
+    """How often an object should have been recognised, after `step` s more in which a share of it was to be seen.
+
+    It is never more than the share can tell, for what cameras should see is only a model: probability
+    `absence.blind` of no recognition is left where all is to be seen, and its power by the share where a part is.
+    """
+    most = -math.log(absence.blind) * share
+    more: float = absence.rate * share**absence.power * step
+    return max(missed, min(missed + more, most))
 
 
 def mode_circumstance(mode: Mode, evidence: Evidence) -> str:

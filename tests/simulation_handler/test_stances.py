@@ -76,7 +76,8 @@ class World:
 def test_the_height_of_a_can_tells_whether_it_stands_or_lies(height: float, tilt: float) -> None:
     world = World()
     world.add("can", CAN, (0.35, 0.1, height), CYLINDER)
-    world.run(2.0)
+    world.add("block", (0.06, 0.06, 0.06), (0.5, -0.1, 0.03))
+    world.run(3.0)
     assert world.tilt("can") == pytest.approx(tilt, abs=0.01)
     assert world.off("can") < 0.003
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.grasping.holding import GraspEdges
-from agents.arm_controller.grasping.pressing import Fingers
+from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.model.kinematics import JointChain
@@ -57,7 +57,7 @@ class Manipulator:
         figure: Figure,
         scene: ArmScene,
         holding: GraspEdges,
-        fingers: Fingers,
+        fingers: GentleFingers,
         execution: MotionExecution,
         config: ArmControllerConfig,
         rng: np.random.Generator,
