@@ -100,8 +100,8 @@ class Lab:
         if move.is_unseen:
             surprise = chronicle.begin("surprising", (move.thing,), now, text=f"{move.thing} is surprising: moved")
             changes = (ExplainedChange(MOVED, ((move.thing,),)),)
-            told = {"explanation": text_of(changes), "changes": encoded(changes)}
-            chronicle.happened("explained", (move.thing,), now + 1.0, **told)
+            why, what = text_of(changes), encoded(changes)
+            chronicle.happened("explained", (move.thing,), now + 1.0, explanation=why, changes=what)
             chronicle.end(surprise, now + 1.0)
         else:
             held = chronicle.begin("grasping", (move.by, move.thing), now, source="contact")
