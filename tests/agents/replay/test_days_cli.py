@@ -55,7 +55,7 @@ def test_what_is_remembered_of_each_period(memory: Memory) -> None:
 
 def test_the_account_of_a_day(memory: Memory) -> None:
     text = run(days_cli.app, "--on", "yesterday", "--timezone", "UTC").stdout
-    assert "cup rested on shelf" in text and "ben picked cup up" in text and "cup was moved" in text
+    assert "cup rested on shelf" in text and "ben picked cup up" in text and "the robot concluded" in text
     rows = json.loads(run(days_cli.app, "--on", "yesterday", "--timezone", "UTC", "--json").stdout)
     assert {row["basis"] for row in rows} == {"believed", "own"}
     assert "Nothing of that time" in run(days_cli.app, "--on", "last month").stdout or "cup" in text
