@@ -90,6 +90,9 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     workers: int = 0
     """Processes that simulate hypotheses, live; 0 for none but the agent's own. In lockstep there are none."""
 
+    worlds: int = 3
+    """Alternatives of the belief, at most, that are worlds of the memory: `belief_1`, `belief_2`, ... 0 for none."""
+
     relation_delay: float = 0.2
     """s that a contact must last (or be gone) before the relation `on` begins (or ends)."""
     floor_below_table: float = 0.72

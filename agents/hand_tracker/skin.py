@@ -17,7 +17,7 @@ from agents.frame_images import Color, Depth
 from agents.hand_tracker.config import HandTrackerConfig, SkinModel
 from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
 from agents.hand_tracker.fingertips import Patch, Tip, fingertips
-from agents.hand_tracker.sighting import SeenHand, Source
+from agents.hand_tracker.sighting import Outline, SeenHand, Source
 from dsr.images.blobs import Frame
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
@@ -183,11 +183,12 @@ class SkinFinder:
                 tips[len(tips)] = centre
         elbow = None if wrist is None else _surface(wrist, patch, depth, intrinsics)
         along = _along(palm, tips, elbow, mask, depth, intrinsics)
-        palm = palm + _TO_THE_FINGERS * along
+        area = float(patch.inside.sum()) * patch.distance**2 / (intrinsics.fx * intrinsics.fy)
+        outline, palm = Outline(palm, area), palm + _TO_THE_FINGERS * along
         sigma = _VAGUE if elbow is None else _BY_WRIST
         turn = None if len(tips) > (elbow is not None) else sigma**2 * np.eye(3)
         pose = Pose(palm, _rotation(palm, along))
-        return SeenHand(pose, tips, False, "unknown", SIGMA, turn, PALM_SIGMA, elbow is not None)
+        return SeenHand(pose, tips, False, "unknown", SIGMA, turn, PALM_SIGMA, elbow is not None, outline)
 
     def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, intrinsics: Intrinsics) -> Array | None:
         """(3,) m, of a fingertip; None if its depth is not known."""
