@@ -38,7 +38,7 @@ def fetch(
     from_wheel: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Take it out of this wheel of mediapipe, without a network.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Also if it is there already, and whole; a named wheel is always read.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Also if it is there already, and whole.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Get MediaPipe's model of hands (Apache-2.0), which hand trackers then use.
@@ -52,15 +52,16 @@ def fetch(
 
     file = to or fetched_file()
     said = for_people(as_json)
-    if not force and from_wheel is None and file.exists():
+    if not force and file.exists():
         try:
             there = read_model(file)
             check_contents(there.contents, there.where)
         except ConfigError as error:
             said.print(f"fetching it anew: {shown(str(error))}", soft_wrap=True)
         else:
-            _tell_fetched(file, as_json=as_json, new=False)
-            return
+            if from_wheel is None:
+                _tell_fetched(file, as_json=as_json, new=False)
+                return
     fetching.check_place(file)
     if from_wheel is not None:
         contents = fetching.from_wheel(from_wheel)

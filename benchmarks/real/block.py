@@ -106,7 +106,7 @@ def run(folder: Path) -> Outcome:
         "The layout is refined on one half of the seconds, and predicts the other.",
         f"Corners are {limits.corner_rms:.2f} px off the pose that fits all tags (root mean square along an axis).",
         f"1 px of each corner is {limits.single:.1f} mm of a tag along the ray, {limits.others:.1f} of the prediction.",
-        f"So 95 % of single frames cannot be better than {limits.floor:.1f} mm, whoever judges them.",
+        f"Normal errors as large as these leave 95 % of {limits.floor:.1f} mm, if each frame is judged by itself.",
     ]
     told = {"corner_rms_px": limits.corner_rms, "floor_mm": limits.floor}
     return Outcome(table, remarks, {"frames": len(block.frames), "cases": len(cases), "methods": figures, **told})
