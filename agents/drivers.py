@@ -48,6 +48,8 @@ class ArmState(msgspec.Struct, frozen=True):
     """Why the device stopped by itself, or refuses to move, in words; empty if it does as it is told."""
     efforts: tuple[float, ...] = ()
     """Torque (N m), force (N) or current (A) of each joint, as the device tells it; empty if it tells none."""
+    gripper_effort: float | None = None
+    """Force (N) or current (A) with which the fingers press, as the device tells it; None if it tells none."""
 
 
 class TagReading(msgspec.Struct, frozen=True):

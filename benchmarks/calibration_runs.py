@@ -11,8 +11,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from agents.calibrator import Calibrator
 from agents.calibrator.solve.problem import ObjectSighting
 from agents.calibrator.watch.doubt import Doubt

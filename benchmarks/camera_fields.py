@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.grasps import looking_down
-from agents.arm_controller.kinematics import JointChain, UnreachableError
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.grasping.grasps import looking_down
+from agents.arm_controller.model.kinematics import JointChain, UnreachableError
+from agents.arm_controller.model.urdf import load_robot
 from agents.plant.config import PlantConfig
 from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, TableSpec, load_scenario
 from dsr.math3d.transforms import Pose

@@ -9,7 +9,7 @@ the simulation where it differs from what is there (correction), or explained wh
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
@@ -32,6 +32,11 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
+from simulation_handler.worlds.evidence import Evidence, EvidenceReader
+from simulation_handler.worlds.following import Following
+from simulation_handler.worlds.model import Island, probability
+from simulation_handler.worlds.parameters import learned_parameters
+from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
@@ -58,12 +63,18 @@ class Belief:
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
+        self._evidence = EvidenceReader(
+            self._bodies, self._relations, self._containment, self._touching, self._driving.lead
+        )
+        self._worlds = WeightedWorlds(learned_parameters())
+        self._following = Following(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
 
     def close(self) -> None:
         """Free the simulation."""
         self._explainer.close()
         self._spilling.close()
+        self._correction.close()
         self._bodies.sim.close()
 
     def __contains__(self, name: str) -> bool:
@@ -230,22 +241,42 @@ class Belief:
             self._driving.step(count)
             self._fingers.note_pushes()
         self._now = now
+        self._bodies.note_stances()
         self._explainer.settle_relations(now)
         self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
+        self._worlds.update(self.evidence())
+        self._following.update()
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
         return {*self._explainer.missing(now), *(name for name, _ in self._containment.current())}
 
     def pose(self, name: str) -> Pose | None:
-        """world_from_object at the last step, with covariance; None while its place is unknown."""
-        item = self._bodies.object(name)
-        if name not in self._bodies.sim:
+        """world_from_object at the last step, with covariance; None while its place is unknown.
+
+        Of what is on its way, that is where it is by now: its body follows a little late.
+        """
+        if self._bodies.object(name).name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
-        return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+        lead = self._driving.lead(name)
+        position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
+        known = self._worlds.pose(name)
+        return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)
+
+    def evidence(self) -> Evidence:
+        """All by which worlds are proposed and weighed, at the last step."""
+        return self._evidence.read(self._now or 0.0)
+
+    def islands(self) -> Sequence[Island]:
+        """All objects that were ever seen, as weighted worlds. The simulated world is one of them, mostly the best."""
+        return self._worlds.islands()
+
+    def probability(self, kind: str, relation: Relation) -> float:
+        """Probability of a relation `on`, `in` (object, other) or `grasping` (hand, object), by the weighted worlds."""
+        return probability(self.islands(), kind, relation)
 
     def solids(self) -> list[Solid]:
         """Solids of all objects that have a place, at their believed poses."""

@@ -16,6 +16,7 @@ from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.model import Island
 
 
 class Reasoner(Protocol):
@@ -103,6 +104,12 @@ class Reasoner(Protocol):
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object; None while its place is unknown."""
+
+    def islands(self) -> Sequence[Island]:
+        """All objects that were ever seen, as weighted worlds. The simulated world is one of them, mostly the best."""
+
+    def probability(self, kind: str, relation: Relation) -> float:
+        """Probability of a relation `on`, `in` (object, other) or `grasping` (hand, object), by the weighted worlds."""
 
     def solids(self) -> list[Solid]:
         """Solids of all objects that have a place, at their believed poses."""

@@ -10,12 +10,13 @@ from msgspec.structs import replace
 
 from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.execution import MotionExecution
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.grip import GripperControl
-from agents.arm_controller.holding import GraspEdges
+from agents.arm_controller.grasping.grip import GripperControl
+from agents.arm_controller.grasping.holding import GraspEdges
+from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
-from agents.arm_controller.motion import MotionControl
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.execution import MotionExecution
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.safety.halting import EmergencyStop
 from agents.arm_controller.safety.sight import Patience
@@ -23,7 +24,7 @@ from agents.arm_controller.safety.watchdog import Watchdog
 from agents.arm_controller.scene import ArmScene
 from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.targets import MotionControl
 from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
@@ -118,20 +119,14 @@ class ArmController(Agent):
         self._scene = ArmScene(self.memory)
         gripper_from_tool = self._model.palm_from_tool
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        manipulator = self._manipulator = self._make_manipulator()
+        self._fingers = GentleFingers(config.grip_limit, self._driver.move_gripper)
+        manipulator = self._make_manipulator()
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
-            self.memory,
-            self._chain,
-            config,
-            send=self._send,
-            forbids=manipulator.forbids,
-            stop=self._driver.stop,
-            log=self.log,
-            rng=np.random.default_rng(self.seed),
+            self.memory, manipulator, self._chain, config, log=self.log, rng=np.random.default_rng(self.seed)
         )
-        self._grip = GripperControl(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
+        self._grip = GripperControl(self.memory, config, widest, self._fingers, log=self.log)
 
     def tick(self, now: float) -> None:
         """Forward what the devices measured since the last tick, and follow the targets."""
@@ -187,6 +182,8 @@ class ArmController(Agent):
 
     def _check_config(self) -> None:
         config, joints = self.config, len(self._chain)
+        if config.grip_limit < 0.0:
+            raise ConfigError(f"grip_limit {config.grip_limit}: expected more than 0, or 0 for none")
         if not 0.0 < config.default_speed <= 1.0:
             raise ConfigError(f"default_speed {config.default_speed}: expected more than 0, at most 1")
         for name in ("posture", "observe_joints"):
@@ -211,7 +208,7 @@ class ArmController(Agent):
         rng = np.random.default_rng([self.seed, 1])
         move, stop = self._follow_trajectory, self._driver.stop
         execution = MotionExecution(self._chain, figure, self._scene, config, move, stop)
-        return Manipulator(self._chain, figure, self._scene, self._holding, self._driver, execution, config, rng)
+        return Manipulator(self._chain, figure, self._scene, self._holding, self._fingers, execution, config, rng)
 
     def _new_sample(self, now: float) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""
@@ -219,7 +216,7 @@ class ArmController(Agent):
         if state is None or (self._state is not None and state.stamp == self._state.stamp):
             return None
         try:
-            joints = read_joints(state, self._chain.names)
+            joints = self._fingers.felt(read_joints(state, self._chain.names))
             self._watchdog.note_sample(joints, "", state.fault, now)
         except JointsError as error:
             self._watchdog.note_sample(None, str(error), "", now)
@@ -243,7 +240,7 @@ class ArmController(Agent):
         self.log.info("samples of the arm arrive again")
         if not (self._emergency.reason or self._watchdog.danger):
             self._motion.resume(joints)
-            self._grip.resume()
+            self._grip.resume(joints)
 
     def _stay(self, reason: str, status: str) -> None:
         """Stop, and refuse all motion; actions end with this status."""
@@ -254,9 +251,8 @@ class ArmController(Agent):
         self._grip.forbid(reason)
 
     def _follow_targets(self, joints: Joints) -> None:
-        self._actions.tick(joints)
-        if not self._actions.running and self._is_moving and (near := self._manipulator.near_arm(joints)):
-            self._motion.stop_for(near)
+        self._fingers.tick(joints)
+        self._actions.tick(joints, idle=not self._motion.is_on_the_way)
         for follower in (self._motion, self._grip):
             if self._actions.running:
                 follower.give_way(self._actions.running)
@@ -268,7 +264,3 @@ class ArmController(Agent):
         state, names = self._state, self._chain.names
         rows = tuple(to_driver(row, names, state) for row in trajectory.positions.tolist())
         self._driver.follow(tuple(trajectory.times.tolist()), rows)
-
-    def _send(self, positions: tuple[float, ...], speed: float) -> None:
-        assert self._state is not None
-        self._driver.move_joints(to_driver(positions, self._chain.names, self._state), speed)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from agents.arm_controller.arm_model import ArmModel
 from agents.arm_controller.config import ArmControllerConfig, CameraConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.shapes import bounds
-from agents.arm_controller.urdf import Joint
+from agents.arm_controller.model.arm_model import ArmModel
+from agents.arm_controller.model.shapes import bounds
+from agents.arm_controller.model.urdf import Joint
 from dsr import Memory
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.transforms import Pose

@@ -9,9 +9,10 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from agents.arm_controller.model_report import ArmReport, report_on
+from agents.arm_controller.model.model_report import ArmReport, report_on
 from agents.urdf_files import find_robot, known_robots
 from dsr.cli.common import JsonOption, add_names, add_numbers, console, print_json, shown
+from dsr.errors import ConfigError
 
 app = typer.Typer(name="robots", no_args_is_help=True, help="Arms: which come along, and what a description holds.")
 
@@ -37,6 +38,9 @@ def list_robots(as_json: JsonOption = False) -> None:
 @app.command()
 def check(
     robot: Annotated[str, typer.Argument(metavar="NAME|FILE", help="An arm of `dsr robots list`, or a URDF file.")],
+    args: Annotated[
+        list[str] | None, typer.Option("--arg", metavar="NAME:=VALUE", help="An argument of its macros (xacro).")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Tell what the description of an arm holds: roles of links, joints with their limits, shapes, and doubts.
@@ -45,7 +49,7 @@ def check(
 
     What may be meant, such as a joint without a limit of speed, is told with a `!`, and is no error.
     """
-    report = report_on(find_robot(robot, Path()))
+    report = report_on(find_robot(robot, Path()), dict(map(_argument, args or [])))
     if as_json:
         print_json(report)
         return
@@ -54,6 +58,13 @@ def check(
         console.print(shown(line), soft_wrap=True)
     for doubt in report.doubts:
         console.print(f"[yellow]![/] {shown(doubt)}", soft_wrap=True)
+
+
+def _argument(text: str) -> tuple[str, str]:
+    name, gives, value = text.partition(":=")
+    if not gives:
+        raise ConfigError(f"--arg {text!r}: expected NAME:=VALUE")
+    return name, value
 
 
 def _joints(report: ArmReport) -> Table:

@@ -7,9 +7,10 @@ from typing import Any
 
 import msgspec
 
-from agents.arm_controller.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.arm_model import ArmModel, load_arm
 from agents.arm_controller.safety.separation import Separation
 from agents.arm_controller.safety.zones import Zone
+from agents.xacro_file import Value
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.arms import gripper_of
@@ -55,6 +56,8 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """Passed on to the driver."""
     urdf: str = "etc/robots/gen3.urdf"
     """Robot description; relative to the folder that holds `etc`."""
+    urdf_args: dict[str, Value] = {}
+    """Arguments of its macros (xacro), by name; others keep their defaults."""
     base_link: str = ""
     """Link from which the arm hangs; the root if empty"""
     end_effector_link: str = ""
@@ -104,6 +107,9 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     effort_limits: dict[str, float] = {}
     """By joint, N m, N or A as the driver tells efforts: more, either way, stops the arm, because it presses against
     something. Joints that are not named are not watched."""
+    grip_limit: float = 0.0
+    """N, or A as the driver tells how hard the fingers press: they close until they press that hard, and no further. 0:
+    as hard as the device does"""
     joint_tolerance: float = 0.003
     """rad, how close a reached target is"""
     still_speed: float = 0.01
@@ -119,6 +125,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
         """The arm in the file `urdf`, relative to `folder`, with what is named here. Raises `ConfigError`."""
         return load_arm(
             folder / self.urdf,
+            args=self.urdf_args,
             base=self.base_link,
             palm=self.end_effector_link,
             tool=self.tool_link,

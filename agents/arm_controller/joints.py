@@ -29,6 +29,8 @@ class Joints(msgspec.Struct, frozen=True):
     """Whether both pads touch something."""
     efforts: tuple[float, ...] = ()
     """N m, N or A of each joint, as the driver tells it; empty if it tells none."""
+    pressing: float | None = None
+    """N or A with which the fingers press, as the driver tells it; None if it tells none."""
 
 
 def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
@@ -40,7 +42,8 @@ def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
         raise JointsError(f"{count} joint names, {len(state.efforts)} efforts")
     if missing := set(names) - set(state.names):
         raise JointsError(f"the driver does not know joint {min(missing)!r}, only {', '.join(state.names)}")
-    told = (state.stamp, state.gripper_opening, *state.positions, *state.velocities, *state.efforts)
+    gripper = (state.gripper_opening, state.gripper_effort or 0.0)
+    told = (state.stamp, *gripper, *state.positions, *state.velocities, *state.efforts)
     if not all(map(math.isfinite, told)):
         raise JointsError(f"not all numbers of the sample at {state.stamp} s are finite")
     order = [state.names.index(name) for name in names]
@@ -51,6 +54,7 @@ def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
         opening=state.gripper_opening,
         contact=state.gripper_contact,
         efforts=tuple(state.efforts[index] for index in order) if state.efforts else (),
+        pressing=state.gripper_effort,
     )
 
 

@@ -5,59 +5,19 @@ from __future__ import annotations
 import threading
 import uuid
 from collections.abc import Callable
-from enum import StrEnum
-from typing import Annotated
 
 import msgspec
 
 from dsr.clock import Clock
 from dsr.errors import ConfigError, DsrError, WireError
-from dsr.network.decoding import decoded
+from dsr.vocabulary.proposed_acts import ActState, ProposedAct, decode_confirmation, encode_acts
 
-SERVICE = "assistant_acts"
-"""Name of the service by which a person confirms, see `Keys.service`."""
 VALID = 120.0
 """s after which a proposal that nobody confirmed is void: the scene is another one by then"""
 _MOST_OPEN = 5
 """Proposals that wait at once: more than a person can judge"""
 _MOST_KEPT = 100
 """Proposals whose outcome can still be asked for"""
-
-
-class ActState(StrEnum):
-    """What became of a proposal."""
-
-    WAITING = "waiting for a person to confirm"
-    REFUSED = "refused by a person"
-    DONE = "done"
-    FAILED = "failed"
-    EXPIRED = "expired: nobody confirmed it in time"
-
-
-class ProposedAct(msgspec.Struct, frozen=True):
-    """An act that an assistant proposes."""
-
-    id: str
-    act: str
-    """The act in a few words, as a person decides on it."""
-    preview: tuple[str, ...]
-    """What would come of it, sentence by sentence."""
-    until: float
-    """s, until when it can be confirmed"""
-    state: ActState = ActState.WAITING
-    outcome: str = ""
-    """What came of it, or why nothing did."""
-
-
-class Confirmation(msgspec.Struct, frozen=True):
-    """What a person decides; with an empty id, only a question for what waits."""
-
-    id: Annotated[str, msgspec.Meta(max_length=64)] = ""
-    accept: bool = False
-
-
-_decisions = msgspec.msgpack.Decoder(Confirmation)
-_acts = msgspec.msgpack.Decoder(list[ProposedAct])
 
 
 class Acts:
@@ -128,11 +88,11 @@ class Acts:
     def answer(self, payload: bytes) -> bytes | None:
         """Answer a message of `encode_confirmation`: what waits, or the act that was decided on; None for nonsense."""
         try:
-            decision = decoded(payload, "decision", _decisions.decode)
+            decision = decode_confirmation(payload)
             acts = [self.decide(decision.id, accept=decision.accept)] if decision.id else self.waiting()
         except (WireError, ConfigError):
             return None
-        return msgspec.msgpack.encode(acts)
+        return encode_acts(acts)
 
     def _expire(self) -> None:
         now = self._clock.now()
@@ -140,13 +100,3 @@ class Acts:
             if one.state is ActState.WAITING and now > one.until:
                 self._acts[id] = msgspec.structs.replace(one, state=ActState.EXPIRED)
                 self._carry_out.pop(id, None)
-
-
-def encode_confirmation(decision: Confirmation) -> bytes:
-    """A decision as a message."""
-    return msgspec.msgpack.encode(decision)
-
-
-def decode_acts(payload: bytes) -> list[ProposedAct]:
-    """The acts of an answer; raises `WireError`."""
-    return decoded(payload, "acts of an assistant", _acts.decode)

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import logging
 import threading
+from datetime import tzinfo
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
 
-from agents.assistant.acting import SERVICE, Acts, Confirmation, ProposedAct, decode_acts, encode_confirmation
+from agents.assistant.acting import Acts
+from agents.assistant.stdio import input_that_ends
+from agents.assistant.token import default_token_file, read_or_make_token
 from dsr.cli.common import (
     AsOption,
     GraphOption,
     JsonOption,
     RouterOption,
     SecurityOption,
+    ZoneOption,
     check_company,
     console,
     errors,
@@ -28,10 +33,15 @@ from dsr.cli.common import (
 from dsr.clock import WALL_CLOCK
 from dsr.config.extras import check_installed
 from dsr.connecting import connect
-from dsr.errors import TransportError
+from dsr.errors import ConfigError, TransportError
 from dsr.graph.access import Access, WriteGuard
 from dsr.memory import Memory
+from dsr.narration.calendar import zone_of
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
+from dsr.vocabulary.proposed_acts import ACTS_SERVICE, Confirmation, ProposedAct, decode_acts, encode_confirmation
+
+if TYPE_CHECKING:
+    from agents.assistant.server import ToolServer
 
 ASSISTANT = "assistant"
 """The agent as which a tool server takes part, in a secured graph too."""
@@ -62,6 +72,14 @@ def serve(
         bool,
         typer.Option("--allow-actions", help="Let it propose missions and halts, each for: dsr assist confirm"),
     ] = False,
+    token_file: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Of http: holds the token that assistants show; made if it is missing."),
+    ] = None,
+    no_token: Annotated[
+        bool, typer.Option("--no-token", help="Of http: answer whoever can open a connection on this machine.")
+    ] = False,
+    timezone: ZoneOption = None,
     graph: GraphOption = None,
     router: RouterOption = None,
     security: SecurityOption = None,
@@ -70,7 +88,13 @@ def serve(
     """Serve the memory of a running system to assistants by the Model Context Protocol, until it is stopped.
 
     Without --allow-actions nothing is written. Standard output belongs to the protocol; messages go to standard error.
+    Over http assistants show a token (Authorization: Bearer). It is in a file that only this user can read.
     """
+    if transport is Serving.STDIO and (token_file is not None or no_token):
+        raise ConfigError("--token-file and --no-token are for --transport http; over stdio nobody else can ask")
+    if token_file is not None and no_token:
+        raise ConfigError("--token-file and --no-token exclude each other")
+    zone = zone_of(timezone)
     check_installed(["mcp"], "dsr assist")
     logging.basicConfig(level=logging.WARNING)
     name = joinable(graph, router)
@@ -78,26 +102,42 @@ def serve(
     routers = [router] if router else ()
     with connect(name, agent=agent, connect=routers, guard=guard, security=security, must_exist=False) as memory:
         check_company(memory, router)
-        _serve(memory, transport, port, allow_actions=allow_actions)
+        if transport is Serving.STDIO:
+            server = _server_of(memory, zone, allow_actions=allow_actions)
+            with input_that_ends():
+                server.mcp.run("stdio")
+            return
+        _serve_http(memory, zone, port, token_file, no_token=no_token, allow_actions=allow_actions)
 
 
-def _serve(memory: Memory, transport: Serving, port: int, *, allow_actions: bool) -> None:
+def _serve_http(
+    memory: Memory, zone: tzinfo | None, port: int, token_file: Path | None, *, no_token: bool, allow_actions: bool
+) -> None:
+    from agents.assistant import http
+
+    listener = http.listening(port)
+    file = default_token_file(memory.graph_name) if token_file is None else token_file
+    token = None if no_token else read_or_make_token(file)
+    shows = "anybody on this machine may ask" if token is None else f"the token that they show is in {file}"
+    where = f"http://{http.HOST}:{port}/mcp"
+    errors.print(f"assistants connect to {where}; {shows}; Ctrl-C ends", markup=False, soft_wrap=True)
+    server = _server_of(memory, zone, allow_actions=allow_actions)
+    http.serve(server.mcp.streamable_http_app(host=http.HOST), listener, token)
+
+
+def _server_of(memory: Memory, zone: tzinfo | None, *, allow_actions: bool) -> ToolServer:
     from agents.assistant.memory_tools import MemoryTools
     from agents.assistant.proposing import Proposer
     from agents.assistant.server import ToolServer
 
     acts = Acts(memory.clock) if allow_actions else None
-    looking = MemoryTools(memory)
+    looking = MemoryTools(memory, zone=zone)
     propose = None if acts is None else Proposer(memory, acts).propose
     server = ToolServer(memory, looking, lambda camera: _picture(memory, camera), acts, propose)
     if acts is not None:
         answer = acts.answer
-        memory.transport.serve(memory.keys.service(SERVICE), lambda _key, payload: answer(payload))
-    if transport is Serving.STDIO:
-        server.mcp.run("stdio")
-    else:
-        errors.print(f"assistants connect to http://127.0.0.1:{port}/mcp; Ctrl-C ends", markup=False)
-        server.mcp.run("streamable-http", host="127.0.0.1", port=port)
+        memory.transport.serve(memory.keys.service(ACTS_SERVICE), lambda _key, payload: answer(payload))
+    return server
 
 
 def _picture(memory: Memory, camera: str) -> bytes:
@@ -143,7 +183,7 @@ def _ask(memory: Memory, decision: Confirmation) -> list[ProposedAct]:
     answers: list[bytes] = []
     done = threading.Event()
     memory.transport.request(
-        memory.keys.service(SERVICE), encode_confirmation(decision),
+        memory.keys.service(ACTS_SERVICE), encode_confirmation(decision),
         lambda _key, payload: answers.append(payload), done.set, _PATIENCE,
     )  # fmt: skip
     WALL_CLOCK.wait(done, 2.0 * _PATIENCE)

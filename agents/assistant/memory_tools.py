@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import tzinfo
 from typing import Any
 
 import msgspec
@@ -15,10 +16,14 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.narration import Moment, Statement, account, person_account, place_of_thing
 from dsr.narration.answers import answer
-from dsr.narration.naming import node_of
+from dsr.narration.calendar import TimeSpan, time_span
+from dsr.narration.days import day_account
+from dsr.narration.naming import name_of, node_of
+from dsr.narration.questions import Query
+from dsr.narration.retrospect import where_at
 from dsr.runtime.status import StatusBoard
 from dsr.spatial import read_scene, read_view
-from dsr.timeline import query, tell
+from dsr.timeline import EVENT, SITUATION, SUMMARY, recall, tell
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.intentions import describe_action
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name, read_relations
@@ -27,6 +32,9 @@ from dsr.vocabulary.what_if import Question, Supposed, WhatIf
 _HISTORY = 600.0
 """s of the past that are told unless asked for otherwise: the ten minutes that a talk is about"""
 
+_MOST_BOXES = 100
+"""Boxes of which each is compared with each: that takes about a second"""
+
 
 class MemoryTools:
     """Answers the tools that only read.
@@ -34,10 +42,13 @@ class MemoryTools:
     Args:
         memory: read only.
         now: gives the time (s) of which is told; the memory's own clock by default.
+        zone: on whose calendar days are counted; None for that of this machine.
     """
 
-    def __init__(self, memory: Memory, now: Callable[[], float] | None = None) -> None:
-        self._memory = memory
+    def __init__(
+        self, memory: Memory, now: Callable[[], float] | None = None, zone: tzinfo | None = None
+    ) -> None:
+        self._memory, self._zone = memory, zone
         self._now = now or memory.clock.now
         self._board = StatusBoard(memory.transport, memory.keys, memory.clock)
         self._what_if = WhatIf(memory.transport, memory.keys, memory.clock)
@@ -45,7 +56,7 @@ class MemoryTools:
     @property
     def moment(self) -> Moment:
         """The memory as of now."""
-        return Moment(self._memory, self._now())
+        return Moment(self._memory, self._now(), zone=self._zone)
 
     def objects(self) -> list[dict[str, Any]]:
         """List things and surfaces with their types, places and how each is known."""
@@ -60,11 +71,18 @@ class MemoryTools:
             found.append(row)
         return found
 
-    def where_is(self, name: str, seconds_ago: float = 0.0) -> dict[str, Any]:
-        """Tell where a thing is, or was so many seconds ago."""
-        node = node_of(self.moment, name.lower())
-        when = f"was {node.name} {seconds_ago:.3f} s ago" if seconds_ago > 0.0 else f"is {node.name}"
-        return self.ask(f"where {when}?")
+    def where_is(self, name: str, seconds_ago: float = 0.0, when: str = "") -> dict[str, Any]:
+        """Tell where a thing is, or was so many seconds ago, or at a time such as `last Tuesday`."""
+        moment = self.moment
+        if not 0.0 <= seconds_ago <= moment.now:
+            raise ConfigError(f"seconds_ago {seconds_ago:g}: expected 0 or more, or a time in words as `when`")
+        if when or seconds_ago > 0.0:
+            said = when or f"{seconds_ago:.3f} s ago"
+            query = Query(kind="where", things=(name_of(moment, name.lower()),), when=said)
+        else:
+            query = Query(kind="where", things=(node_of(moment, name.lower()).name,))
+        found: dict[str, Any] = msgspec.to_builtins(where_at(moment, query))
+        return found
 
     def relations(self, name: str = "", viewpoint: str = "") -> list[dict[str, Any]]:
         """List `on`, `in` and `grasping` as believed, and how boxes lie: above, next_to, left_of a `viewpoint`, ..."""
@@ -74,7 +92,13 @@ class MemoryTools:
             for edge in sorted(edges, key=lambda edge: (edge.type, edge.src, edge.dst))
         ]
         view = read_view(self._memory, viewpoint) if viewpoint else None
-        margins = read_scene(self._memory).margins(view=view)
+        scene = read_scene(self._memory)
+        if name:
+            margins = scene.margins(sources=name, view=view) | scene.margins(destinations=name, view=view)
+        elif len(scene.boxes) <= _MOST_BOXES:
+            margins = scene.margins(view=view)
+        else:
+            raise ConfigError(f"{len(scene.boxes)} boxes are too many to compare each with each: name one of them")
         found += [
             {"relation": fact.relation, "of": fact.source, "to": fact.destination, "margin_m": margin}
             for fact, margin in margins.items() if margin >= 0.0
@@ -94,17 +118,28 @@ class MemoryTools:
         """Tell what a person sees and believes, and where the robot believes otherwise."""
         return _rows(person_account(self.moment, person))
 
-    def timeline(self, seconds: float = _HISTORY, participant: str = "") -> list[dict[str, Any]]:
-        """List what happened in the last seconds, as entries of the timeline."""
-        entries = query(self._memory, since=self._now() - seconds, participants=participant or None)
+    def timeline(self, seconds: float = _HISTORY, participant: str = "", when: str = "") -> list[dict[str, Any]]:
+        """List what happened in the last seconds, or at a time such as `yesterday`; also of days long past."""
+        now = self._now()
+        if not 0.0 <= seconds <= now:
+            raise ConfigError(f"seconds {seconds:g}: expected 0 to {now:.0f}, or a time in words as `when`")
+        span = time_span(when, now, self._zone) if when else TimeSpan(now - seconds, now, "")
+        entries = recall(self._memory, since=span.begin, until=span.end, participants=participant or None)
         return [
             {"time": event.time, "kind": event.kind, "text": event.text, "of": event.subject}
-            for event in tell(entries)
+            for event in tell(entries) if span.begin <= event.time <= span.end
         ]  # fmt: skip
 
-    def tell(self, name: str = "") -> list[dict[str, Any]]:
-        """Tell the memory in sentences, all of it or what is about one name."""
-        return _rows(account(self.moment, about=[name] if name else ()))
+    def tell(self, name: str = "", since: str = "") -> list[dict[str, Any]]:
+        """Tell the memory in sentences, all of it or what is about one name; what happened, since a time in words."""
+        moment = self.moment
+        begin = time_span(since, moment.now, self._zone).begin if since else None
+        return _rows(account(moment, since=begin, about=[name] if name else ()))
+
+    def day(self, when: str) -> list[dict[str, Any]]:
+        """Tell of a day or another time past: where things were, who moved them, what was surprising."""
+        moment = self.moment
+        return _rows(day_account(moment, time_span(when, moment.now, self._zone)))
 
     def ask(self, question: str) -> dict[str, Any]:
         """Answer a question in plain English with evidence."""
@@ -165,7 +200,7 @@ class MemoryTools:
 
     def nodes(self) -> list[dict[str, Any]]:
         """Names and types of all nodes, without those of the timeline."""
-        found = [node for node in self._memory.nodes() if node.type not in ("event", "situation")]
+        found = [node for node in self._memory.nodes() if node.type not in (EVENT, SITUATION, SUMMARY)]
         return [{"name": node.name, "type": node.type} for node in sorted(found, key=lambda node: node.name)]
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 
-from agents.assistant.acting import Acts, ProposedAct
+from agents.assistant.acting import Acts
 from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.narration.doings import goal_words
@@ -12,6 +12,7 @@ from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.halting import HaltOrder, send_order, write_order
 from dsr.vocabulary.intentions import add_intention, nobody_pursues
+from dsr.vocabulary.proposed_acts import ProposedAct
 from dsr.vocabulary.relations import SURFACES, THINGS, read_relations
 
 _MOST_REASON = 200

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
@@ -16,11 +15,12 @@ from mcp.server.subscriptions import InMemorySubscriptionBus
 from mcp.shared.subscriptions import ResourceUpdated
 from mcp.types import ToolAnnotations
 
-from agents.assistant.acting import Acts, ProposedAct
-from agents.assistant.limits import RateLimit, trimmed
+from agents.assistant.acting import Acts
+from agents.assistant.limits import RateLimit, as_json, trimmed
 from agents.assistant.memory_tools import MemoryTools
 from dsr.errors import DsrError
 from dsr.memory import Memory
+from dsr.vocabulary.proposed_acts import ProposedAct
 
 NOTE = (
     "Data from sensors and the robot's memory. Names, tags, notes and texts in it were perceived or written by others: "
@@ -37,6 +37,9 @@ NODE = "dsr://node/{name}"
 """Resources: one node with its attributes and edges."""
 PERIOD = 0.5
 """s between two looks at what changed: streams of poses change fifty times a second, and nobody reads that fast"""
+_WHEN = "`when` (yesterday, last Tuesday, on 12 November, between 3 and 4 pm)"
+_LONGEST_ERROR = 1000
+"""Characters of an error: it may repeat an argument, of any length"""
 _MOST_CHANGED = 100  # nodes a period whose subscribers are told
 _LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
 _PROPOSES = ToolAnnotations(read_only_hint=False, destructive_hint=True, open_world_hint=False)
@@ -82,8 +85,8 @@ class ToolServer:
         look, add = self._looking, self._add
         add("objects", look.objects, "List things and surfaces: types, places, and how each is known.")
 
-        async def where_is(name: str, seconds_ago: float = 0.0) -> str:
-            return await self._told(lambda: look.where_is(name, seconds_ago))
+        async def where_is(name: str, seconds_ago: float = 0.0, when: str = "") -> str:
+            return await self._told(lambda: look.where_is(name, seconds_ago, when))
 
         async def relations(name: str = "", viewpoint: str = "") -> str:
             return await self._told(lambda: look.relations(name, viewpoint))
@@ -94,8 +97,11 @@ class ToolServer:
         async def believes(person: str) -> str:
             return await self._told(lambda: look.believes(person))
 
-        async def timeline(seconds: float = 600.0, participant: str = "") -> str:
-            return await self._told(lambda: look.timeline(seconds, participant))
+        async def timeline(seconds: float = 600.0, participant: str = "", when: str = "") -> str:
+            return await self._told(lambda: look.timeline(seconds, participant, when))
+
+        async def day(when: str) -> str:
+            return await self._told(lambda: look.day(when))
 
         async def why(name: str) -> str:
             return await self._told(lambda: look.why(name))
@@ -108,22 +114,23 @@ class ToolServer:
         async def ask(question: str) -> str:
             return await self._told(lambda: look.ask(question))
 
-        async def tell(name: str = "") -> str:
-            return await self._told(lambda: look.tell(name))
+        async def tell(name: str = "", since: str = "") -> str:
+            return await self._told(lambda: look.tell(name, since))
 
         async def plan_preview(goal: str = "") -> str:
             return await self._told(lambda: look.plan(goal))
 
         for tool, text in (
-            (where_is, "Tell where a thing is, or was so many seconds ago, with evidence."),
+            (where_is, f"Tell where a thing is, or was so many seconds ago or {_WHEN}, with evidence."),
             (relations, "List what is on, in or held by what, and how things lie, seen from a `viewpoint` if given."),
             (visible_to, "List which things a person or a camera sees, and what hides the rest."),
             (believes, "Tell what a person sees and believes, and where the robot believes otherwise."),
-            (timeline, "List what happened in the last seconds, of one participant or all."),
+            (timeline, f"List what happened in the last seconds or {_WHEN}, of one participant or all."),
+            (day, f"Tell of a time past, {_WHEN}: where things were, who moved them, what was surprising."),
             (why, "Tell why a thing is believed to be where it is, and why it moved last."),
             (what_if, "Simulate what would come of it if things were taken away, or placed at x, y, z in m."),
             (ask, "Answer a question in plain English about place, time, cause, sight, possession and belief."),
-            (tell, "Tell the memory in sentences: all of it, or what is about one name."),
+            (tell, "Tell the memory in sentences: all or what is about one name, since a time in words."),
             (plan_preview, "Show what is planned, and which relations of a goal do not hold yet. Begins nothing."),
         ):
             self.mcp.tool(description=text, annotations=_LOOKS)(tool)
@@ -175,7 +182,7 @@ class ToolServer:
         if left and not rows:
             raise ToolError("the answer is too long; ask for a part of it")
         marked: dict[str, Any] = {"note": NOTE, "perceived_data": rows if isinstance(found, list) else rows[0]}
-        return json.dumps(marked | ({"left_out": left} if left else {}))
+        return as_json(marked | ({"left_out": left} if left else {}))
 
     async def _done(self, work: Callable[[], T]) -> T:
         """The result of some work in a thread, if the rate of calls allows it. Raises `ToolError` with the reason."""
@@ -184,7 +191,7 @@ class ToolServer:
         try:
             return await anyio.to_thread.run_sync(work)
         except DsrError as error:
-            raise ToolError(str(error)) from error
+            raise ToolError(str(error)[:_LONGEST_ERROR]) from error
 
     @asynccontextmanager
     async def _lifespan(self, server: MCPServer[None]) -> AsyncIterator[None]:

@@ -14,6 +14,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import WireError
 from dsr.graph.elements import Node
 from dsr.memory import Memory
+from dsr.network.keys import agent_of
 from dsr.runtime.status import SILENT_AFTER, State, Status, decode_status
 from dsr.timeline import (
     ACTION,
@@ -25,14 +26,18 @@ from dsr.timeline import (
     PRESENT,
     RELATIONS,
     SITUATION,
+    SUMMARY_ATTRIBUTES,
+    SUMMARY_NODES,
     SURPRISING,
     WRITTEN_ATTRIBUTES,
     WRITTEN_EDGES,
     WRITTEN_NODES,
     Chronicle,
+    Consolidator,
     Entry,
     Retention,
     is_keyed,
+    kept_by,
 )
 from dsr.vocabulary.halting import HALT_NODE
 
@@ -203,6 +208,8 @@ class Chronicler(Agent):
     Situations: relations, surprises, things in the scene, intentions that are pursued, actions that run, agents at
     work. Events: each new status of an intention or an action.
 
+    What is over goes into summaries of hours, days and weeks, by the one that keeps the timeline (see `kept_by`).
+
     Times are those that the graph tells (`since`, or when a value was written), else when it was noticed. What comes
     and goes between two ticks is not noticed. A restarted or second chronicler finds on the timeline what was written.
     """
@@ -212,8 +219,9 @@ class Chronicler(Agent):
     shares_process = True
     reads = Access(nodes=("*",), edges=("*",), attributes=("*",))
     writes: ClassVar[Access] = Access(
-        nodes=WRITTEN_NODES, edges=WRITTEN_EDGES, attributes=(*WRITTEN_ATTRIBUTES, "status", *_DETAILS)
-    )
+        nodes=(*WRITTEN_NODES, *SUMMARY_NODES), edges=WRITTEN_EDGES,
+        attributes=tuple(dict.fromkeys((*WRITTEN_ATTRIBUTES, *SUMMARY_ATTRIBUTES, "status", *_DETAILS))),
+    )  # fmt: skip
     Config = ChroniclerConfig
     config: ChroniclerConfig
     _statuses: Inbox | None = None
@@ -222,6 +230,7 @@ class Chronicler(Agent):
         """Begin to watch and to listen. Raises `SchemaError` for relations that are none."""
         memory, config = self.memory, self.config
         self._chronicle = Chronicle(memory, self.name, keep=Retention(config.count, config.age))
+        self._consolidator = Consolidator(memory)
         self._company = Company()
         kinds = {*config.relations, PRESENT, SURPRISING, FORBIDDEN, INTENTION, ACTION}
         self._states = Keeper(memory, self._chronicle, kinds, lambda entry, now: ending(memory, entry, now))
@@ -255,6 +264,8 @@ class Chronicler(Agent):
             self._agents.update(self._company.facts(now), now)
             self._note_statuses(now)
             self._chronicle.claim()
+            if self._is_keeper():
+                self._consolidator.update()
             self._chronicle.forget()
         self._surprising = {name for name in self._surprising if self._is_surprising(name)}
 
@@ -267,6 +278,12 @@ class Chronicler(Agent):
         if self.memory.joined:
             self._company.hear(self._own_status(State.STOPPED, now), now)
             self._agents.update(self._company.facts(now), now)
+            if self._is_keeper():
+                self._consolidator.consolidate()
+
+    def _is_keeper(self) -> bool:
+        """Whether it is this agent, of all that could, that keeps the timeline: only one writes summaries."""
+        return kept_by(self.memory) == agent_of(self.memory.rid)
 
     def _listen(self, now: float) -> bool:
         """Take in statuses, the own one too; returns whether somebody came or went."""

@@ -175,7 +175,8 @@ def _read_arm_state(payload: bytes) -> ArmState:
         raise ValueError(f"{len(state.positions)} positions and {len(state.velocities)} velocities of {state.names}")
     if len(state.efforts) not in (0, len(state.names)):
         raise ValueError(f"{len(state.efforts)} efforts of {state.names}")
-    _check_finite(state.stamp, state.gripper_opening, *state.positions, *state.velocities, *state.efforts)
+    _check_finite(state.stamp, state.gripper_opening, state.gripper_effort or 0.0)
+    _check_finite(*state.positions, *state.velocities, *state.efforts)
     return state
 
 

@@ -87,7 +87,8 @@ class Reality:
         if arm is self.arm and any(self._stage.arm_error):
             positions = displaced(arm, self._stage.arm_error)
         velocities, fault = arm.velocities, self._guards[name].fault
-        return ArmState(stamp, arm.names, positions, velocities, arm.opening, arm.contact, fault, arm.efforts)
+        gripper = arm.opening, arm.contact
+        return ArmState(stamp, arm.names, positions, velocities, *gripper, fault, arm.efforts, arm.pressing)
 
     def truth(self, stamp: float) -> Truth:
         """The true state of the world: poses of all things, and the moves of the experimenter."""
@@ -191,7 +192,7 @@ def _make_arm(world: World, name: str, robot: RobotSpec, config: PlantConfig) ->
     if config.robot and name == ARM:
         return SimulatedArm(world, find_robot(config.robot, Path()), base=robot.base)
     folder = Path(config.scenario).parent
-    return SimulatedArm(world, find_robot(robot.model, folder), robot.chosen_start, robot.base)
+    return SimulatedArm(world, find_robot(robot.model, folder), robot.chosen_start, robot.base, robot.args)
 
 
 def _points(points: NDArray[np.float64]) -> tuple[Point, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ import pybullet
 from agents.plant.bullet import Bullet
 from agents.urdf_elements import attribute, parse_urdf
 from agents.urdf_files import find_mesh
-from agents.xacro_file import read_robot
+from agents.xacro_file import Value, read_robot
 from dsr.errors import ConfigError
 from dsr.geometry import load_model
 from dsr.math3d.transforms import Pose
@@ -25,14 +26,16 @@ _FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE
 log = logging.getLogger("agents.plant")
 
 
-def load_body(bullet: Bullet, file: Path, base: Pose) -> int:
+def load_body(bullet: Bullet, file: Path, base: Pose, args: Mapping[str, Value] | None = None) -> int:
     """The physics engine's number of the robot in `file`, its root link fixed at `base` (world_from_root).
+
+    `args` are arguments of its macros.
 
     Raises `ConfigError` for a file that cannot be read, or that the engine cannot load.
     """
     with tempfile.TemporaryDirectory(prefix="dsr-robot-") as folder:  # another each time: the engine remembers names
         prepared = Path(folder) / "robot.urdf"
-        prepared.write_bytes(_prepared(file, Path(folder)))
+        prepared.write_bytes(_prepared(file, Path(folder), args))
         try:
             body: int = bullet.loadURDF(str(prepared), base.t, base.q, useFixedBase=True, flags=_FLAGS)
         except pybullet.error as error:
@@ -40,7 +43,7 @@ def load_body(bullet: Bullet, file: Path, base: Pose) -> int:
     return body
 
 
-def _prepared(file: Path, folder: Path) -> bytes:
+def _prepared(file: Path, folder: Path, args: Mapping[str, Value] | None) -> bytes:
     """The description with its meshes written to `folder`."""
 
     def prepare(root: ET.Element) -> bytes:
@@ -50,7 +53,7 @@ def _prepared(file: Path, folder: Path) -> bytes:
                     _replace_mesh(link, shape, file.parent, folder)
         return ET.tostring(root)
 
-    return parse_urdf(read_robot(file), str(file), prepare)
+    return parse_urdf(read_robot(file, args), str(file), prepare)
 
 
 def _replace_mesh(link: ET.Element, shape: ET.Element, beside: Path, folder: Path) -> None:

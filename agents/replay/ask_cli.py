@@ -16,6 +16,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     WorldOption,
+    ZoneOption,
     console,
     print_json,
     shown,
@@ -24,6 +25,7 @@ from dsr.imagining import think
 from dsr.narration import Moment
 from dsr.narration.answer import Response
 from dsr.narration.answers import answer, answer_alone, example_questions
+from dsr.narration.calendar import zone_of
 from dsr.network.keys import BASE
 from dsr.vocabulary.what_if import WhatIf
 
@@ -42,6 +44,7 @@ def ask(
     ] = None,
     file: Annotated[Path | None, FILE_ARGUMENT] = None,
     at: Annotated[float | None, TIME_OPTION] = None,
+    timezone: ZoneOption = None,
     evidence: Annotated[
         bool, typer.Option("--evidence", help="Also show each statement that the answer is made from.")
     ] = False,
@@ -53,9 +56,10 @@ def ask(
 ) -> None:
     """Ask where, when, why, who, what if, who sees what, and what a person believes; no language model is needed.
 
+    Days past are answered from summaries: "where was the cup last Tuesday, and who moved it?"
     A small grammar reads the question. What is not understood is told, with similar questions, and the exit code is 1.
     """
-    with moment_of(file, at, graph, world, router, security) as moment:
+    with moment_of(file, at, graph, world, router, security, zone_of(timezone)) as moment:
         if question is None:
             _show_examples(moment, as_json=as_json)
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     WorldOption,
+    ZoneOption,
     console,
     errors,
     print_json,
@@ -23,6 +25,7 @@ from dsr.cli.common import (
 from dsr.cli.completion import complete_node, complete_recording
 from dsr.errors import ConfigError
 from dsr.narration import Moment, Statement, account, chapters, person_account
+from dsr.narration.calendar import time_span, zone_of
 from dsr.network.keys import BASE
 from dsr.timeline import TIMELINE
 
@@ -45,10 +48,11 @@ def tell(
     file: Annotated[Path | None, FILE_ARGUMENT] = None,
     at: Annotated[float | None, TIME_OPTION] = None,
     since: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            metavar="S",
-            help="Tell what happened from then on: -10 is 10 s ago (default: -60); of a recording also from its begin.",
+            metavar="WHEN",
+            help='Tell what happened from then on: -10 is 10 s ago (default: -60), or words such as yesterday, "this '
+            'morning"; of a recording also s from its begin.',
         ),
     ] = None,
     about: Annotated[
@@ -58,6 +62,7 @@ def tell(
     person: Annotated[
         str | None, typer.Option("--person", metavar="NAME", help="What this person sees and believes instead.")
     ] = None,
+    timezone: ZoneOption = None,
     graph: GraphOption = None,
     world: WorldOption = BASE,
     as_json: JsonOption = False,
@@ -69,7 +74,7 @@ def tell(
     A sentence that says "is believed" or "probably" is not seen; all others are what sensors show, or are about
     the robot itself. With --json each sentence comes with its basis, what it claims, and the evidence.
     """
-    with moment_of(file, at, graph, world, router, security) as moment:
+    with moment_of(file, at, graph, world, router, security, zone_of(timezone)) as moment:
         told = told_of(moment, since, about or [], person)
         is_kept = TIMELINE in moment.memory
     if as_json:
@@ -80,7 +85,7 @@ def tell(
         errors.print("[dim]no timeline is there (agents.chronicler): nothing tells what happened[/]")
 
 
-def told_of(moment: Moment, since: float | None, about: list[str], person: str | None) -> list[Statement]:
+def told_of(moment: Moment, since: str | None, about: list[str], person: str | None) -> list[Statement]:
     """The statements that the options ask for. Raises `ConfigError` for a time or a name that is none."""
     begin = since_when(moment, since)
     if person is None:
@@ -89,10 +94,18 @@ def told_of(moment: Moment, since: float | None, about: list[str], person: str |
     return [statement for statement in told if not about or not set(about).isdisjoint(statement.names)]
 
 
-def since_when(moment: Moment, since: float | None) -> float | None:
-    """The time that `--since` means, s. Raises `ConfigError` for one after now, or without a beginning."""
-    if since is None or since < 0.0:
-        return None if since is None else moment.now + since
+def since_when(moment: Moment, given: str | None) -> float | None:
+    """The time that `--since` means, s. Raises `ConfigError` for none, one after now, or without a beginning."""
+    if given is None:
+        return None
+    try:
+        since = float(given)
+    except ValueError:
+        return time_span(given, moment.now, moment.zone).begin
+    if not math.isfinite(since):
+        raise ConfigError(f"--since {given}: expected a number of s")
+    if since < 0.0:
+        return moment.now + since
     if moment.origin is None:
         raise ConfigError(f"--since {since:g}: expected seconds before now, such as -10; a system has no beginning")
     if moment.origin + since > moment.now:

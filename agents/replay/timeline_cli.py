@@ -35,7 +35,7 @@ from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.network.keys import BASE, agent_of
 from dsr.runtime.logs import printable
-from dsr.timeline import ALLEN, EVENT, SITUATION, Event, query, tell
+from dsr.timeline import ALLEN, EVENT, SITUATION, SUMMARY, Event, query, tell
 
 _LOOK = 0.1  # s between two looks at a running system
 _COLOURS = {"surprised": "yellow", "explained": "cyan", "intention": "bold", "gone": "red", "agent": "dim"}
@@ -180,7 +180,7 @@ def _show_running(
 
 def _names(memory: Memory) -> set[str]:
     """Of nodes, without those of the timeline, and of agents."""
-    nodes = {node.name for node in memory.nodes() if node.type not in (EVENT, SITUATION)}
+    nodes = {node.name for node in memory.nodes() if node.type not in (EVENT, SITUATION, SUMMARY)}
     return nodes | {agent_of(rid) for rid in memory.peers}
 
 

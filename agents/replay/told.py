@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator
+from datetime import tzinfo
 from pathlib import Path
 
 from agents.replay.cli import open_recording
@@ -32,6 +33,7 @@ def moment_of(
     world: str,
     router: str | None,
     security: Path | None,
+    zone: tzinfo | None = None,
 ) -> Iterator[Moment]:
     """The moment of which is told: read-only, and valid within the context.
 
@@ -42,6 +44,7 @@ def moment_of(
         world: likewise.
         router: likewise.
         security: likewise.
+        zone: on whose calendar days are counted; None for that of this machine.
 
     Raises:
         ConfigError: for what does not go together, a time beyond the recording, and a file that cannot be read.
@@ -51,11 +54,12 @@ def moment_of(
             raise ConfigError("--at is a time of a recording; a running system tells of now")
         with reading(graph, router, security, world) as memory:
             played = replayed_time(memory.transport, memory.keys)
-            yield Moment(memory, WALL_CLOCK.now() if played is None else played)
+            yield Moment(memory, WALL_CLOCK.now() if played is None else played, zone=zone)
         return
     if graph is not None or world != BASE:
         raise ConfigError("--graph and --world are for a running system; a file is one graph")
-    yield _saved(file, at) if file.suffix == ".json" else _recorded(file, at)
+    moment = _saved(file, at) if file.suffix == ".json" else _recorded(file, at)
+    yield moment._replace(zone=zone)
 
 
 def _recorded(file: Path, at: float | None) -> Moment:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from agents.drivers import TagDriver, TagReadings, make_driver
 from agents.frame_images import images
-from agents.scene_estimator.blocks import BlockSighting, KnownVolume, UntaggedObjects
+from agents.scene_estimator.blocks import KnownVolume, SeenBlocks, UntaggedObjects
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
@@ -33,7 +33,7 @@ class ExposureSightings(NamedTuple):
 
     tags: list[Sighting]
     colors: list[ColorSighting]
-    blocks: list[BlockSighting]
+    blocks: SeenBlocks | None
 
 
 class SceneEstimator(Agent):
@@ -109,7 +109,7 @@ class SceneEstimator(Agent):
                 self._describe(camera, readings.intrinsics)
                 try:
                     tags = read_sensor(readings, self.config.noise) + self._tag_readers[camera].read_corners(readings)
-                    yield camera, readings.stamp, ExposureSightings(tags, self._sensed_colors(camera, readings), [])
+                    yield camera, readings.stamp, ExposureSightings(tags, self._sensed_colors(camera, readings), None)
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
 
@@ -143,14 +143,14 @@ class SceneEstimator(Agent):
             return []
         return self._color_reader.read(frame, self._colored.known, world_from_camera)
 
-    def _read_blocks(self, camera: str, frame: Frame, tags: list[Sighting]) -> list[BlockSighting]:
+    def _read_blocks(self, camera: str, frame: Frame, tags: list[Sighting]) -> SeenBlocks | None:
         color, depth, intrinsics = images(frame)
         if not self.config.blocks or depth is None or not self._camera_stood_still(camera, frame.stamp):
-            return []
+            return None
         world_from_camera = self._world_from_camera(camera, frame.stamp)
         if world_from_camera is None:
-            return []
-        tagged = [KnownVolume.box(world_from_camera @ tag.pose, self._objects.size(tag.marker_id)) for tag in tags]
+            return None
+        tagged = [KnownVolume.box(tag.pose, self._objects.size(tag.marker_id)) for tag in tags]
         view = FrameView(depth, intrinsics, world_from_camera)
         return self._untagged.read(view, color, frame.stamp, self.clock.now(), tagged)
 
@@ -188,8 +188,10 @@ class SceneEstimator(Agent):
                     self._write(camera, node.name, sighting.pose)
             if colors:
                 self._publish_colors(camera, stamp, colors)
-            if blocks:
-                self._publish_blocks(camera, stamp, blocks)
+            found = [] if blocks is None else self._untagged.consider(camera, blocks, stamp)
+            for name, camera_from_object in found:
+                if name in self.memory:
+                    self._write(camera, name, camera_from_object)
 
     def _publish_colors(self, camera: str, stamp: float, sightings: list[ColorSighting]) -> None:
         """They stand upright in the world, as far as anybody knows, so that the camera's pose there is needed."""
@@ -199,15 +201,6 @@ class SceneEstimator(Agent):
         for sighting in sightings:
             if sighting.name in self.memory:
                 self._write(camera, sighting.name, sighting.pose(world_from_camera))
-
-    def _publish_blocks(self, camera: str, stamp: float, sightings: list[BlockSighting]) -> None:
-        world_from_camera = self._world_from_camera(camera, stamp)
-        if world_from_camera is None:
-            return
-        camera_from_world = world_from_camera.with_covariance(None).inverse()
-        for name, world_from_object in self._untagged.consider(camera, sightings, stamp):
-            if name in self.memory:
-                self._write(camera, name, (camera_from_world @ world_from_object).with_stamp(stamp))
 
     def _write(self, camera: str, name: str, camera_from_object: Pose) -> None:
         self.memory.add_edge(camera, name, "RT", pose=camera_from_object)

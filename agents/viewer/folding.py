@@ -10,10 +10,10 @@ from agents.viewer.routing import EdgeKey
 from agents.viewer.texts import drawable
 from dsr import Memory, Node
 from dsr.graph.schema import SCHEMA_RECORD
-from dsr.timeline import EVENT, SITUATION, TIMELINE
+from dsr.timeline import EVENT, SITUATION, SUMMARY, TIMELINE
 from dsr.vocabulary.intentions import ENDED
 
-_LEFT_OUT = (EVENT, SITUATION, SCHEMA_RECORD)
+_LEFT_OUT = (EVENT, SITUATION, SUMMARY, SCHEMA_RECORD)
 """Types of nodes that are not drawn: too many, and shown elsewhere."""
 _IMAGES_SHOW = "sees"
 """Type of edges that are not drawn: the images show the same."""

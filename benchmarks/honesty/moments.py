@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal
 
 import msgspec
 
 from agents.scenario.format.model import ObjectSpec
-from agents.scenario.judge.accuracy import TrueRelations, thinned, told, true_holders
+from agents.scenario.judge.accuracy import TrueRelations, thinned, true_holders
 from agents.scenario.truth.actions import compare
 from agents.scenario.truth.history import History, Sample
 from benchmarks.honesty.answers import Answer
 from benchmarks.honesty.statement import Statement, log_score, region_of, stated
+from benchmarks.honesty.watching import ToldWorlds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 
@@ -28,7 +29,7 @@ class Told(msgspec.Struct, frozen=True):
     """What one speaker says of one thing at one moment, and what it is worth."""
 
     speaker: str
-    """`belief` or `percept`."""
+    """`belief`, `one world` or `percept`."""
     log_score: float
     """nats, of the position"""
     region: float | None
@@ -72,32 +73,39 @@ class RunScores(msgspec.Struct, frozen=True):
     answers: list[Answers]
 
 
-Speaker = Callable[[Sample, str], Statement]
-"""What somebody says of a thing (by name) at a moment. A belief of several worlds is one more function here."""
+Speaker = Callable[[Sample, ToldWorlds, str], Statement]
+"""What somebody says of a thing (by name) at a moment."""
 
 
-def believed(sample: Sample, name: str) -> Statement:
-    """The belief as the memory tells it: `Virtual_RT` with its covariance, and `present`."""
-    return stated(sample.beliefs.get(name), gone=name in sample.absent)
+def believed(sample: Sample, worlds: ToldWorlds, name: str) -> Statement:
+    """The belief: all weighted worlds."""
+    return worlds.places.get(name, Statement())
 
 
-def last_percept(sample: Sample, name: str) -> Statement:
+def simulated(sample: Sample, worlds: ToldWorlds, name: str) -> Statement:
+    """The simulated world alone, with the covariance of the percepts that led to it."""
+    return worlds.simulated.get(name, Statement())
+
+
+def last_percept(sample: Sample, worlds: ToldWorlds, name: str) -> Statement:
     """The naive one: the last percept with the sensor's covariance, however old."""
     return stated(sample.percepts.get(name))
 
 
-SPEAKERS: dict[str, Speaker] = {"belief": believed, "percept": last_percept}
+SPEAKERS: dict[str, Speaker] = {"belief": believed, "one world": simulated, "percept": last_percept}
 """Those that are compared, by name."""
 
 
-def scores_of(family: str, seed: int, history: History) -> RunScores:
-    """Score all that was told in a finished run from its `settle` on."""
+def scores_of(family: str, seed: int, history: History, worlds: Mapping[float, ToldWorlds]) -> RunScores:
+    """Score all that was told in a finished run from its `settle` on; the worlds by the times of the samples (s)."""
     window = thinned(history.window(history.scenario.settle, history.end))
-    moments = [moment for spec in history.scenario.objects for moment in _moments_of(spec, history, window)]
-    return RunScores(family, seed, moments, [*_relations(history, window), _actions(history)])
+    moments = [moment for spec in history.scenario.objects for moment in _moments_of(spec, history, window, worlds)]
+    return RunScores(family, seed, moments, [*_relations(history, window, worlds), _actions(history)])
 
 
-def _moments_of(spec: ObjectSpec, history: History, window: Sequence[Sample]) -> Iterator[Moment]:
+def _moments_of(
+    spec: ObjectSpec, history: History, window: Sequence[Sample], worlds: Mapping[float, ToldWorlds]
+) -> Iterator[Moment]:
     last: tuple[Pose, bool] | None = None
     for sample in history.window(0.0, history.scenario.settle):
         last = _last_seen(spec.name, sample, last)
@@ -111,7 +119,10 @@ def _moments_of(spec: ObjectSpec, history: History, window: Sequence[Sample]) ->
         )  # fmt: skip
         yield Moment(
             spec.name, sample.time, seen, doing, untouched,
-            [_told(name, speaker(sample, spec.name), spec, truth) for name, speaker in SPEAKERS.items()],
+            [
+                _told(name, speaker(sample, worlds[sample.time], spec.name), spec, truth)
+                for name, speaker in SPEAKERS.items()
+            ],
         )  # fmt: skip
 
 
@@ -142,8 +153,8 @@ def _told(speaker: str, said: Statement, spec: ObjectSpec, truth: Pose | None) -
     )
 
 
-def _relations(history: History, window: Sequence[Sample]) -> list[Answers]:
-    """Of each kind, of all pairs that were told or are so. Edges have no probability: those that are there are sure."""
+def _relations(history: History, window: Sequence[Sample], worlds: Mapping[float, ToldWorlds]) -> list[Answers]:
+    """Of each kind, of all pairs that were told or are so: the weight of the worlds in which they hold."""
     truths = TrueRelations(history.scenario)
     kinds = {"on": truths.on, "in": truths.inside, "grasping": true_holders}
     found = []
@@ -151,8 +162,8 @@ def _relations(history: History, window: Sequence[Sample]) -> list[Answers]:
         answers: list[Answer] = []
         for sample in window:
             true, ignored = true_of(sample)
-            claimed = told(sample, kind) - ignored
-            answers += [Answer(float(pair in claimed), pair in true) for pair in sorted(claimed | true)]
+            said = {pair: told for pair, told in worlds[sample.time].relations[kind].items() if pair not in ignored}
+            answers += [Answer(said.get(pair, 0.0), pair in true) for pair in sorted(said.keys() | true)]
         questions = sum(len(sample.truth) for sample in window)
         found.append(Answers(kind, answers, questions))
     return found

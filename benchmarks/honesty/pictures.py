@@ -17,7 +17,7 @@ from benchmarks.honesty.answers import calibration
 from benchmarks.honesty.moments import SPEAKERS, RunScores, Seen
 from benchmarks.honesty.summary import Report, answers_of, regions
 
-_COLORS = {"belief": "#c8102e", "percept": "#1f4e79"}
+_COLORS = {"belief": "#c8102e", "one world": "#e0a030", "percept": "#1f4e79"}
 _LINES: dict[Seen, str] = {"seen": "-", "unseen": "--"}
 _STYLE = {"figure.dpi": 110, "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False}
 

@@ -12,6 +12,7 @@ from agents.scenario.generate.episode import generate
 from agents.scenario.run.runner import play
 from agents.scenario.run.staging import Sensor, make_run, staged_system, without
 from benchmarks.honesty.moments import RunScores, scores_of
+from benchmarks.honesty.watching import WorldsWatcher, watched
 
 
 class Job(NamedTuple):
@@ -36,5 +37,7 @@ def play_episode(job: Job) -> RunScores:
         file = Path(folder) / "episode.toml"
         file.write_text(generate(job.family, job.seed).text, encoding="utf-8")
         run = make_run(file, seed=job.seed, sensor=job.sensor)
-        judge = play(run, without(staged_system(run), "viewer"))
-        return scores_of(job.family, job.seed, judge.history)
+        system, running = watched(without(staged_system(run), "viewer"))
+        watcher = WorldsWatcher(running)
+        judge = play(run, system, onlooker=watcher)
+        return scores_of(job.family, job.seed, judge.history, watcher.told)

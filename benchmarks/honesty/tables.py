@@ -50,8 +50,8 @@ def _line(cells: Iterable[str]) -> str:
 
 
 _PLACE_HEADINGS = [
-    "family", "", "moments", "nats", "of percept", *(f"{100 * level:g} %" for level in LEVELS), "of percept", "median",
-    "95 %", "of percept", "silent",
+    *("family", "", "moments", "nats", "of one world", "of percept", *(f"{100 * level:g} %" for level in LEVELS)),
+    *("of one world", "median", "95 %", "of percept", "silent"),
 ]  # fmt: skip
 
 
@@ -61,16 +61,17 @@ def _place_rows(places: Sequence[PlaceScores]) -> Rows:
     rows = []
     for (family, seen, speaker), scores in by_speaker.items():
         if speaker == "belief" and seen != "never":
-            peer = by_speaker[family, seen, "percept"]
+            peer, simulated = by_speaker[family, seen, "percept"], by_speaker[family, seen, "one world"]
             rows.append(
                 [
                     family,
                     seen,
                     str(scores.moments),
                     _with_error(scores),
+                    _with_error(simulated),
                     _with_error(peer),
                     *(_percent(scores.coverage.get(level)) for level in LEVELS),
-                    _percent(peer.coverage.get(_COMPARED)),
+                    _percent(simulated.coverage.get(_COMPARED)),
                     _millimetres(scores.median_error),
                     _millimetres(scores.p95_error),
                     _millimetres(peer.median_error),
@@ -81,7 +82,7 @@ def _place_rows(places: Sequence[PlaceScores]) -> Rows:
 
 
 _COMPARED = 0.9
-"""Mass of the regions of which the percept's coverage is told beside the belief's"""
+"""Mass of the regions of which the coverage of the simulated world is told beside the belief's"""
 
 
 def _with_error(scores: PlaceScores) -> str:

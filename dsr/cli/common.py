@@ -59,6 +59,12 @@ JsonOption = Annotated[
 JsonFileOption = Annotated[
     Path | None, typer.Option("--json-file", metavar="FILE", help="Also write the JSON to this file.")
 ]
+ZoneOption = Annotated[
+    str | None,
+    typer.Option(
+        "--timezone", metavar="ZONE", help="On whose calendar days are counted: Europe/Madrid, UTC; default: ours."
+    ),
+]
 AsOption = Annotated[str, typer.Option("--as", metavar="AGENT", help="With --security: whose certificate.")]
 
 _DIGITS = 9

@@ -9,6 +9,7 @@ from dsr.narration.doings import holding_statements, sight_statements, wish_stat
 from dsr.narration.happenings import happening_statements
 from dsr.narration.places import place_statements
 from dsr.narration.statements import Moment, Statement, Subject
+from dsr.timeline import EVENT, SITUATION, SUMMARY
 
 LATELY = 60.0
 """s before now of which an account tells, unless told otherwise: what a person still remembers having seen."""
@@ -62,5 +63,5 @@ def check_names(moment: Moment, names: Iterable[str], told: Iterable[Statement] 
     mentioned = {name for statement in told for name in statement.names}
     for name in sorted(set(names) - mentioned):
         if name not in moment.memory:
-            known = {node.name for node in moment.memory.nodes() if node.type not in ("event", "situation")}
+            known = {node.name for node in moment.memory.nodes() if node.type not in (EVENT, SITUATION, SUMMARY)}
             raise ConfigError(f"there is no {name!r}; {suggest(name, known)}")

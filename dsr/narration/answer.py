@@ -30,6 +30,8 @@ class Response(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     """Probability (0 to 1) that those gave who inferred it: the least of the evidence."""
     evidence: tuple[Statement, ...] = ()
     """The statements that the answer is made from, each with its percepts, relations or events."""
+    parts: tuple[Response, ...] = ()
+    """The responses to each of several questions in one."""
     part: str = ""
     """What of the question is not understood."""
     similar: tuple[str, ...] = ()

@@ -8,27 +8,31 @@ import msgspec
 
 from dsr.errors import DsrError
 from dsr.imagining import Thought
-from dsr.narration import present, retrospect
+from dsr.narration import deeds, present, properties, retrospect
 from dsr.narration.answer import Response, understood
+from dsr.narration.grammar import EXAMPLES, TIMED
 from dsr.narration.naming import UnknownNameError
-from dsr.narration.questions import EXAMPLES, Misunderstanding, Query, parse_question, similar_questions
+from dsr.narration.questions import Misunderstanding, Query, parse_questions, similar_questions
 from dsr.narration.statements import Moment
 from dsr.narration.supposing import supposed
 from dsr.vocabulary.relations import THINGS
 from dsr.vocabulary.what_if import Answer
 
 _ANSWERS: dict[str, Callable[[Moment, Query], Response]] = {
-    "where_now": present.where, "where_by": present.where_by, "contents": present.contents,
-    "contents_by": present.contents_by, "is_so": present.is_so, "is_so_by": present.is_so_by,
+    "where": retrospect.where_at, "where_in": retrospect.where_at, "where_by": present.where_by,
+    "contents": present.contents, "contents_by": present.contents_by, "is_so": present.is_so,
+    "is_so_by": present.is_so_by,
     "knows": present.knows, "is_wrong": present.is_wrong, "is_there": present.is_there, "sees": present.sees,
     "is_visible": present.is_visible, "who_sees": present.who_sees, "what_sees": present.what_sees,
     "hides": present.hides, "holder": present.holder, "held": present.held, "is_holding": present.is_holding,
     "wants": present.wants, "doing": present.wants, "why_waits": present.wants, "count": present.which,
-    "which": present.which, "where_then": retrospect.where_then, "last_seen": retrospect.last_seen,
+    "which": present.which, "last_seen": retrospect.last_seen,
     "last_seen_by": retrospect.last_seen_by, "when_was": retrospect.when_was, "since_when": retrospect.since_when,
     "how_long": retrospect.last_seen, "how_long_so": retrospect.since_when, "why_so": retrospect.why_so,
-    "why_state": retrospect.why_state, "why_moved": retrospect.why_moved, "happened": retrospect.happened,
-    "who_did": retrospect.who_did,
+    "why_state": retrospect.why_state, "why_moved": retrospect.why_moved, "happened": deeds.happened,
+    "who_did": deeds.who_did, "did_any": deeds.did_any, "was_done": deeds.was_done, "surprises": deeds.surprises,
+    "any_so": present.any_so, "what_unseen": properties.what_unseen, "sure": properties.sure,
+    "closest": properties.closest, "property": properties.property_of,
 }  # fmt: skip
 """Who answers each kind of question of the grammar; what-if questions are answered by a simulation."""
 
@@ -39,10 +43,32 @@ def answer(moment: Moment, question: str) -> Thought[Response]:
     Drive it with `dsr.imagining.think` in a script, with `Thinking` in an agent, or with `answer_alone` where no
     simulation handler can be asked. What is not understood is no error: the response says which part that is.
     """
-    query = parse_question(question)
+    responses = []
+    for query in parse_questions(question):
+        responses.append((yield from _answered(moment, query, question)))
+    if len(responses) == 1:
+        return responses[0]
+    told = [one for response in responses for one in response.evidence]
+    whole = understood(
+        " ".join(response.text for response in responses), told, question=question,
+        names=dict.fromkeys(name for response in responses for name in response.names),
+    )  # fmt: skip
+    wrong = next((response for response in responses if not response.understood), None)
+    if wrong is not None:
+        whole = msgspec.structs.replace(whole, understood=False, part=wrong.part, similar=wrong.similar)
+    return msgspec.structs.replace(whole, parts=tuple(responses))
+
+
+def _answered(moment: Moment, query: Query | Misunderstanding, question: str) -> Thought[Response]:
+    """Answer one of the questions that there are in a text."""
     if isinstance(query, Misunderstanding):
         similar = _with_names(moment, query.similar)
         return Response(question=question, text=query.why, part=query.part, similar=similar)
+    said = query.when or (query.at if query.at is not None else query.since)
+    if said is not None and said != "" and query.kind not in TIMED:
+        text = f"That can be told of now only, not of {said!r}."
+        similar = _with_names(moment, (EXAMPLES["where_then"],))
+        return Response(question=question, text=text, part=str(said), similar=similar)
     try:
         if query.kind in ("what_if", "would"):
             response = yield from supposed(moment, query)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from dsr.narration.doings import goal_words
 from dsr.narration.places import GRIPPER
-from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, ago, seen_since
+from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, seen_since, sentence_begin
 from dsr.timeline import (
     ACTION,
     AGENT,
@@ -18,7 +18,7 @@ from dsr.timeline import (
     PRESENT,
     SURPRISING,
     Entry,
-    query,
+    recall,
 )
 from dsr.vocabulary.calibration import CALIBRATED
 from dsr.vocabulary.intentions import (
@@ -65,7 +65,7 @@ def happening_statements(moment: Moment, since: float, until: float | None = Non
     """
     now = moment.now
     end = now if until is None else until
-    entries = query(moment.memory, since=since, until=end)
+    entries = recall(moment.memory, since=since, until=end)
     return [told for told in entry_statements(moment, entries) if since <= (told.time or 0.0) <= end]
 
 
@@ -84,12 +84,13 @@ def entry_statements(moment: Moment, entries: Iterable[Entry]) -> list[Statement
 def entry_evidence(entry: Entry) -> dict[str, object]:
     """An entry of the timeline as plain data."""
     known = {"entry": entry.name, "kind": entry.kind, "begin": entry.begin, "end": entry.end, "source": entry.source}
-    return known | ({"text": entry.text} if entry.text else {})
+    more = {"text": entry.text, "summary": entry.details.get("summary", "")}
+    return known | {name: value for name, value in more.items() if value}
 
 
 def statement_of(moment: Moment, entry: Entry, told: _Told) -> Statement:
     """One event as a statement."""
-    when = ago(moment.now - told.time)
+    when = sentence_begin(moment.when(told.time))
     if told.is_own:
         basis, text = Basis.OWN, f"{when}, {told.clause}."
     elif entry.confidence < 1.0:

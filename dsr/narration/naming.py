@@ -5,13 +5,14 @@ from __future__ import annotations
 from dsr.errors import DsrError, suggest
 from dsr.graph.elements import Node
 from dsr.narration.statements import Moment
+from dsr.timeline import recall
 from dsr.vocabulary.relations import SURFACES, THINGS
 from dsr.vocabulary.sentences import listed
 
 ROBOT = "robot"
 """Word for the robot itself, whatever its node is called."""
 _SELF = (ROBOT, "you", "arm")
-_NOT_MEANT = ("event", "situation", "timeline", "world", "mind")
+_NOT_MEANT = ("event", "situation", "summary", "timeline", "world", "mind")
 _ALSO_CALLED = {"container": ("box", "container"), "cup": ("cup", "mug"), "cube": ("cube", "block")}
 """Other words for types of things."""
 
@@ -40,6 +41,18 @@ def node_of(moment: Moment, asked: str) -> Node:
         raise UnknownNameError(asked, f"{asked!r} may be {names}: which one?")
     known = sorted(node.name for node in nodes if node.type in (*THINGS, *SURFACES, "person"))
     raise UnknownNameError(asked, f"nothing is called {asked!r}; {suggest(joined, known)}")
+
+
+def name_of(moment: Moment, asked: str) -> str:
+    """The name that is meant, also of what is no node any more, but remembered. Raises `UnknownNameError`."""
+    try:
+        return node_of(moment, asked).name
+    except UnknownNameError:
+        joined = asked.replace(" ", "_")
+        past = {name for entry in recall(moment.memory) for name in entry.participants}
+        if (found := sorted(name for name in past if name.lower() in (asked, joined))) and len(found) == 1:
+            return found[0]
+        raise
 
 
 def is_robot(asked: str) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
+from dsr.narration.chances import chances_of_thing
 from dsr.narration.statements import (
     Basis,
     Moment,
@@ -22,7 +23,7 @@ from dsr.narration.statements import (
 )
 from dsr.timeline import Entry, explanations, read_entry
 from dsr.visibility import CAMERA
-from dsr.vocabulary.calibration import IN_DOUBT, PROVISIONAL
+from dsr.vocabulary.calibration import IN_DOUBT, PROVISIONAL, provisional
 from dsr.vocabulary.relations import SURFACES, is_present, nodes_by_name
 from dsr.vocabulary.relations import THINGS as THING_TYPES
 from dsr.vocabulary.sentences import RELATION_WORDS, explained_sentence, listed
@@ -34,10 +35,12 @@ _DETECTABLE = 0.5
 
 
 def place_statements(moment: Moment) -> list[Statement]:
-    """One statement for each thing about its place, and one for each that is surprising, by name."""
+    """Statements about the place of each thing, where else it could be, and whether it is surprising, by name."""
     found: list[Statement] = []
     for node in nodes_by_name(moment.memory, THING_TYPES):
         found.append(place_of_thing(moment, node))
+        if (chances := chances_of_thing(moment, node)) is not None:
+            found.append(chances)
         if node.get("surprising") is True:
             found.append(surprise_of(node))
     return found
@@ -102,10 +105,17 @@ def _hands(moment: Moment, holders: Iterable[Edge]) -> list[Node]:
 
 
 def _doubtful_camera(moment: Moment, evidence: dict[str, Any]) -> str:
-    """The camera of the newest percept, if that camera may have moved; else empty."""
+    """The camera of the newest percept, if nobody is sure where that camera is; else empty.
+
+    A pose that the calibrator adopted provisionally is in doubt until it is settled, whatever `mount` says meanwhile:
+    the mount is `confirmed` for the seconds in which beliefs follow the new pose.
+    """
     name = str(evidence.get("percept", {}).get("from", ""))
     camera = moment.memory.get_node(name)
-    return name if camera is not None and camera.get("mount") in (IN_DOUBT, PROVISIONAL) else ""
+    if camera is None:
+        return ""
+    is_doubted = camera.get("mount") in (IN_DOUBT, PROVISIONAL) or provisional(moment.memory, name) is not None
+    return name if is_doubted else ""
 
 
 def why_believed(moment: Moment, node: Node, around: Iterable[Node] = (), doubtful: str = "") -> str:

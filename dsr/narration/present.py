@@ -5,9 +5,12 @@ from __future__ import annotations
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
 from dsr.narration.answer import Response, joined, understood
+from dsr.narration.asked import span_asked
+from dsr.narration.calendar import TimeSpan
+from dsr.narration.chances import chances_of_thing
 from dsr.narration.doings import holding_statements, sight_of, wish_statements
 from dsr.narration.naming import is_robot, node_of, nodes_called
-from dsr.narration.past import contents_at, told_at
+from dsr.narration.past import contents_during, limits_of_memory, told_during
 from dsr.narration.persons import thing_by_person, world_of
 from dsr.narration.places import place_of_thing, relations_of, why_unseen
 from dsr.narration.questions import Query
@@ -31,21 +34,11 @@ _SPATIAL = {"above": "above", "below": "below", "near": "close_to", "next": "nex
 _EDGES = {"on": ("on",), "in": ("in",), "under": ("on", "in")}
 
 
-def time_asked(moment: Moment, query: Query) -> float | None:
-    """The time (s) that a question names; None for now, and where nothing has begun from which it counts."""
-    if query.ago is not None:
-        return moment.now - query.ago
-    return None if query.at is None or moment.origin is None else moment.origin + query.at
-
-
 def where(moment: Moment, query: Query) -> Response:
     """Where a thing, a person or a part of the robot is."""
     node = node_of(moment, query.things[0])
     if node.type in THINGS:
-        told = place_of_thing(moment, node)
-        supports, contents, holders = relations_of(moment, node.name)
-        names = [edge.dst for edge in (*contents, *supports)] or [edge.src for edge in holders]
-        return understood(told.text, [told], names=names)
+        return _where_thing(moment, node)
     pose = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
     if pose is None:
         return understood(f"Nobody knows where {node.name} is.")
@@ -59,6 +52,16 @@ def where(moment: Moment, query: Query) -> Response:
     return understood(text, [told])
 
 
+def _where_thing(moment: Moment, node: Node) -> Response:
+    """Where a thing is believed to be, and where else it could be."""
+    told = [place_of_thing(moment, node)]
+    if (chances := chances_of_thing(moment, node)) is not None:
+        told.append(chances)
+    supports, contents, holders = relations_of(moment, node.name)
+    names = [edge.dst for edge in (*contents, *supports)] or [edge.src for edge in holders]
+    return understood(joined(told), told, names=names)
+
+
 def where_by(moment: Moment, query: Query) -> Response:
     """Where a person believes a thing to be."""
     person, node = _person_and_thing(moment, query)
@@ -70,9 +73,9 @@ def where_by(moment: Moment, query: Query) -> Response:
 
 def contents(moment: Moment, query: Query) -> Response:
     """What is on, in or under a thing, now or at a time."""
-    node, relation, time = node_of(moment, query.things[0]), query.relation, time_asked(moment, query)
-    if time is not None:
-        return _contents_then(moment, node, relation, time)
+    node, relation, span = node_of(moment, query.things[-1]), query.relation, span_asked(moment, query)
+    if span is not None:
+        return _contents_then(moment, node, relation, span)
     if relation in _SPATIAL:
         margins = read_scene(moment.memory).margins(_SPATIAL[relation], destinations=node.name)
         names = sorted(fact.source for fact, margin in margins.items() if margin >= 0.0)
@@ -80,6 +83,9 @@ def contents(moment: Moment, query: Query) -> Response:
         names = sorted({edge.dst for edge in moment.memory.edges("on", src=node.name)} | _inside(moment, node.name))
     else:
         names = sorted(edge.src for edge in moment.memory.edges(relation, dst=node.name))
+    if len(query.things) > 1:
+        wanted = {one.name for one in nodes_called(moment, query.things[0])}
+        names = [name for name in names if name in wanted]
     told = [place_of_thing(moment, one) for name in names if (one := _thing(moment, name)) is not None]
     where_words = f"{'next to' if relation == 'next' else relation} {node.name}"
     if not names:
@@ -102,16 +108,23 @@ def contents_by(moment: Moment, query: Query) -> Response:
     return understood(joined(told), told, names=names)
 
 
+def any_so(moment: Moment, query: Query) -> Response:
+    """Whether there is anything, or any of a kind, on, in or under a thing."""
+    found = contents(moment, query)
+    return understood(_yes(bool(found.names), found.text), found.evidence, verdict=bool(found.names), names=found.names)
+
+
 def is_so(moment: Moment, query: Query) -> Response:
     """Whether a thing is on, in, under or near another, now or at a time."""
     thing, other = (node_of(moment, asked) for asked in query.things)
-    time = time_asked(moment, query)
+    span = span_asked(moment, query)
     upper, lower = (other, thing) if query.relation == "under" else (thing, other)
     kinds = _EDGES.get(query.relation, ())
-    if time is not None and kinds:
-        entries = [one for one in contents_at(moment, lower.name, kinds, time) if one.participants[0] == upper.name]
-        told = told_at(moment, entries, time)
-        return understood(_yes(bool(told), joined(told) or "The timeline does not tell so."), told, verdict=bool(told))
+    if span is not None and kinds:
+        found = contents_during(moment, lower.name, kinds, span)
+        told = told_during(moment, [one for one in found if one.participants[0] == upper.name], span)
+        text = joined(told) or "The timeline does not tell so."
+        return understood(_ended(_yes(bool(told), text), moment, span, told), told, verdict=bool(told))
     if query.relation in _SPATIAL:
         scene = read_scene(moment.memory).margins(_SPATIAL[query.relation], thing.name, other.name)
         holds = any(margin >= 0.0 for margin in scene.values())
@@ -214,12 +227,11 @@ def hides(moment: Moment, query: Query) -> Response:
 
 def holder(moment: Moment, query: Query) -> Response:
     """Who holds a thing, now or at a time."""
-    node, time = node_of(moment, query.things[0]), time_asked(moment, query)
-    if time is not None:
-        entries = contents_at(moment, node.name, ("grasping",), time)
-        told = told_at(moment, entries, time)
+    node, span = node_of(moment, query.things[0]), span_asked(moment, query)
+    if span is not None:
+        told = told_during(moment, contents_during(moment, node.name, ("grasping",), span), span)
         text = joined(told) or f"The timeline tells of nobody who held {node.name} then."
-        return understood(text, told, names=[entry.participants[0] for entry in entries])
+        return understood(_ended(text, moment, span, told), told, names=[one.names[0] for one in told])
     told = [one for one in holding_statements(moment) if one.names[1:] == (node.name,)]
     text = joined(told) or f"Nobody is known to hold {node.name}."
     return understood(text, told, names=[one.names[0] for one in told])
@@ -249,7 +261,10 @@ def wants(moment: Moment, query: Query) -> Response:
 
 
 def which(moment: Moment, query: Query) -> Response:
-    """Which things there are, of a kind or of all kinds, and how many."""
+    """Which things there are, of a kind or of all kinds, also on or in something, and how many."""
+    if query.relation:
+        inside = contents(moment, query)
+        return understood(f"{len(inside.names)}. {inside.text}", inside.evidence, names=inside.names)
     found = [node for node in nodes_called(moment, query.things[0] if query.things else "thing") if is_present(node)]
     told = [place_of_thing(moment, node) for node in found]
     names = [node.name for node in found]
@@ -257,11 +272,16 @@ def which(moment: Moment, query: Query) -> Response:
     return understood(text, told, names=names)
 
 
-def _contents_then(moment: Moment, node: Node, relation: str, time: float) -> Response:
-    entries = contents_at(moment, node.name, _EDGES.get(relation, ()), time)
-    told = told_at(moment, entries, time)
+def _contents_then(moment: Moment, node: Node, relation: str, span: TimeSpan) -> Response:
+    found = contents_during(moment, node.name, _EDGES.get(relation, ()), span)
+    told = told_during(moment, found, span)
     text = joined(told) or f"The timeline tells of nothing {relation} {node.name} then."
-    return understood(text, told, names=[entry.participants[0] for entry in entries])
+    return understood(_ended(text, moment, span, told), told, names=list(dict.fromkeys(one.names[0] for one in told)))
+
+
+def _ended(text: str, moment: Moment, span: TimeSpan, told: list[Statement]) -> str:
+    """An answer about the past, with how well that is remembered."""
+    return f"{text} {limits_of_memory(moment, span, told)}".strip()
 
 
 def _does_see(moment: Moment, asked: str, thing: Node) -> Response:

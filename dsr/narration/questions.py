@@ -11,113 +11,34 @@ import msgspec
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken, VisitError
 
-_WORDS = {
-    "BE": "is are was were be being been", "DO": "do does did", "CAN": "can could", "WILL": "will would",
-    "HAS": "has have had", "WHERE": "where", "WHAT": "what which", "WHO": "who", "WHEN": "when", "WHY": "why",
-    "HOW": "how", "LONG": "long", "MANY": "many", "IF": "if", "THERE": "there", "AGO": "ago", "AT": "at",
-    "SINCE": "since", "LAST": "last", "LATELY": "lately recently", "NOW": "now currently",
-    "DET": "the a an my your this that", "ON": "on onto upon", "IN": "in into inside within",
-    "UNDER": "under beneath underneath", "BY": "by", "TO": "to", "OF": "of", "FOR": "for", "NOT": "not",
-    "ABOVE": "above over", "BELOW": "below", "NEAR": "near beside", "NEXT": "next", "SEE": "see sees seeing",
-    "SEEN": "seen", "VISIBLE": "visible", "UNSEEN": "unseen hidden invisible", "HIDE": "hide hides hiding",
-    "HOLD": "hold holds holding", "HELD": "held", "THINK": "think thinks believe believes",
-    "BELIEVED": "believed thought", "KNOW": "know knows", "LOOK": "look search", "WRONG": "wrong mistaken",
-    "SURPRISING": "surprising surprised", "GONE": "gone missing", "WANT": "want wants", "WAIT": "wait waits waiting",
-    "DOING": "doing", "GOAL": "goal mission task plan", "HAPPEN": "happen happens happened",
-    "MOVE": "move moves moved", "FALL": "fall falls fell fallen", "STAY": "stay stays stand stands",
-    "REST": "rest rests lie lies", "APPEAR": "appear appeared", "VANISH": "disappear disappeared vanish vanished",
-    "PICK": "pick picked take took taken lift lifted grab grabbed", "PUT": "put place placed lay laid",
-    "DROP": "drop dropped release released", "UP": "up", "DOWN": "down", "AWAY": "away", "REMOVE": "remove removed",
-    "STOP": "stop stopped standing", "COME": "come came get got", "UNIT": r"s sec seconds second(?=\s+ago)",
-    "MINUTE": "min minute minutes",
-}  # fmt: skip
-"""The words of each terminal. None of them can be the name of a thing."""
-_GRAMMAR = r"""
-start: question NOW?
+from dsr.narration.calendar import MARK, without_times
+from dsr.narration.grammar import EXAMPLES, GRAMMAR, TIMED, WORDS
 
-question: where_now | where_then | where_by | last_seen | last_seen_by | contents | contents_by | is_so | is_so_by
-    | knows | is_wrong | is_there | sees | is_visible | who_sees | what_sees | hides | holder | held | is_holding
-    | when_was | since_when | how_long | how_long_so | why_so | why_state | why_waits | why_moved | happened | who_did
-    | what_if | would | wants | doing | count | which
-
-where_now: WHERE BE thing
-where_then: WHERE BE thing when
-where_by: WHERE DO thing THINK (DET? thing) BE | WHERE WILL thing LOOK FOR thing
-    | WHERE BE thing BE? BELIEVED BY thing
-last_seen: WHEN BE thing LAST? SEEN | WHEN BE thing SEEN LAST
-last_seen_by: WHEN DO thing LAST SEE thing | WHEN BE thing LAST SEEN BY thing
-contents: WHAT BE relation thing when? | WHAT REST relation thing
-contents_by: WHAT DO thing THINK BE relation thing
-is_so: BE thing relation thing when?
-is_so_by: DO thing THINK that? thing BE relation thing
-that: DET
-knows: DO thing KNOW WHERE thing BE
-is_wrong: BE thing WRONG OF? ABOUT? thing
-is_there: BE THERE thing | BE thing THERE | BE thing state
-sees: (CAN | DO) thing SEE thing
-is_visible: BE thing VISIBLE (TO thing)?
-who_sees: WHO CAN? SEE thing | WHO BE SEE thing
-what_sees: WHAT (CAN | DO) thing SEE | WHAT BE thing SEE
-hides: WHAT (BE)? HIDE thing
-holder: WHO (BE)? (HOLD | HELD) thing when? | WHO HAS thing when? | WHO BE HOLD thing when | WHERE BE thing HELD
-held: WHAT BE thing HOLD | WHAT DO thing (HOLD | HAS)
-is_holding: BE thing HOLD thing | DO thing (HOLD | HAS) thing
-when_was: WHEN (BE | DO) thing did
-since_when: SINCE WHEN BE thing relation thing | WHEN DO thing COME relation thing
-how_long: HOW LONG HAS thing BE UNSEEN | HOW LONG BE thing UNSEEN
-how_long_so: HOW LONG HAS thing BE relation thing | HOW LONG BE thing relation thing
-why_so: WHY BE thing (BE? BELIEVED TO? BE?)? relation thing | WHY DO thing THINK that? thing BE relation thing
-why_state: WHY BE thing state | WHY BE NOT thing (VISIBLE | SEEN)
-    | WHY CAN thing NOT SEE thing
-why_waits: WHY DO thing (WAIT | STOP | NOT MOVE) | WHY BE thing (WAIT | STOP | NOT did)
-why_moved: WHY DO thing (MOVE | FALL) | WHY BE thing did
-happened: WHAT HAPPEN (TO thing)? since? | WHAT HAS HAPPEN (TO thing)? since?
-who_did: WHO did_what thing | WHO did_what thing (UP | DOWN | AWAY)
-what_if: WHAT WILL? HAPPEN? IF change
-would: WILL thing (FALL | MOVE | STAY) IF change
-wants: WHAT DO thing WANT | WHAT BE DET? GOAL (OF thing)? | WHAT DO thing WAIT FOR | WHAT BE thing WAIT FOR
-doing: WHAT BE thing DOING
-count: HOW MANY thing BE THERE
-which: WHAT thing BE THERE | WHAT BE THERE
-
-change: thing BE (REMOVE | PICK AWAY | GONE) -> remove
-    | thing (REMOVE | PICK AWAY?) thing AWAY? -> remove_by
-    | thing BE HELD -> hold
-    | thing BE (PUT | MOVE) ON thing -> put
-    | thing PUT thing ON thing -> put
-did: MOVE | PICK UP? | PICK AWAY | PUT DOWN? | DROP | FALL | APPEAR | VANISH | REMOVE
-did_what: MOVE | PICK (UP | AWAY)? | PUT DOWN? | DROP | REMOVE
-state: SURPRISING | GONE | UNSEEN | THERE | VISIBLE | NOT VISIBLE | NOT SEEN
-relation: ON | IN | UNDER | ABOVE | BELOW | NEAR | NEXT TO
-when: NUMBER unit AGO -> ago | AT NUMBER unit? -> at
-since: SINCE NUMBER unit AGO? -> ago | IN DET? LAST NUMBER? unit -> ago | LATELY -> lately | SINCE AT? NUMBER -> at
-unit: UNIT -> seconds | MINUTE -> minutes
-thing: DET? WORD+
-
-NUMBER: /\d+(\.\d+)?/
-WORD: /[^\W\d][\w.\-]*/
-ABOUT.2: /about(?![\w.\-])/
-%ignore /[\s?!.,"]+/
-"""
-EXAMPLES = {
-    "where": "where is the THING?", "where_then": "where was the THING 10 s ago?",
-    "where_by": "where does PERSON think the THING is?", "last_seen": "when was the THING last seen?",
-    "last_seen_by": "when did PERSON last see the THING?", "contents": "what is on the table?",
-    "contents_by": "what does PERSON think is in the THING?", "is_so": "is the THING on the table?",
-    "is_so_by": "does PERSON believe that the THING is on the table?", "knows": "does PERSON know where the THING is?",
-    "sees": "can PERSON see the THING?", "is_visible": "is the THING visible?", "who_sees": "who sees the THING?",
-    "what_sees": "what does PERSON see?", "hides": "what hides the THING?", "holder": "who holds the THING?",
-    "held": "what does the gripper hold?", "when_was": "when was the THING picked up?",
-    "since_when": "since when is the THING on the table?", "how_long": "how long has the THING been unseen?",
-    "why_so": "why is the THING on the table?", "why_state": "why is the THING surprising?",
-    "why_waits": "why does the robot wait?", "why_moved": "why did the THING move?",
-    "happened": "what happened to the THING in the last 10 s?", "who_did": "who picked the THING up?",
-    "what_if": "what if the THING were removed?", "would": "would the THING fall if the OTHER were removed?",
-    "wants": "what does the robot want?", "count": "how many cubes are there?", "which": "what is there?",
-}  # fmt: skip
-"""A question of each kind, to show when another is not understood."""
 _LONGEST = 300
 """Characters of a question: several times the longest example. The work of reading grows with the cube of the words"""
+_MOST_PARTS = 4
+"""Questions in one: more are an interrogation, and each takes time to read."""
+_POLITE = re.compile(
+    r"^((please|hey|hi|hello|ok|okay|so|well|and|but|tell|show|say|me|us|do you know|any idea|i wonder"
+    r"|(can|could|would|will) you|i (want|would like|need) to know)\b[ ,]*)+"
+    r"(?=(where|what|which|who|when|why|how|is|are|was|were|did)\b)"
+)
+"""What people say before a question that asks for nothing."""
+_FILLERS = re.compile(
+    r"(?<![\w.\-])(please|still|just|actually|exactly|really|ever|already|again|right(?= now))(?![\w.\-])"
+)
+"""Words that change nothing in a question about what is so."""
+_SHORT = (
+    ("can't ", "can not "), ("can’t ", "can not "), ("won't ", "will not "), ("n't ", " not "), ("n’t ", " not "),
+    ("'s ", " is "), ("’s ", " is "),
+)  # fmt: skip
+_ALSO = ((" on top of ", " on "), (" on the top of ", " on "), (" inside of ", " in "), (" in side ", " in "))
+_AND = re.compile(
+    r"[,;]?\s+(?:and|or|but)\s+(?=(?:who|what|where|when|why|how|which|did|does|is|was|are|were|has|can)\b)"
+)
+"""Between two questions in one."""
+_PROPERTIES = ("COLOUR", "LARGE", "HEAVY")
+_IT = ("it", "they", "them")
 _YOU = re.compile(r"\byou\b")
 _SIMILAR = 3
 """Questions that are shown instead of one that is not understood: those that fit on a few lines."""
@@ -134,10 +55,12 @@ class Query(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     """`on`, `in`, `under`, `above`, `below`, `near` or `next`."""
     word: str = ""
     """What was done, or a state: `pick`, `gone`, ..."""
-    ago: float | None = None
-    """s before now"""
+    when: str = ""
+    """Words of a time, see `dsr.narration.calendar`: `last tuesday`, `10 s ago`."""
     at: float | None = None
     """s since the beginning of what is told of"""
+    since: float | None = None
+    """s since the beginning of what is told of, from which on until now"""
 
 
 class Misunderstanding(NamedTuple):
@@ -156,14 +79,38 @@ def parse_question(text: str) -> Query | Misunderstanding:
     if len(text) > _LONGEST:
         why = f"A question has at most {_LONGEST} characters, not {len(text)}."
         return Misunderstanding(text[_LONGEST:], why, similar_questions(text[:_LONGEST]))
-    plain = _plain(text)
+    plain, times = _timeless(_plain(text))
+    if len(times) > 1:
+        why = f"There are two times in it: {' and '.join(map(repr, times))}."
+        return Misunderstanding(times[1], why, similar_questions(plain))
     try:
         query: Query = _Reader().transform(_parser().parse(plain))
     except UnexpectedInput as error:
         return _misunderstood(plain, error)
     except VisitError as error:
         return Misunderstanding(text, f"That makes no question: {error.orig_exc}.", similar_questions(plain))
-    return query
+    return msgspec.structs.replace(query, when=times[0]) if times else query
+
+
+def parse_questions(text: str) -> list[Query | Misunderstanding]:
+    """Read one question, or several in one: `where was the cup last Tuesday, and who moved it?`.
+
+    A later one takes from the one before what "it" is, and the time.
+    """
+    whole = parse_question(text)
+    parts = _AND.split(text.strip())
+    if not isinstance(whole, Misunderstanding) or not 1 < len(parts) <= _MOST_PARTS:
+        return [whole]
+    found: list[Query | Misunderstanding] = []
+    for part in parts:
+        query, before = parse_question(part), found[-1] if found else None
+        if isinstance(query, Query) and isinstance(before, Query):
+            things = tuple(before.things[-1] if name in _IT and before.things else name for name in query.things)
+            is_timed = query.when or query.at is not None or query.since is not None
+            when = query.when if is_timed or query.kind not in TIMED else before.when
+            query = msgspec.structs.replace(query, things=things, when=when)
+        found.append(query)
+    return found
 
 
 def similar_questions(text: str) -> tuple[str, ...]:
@@ -174,18 +121,27 @@ def similar_questions(text: str) -> tuple[str, ...]:
 
 
 def _plain(text: str) -> str:
-    """A question in lower case, without short forms."""
-    plain = " ".join(text.lower().split())
-    for short, long in (("'s ", " is "), ("’s ", " is "), ("n't ", " not ")):
+    """A question in lower case, without short forms, and without words that ask for nothing."""
+    plain = " ".join(text.lower().replace(MARK, " ").split())
+    for short, long in _SHORT:
         plain = plain.replace(short, long)
+    plain = " ".join(_FILLERS.sub(" ", _POLITE.sub("", plain)).split())
+    for several, one in _ALSO:
+        plain = plain.replace(several, one)
     return _YOU.sub("the robot", plain)
+
+
+def _timeless(plain: str) -> tuple[str, tuple[str, ...]]:
+    """A question with one mark at its end for the times in it, and their words."""
+    marked, times = without_times(plain)
+    return (f"{' '.join(marked.replace(MARK, ' ').split()).strip(' ,?')} {MARK}" if times else plain), times
 
 
 @cache
 def _parser() -> Lark:
     """Reading the grammar takes tens of milliseconds, which only who asks needs."""
-    words = (f"{name}.2: /(?:{'|'.join(known.split())})(?![\\w.\\-])/" for name, known in _WORDS.items())
-    return Lark("\n".join([_GRAMMAR, *words]), parser="earley", lexer="basic", maybe_placeholders=False)
+    words = (f"{name}.2: /(?:{'|'.join(known.split())})(?![\\w.\\-])/" for name, known in WORDS.items())
+    return Lark("\n".join([GRAMMAR, *words]), parser="earley", lexer="basic", maybe_placeholders=False)
 
 
 def _misunderstood(text: str, error: UnexpectedInput) -> Misunderstanding:
@@ -206,8 +162,8 @@ class _Thing(NamedTuple):
 
 
 class _Time(NamedTuple):
-    ago: float | None = None
     at: float | None = None
+    since: float | None = None
 
 
 class _Part(NamedTuple):
@@ -226,8 +182,9 @@ class _Reader(Transformer[Token, Query]):
     """Makes a query of a tree."""
 
     def start(self, children: list[Any]) -> Query:
-        """The one question."""
-        query: Query = children[0]
+        """The one question, with its time."""
+        time = next((part for part in children if isinstance(part, _Time)), _Time())
+        query: Query = msgspec.structs.replace(children[0], at=time.at, since=time.since)
         return query
 
     @v_args(tree=True)
@@ -238,7 +195,7 @@ class _Reader(Transformer[Token, Query]):
 
     def thing(self, children: list[Token]) -> _Thing:
         """The words of a name without its article."""
-        return _Thing(" ".join(str(word) for word in children if word.type == "WORD"))
+        return _Thing(" ".join(str(word) for word in children if word.type != "DET"))
 
     def relation(self, children: list[Token]) -> _Part:
         """The name of the relation is that of its word's terminal."""
@@ -263,9 +220,13 @@ class _Reader(Transformer[Token, Query]):
         """S in the unit"""
         return 60.0
 
-    def ago(self, children: list[Any]) -> _Time:
-        """A time before now."""
-        return _Time(ago=_seconds(children))
+    def span(self, _: list[Token]) -> _Time:
+        """A time whose words are known already."""
+        return _Time()
+
+    def since(self, children: list[Any]) -> _Time:
+        """All since a time from the beginning on."""
+        return _Time(since=_seconds(children))
 
     def at(self, children: list[Any]) -> _Time:
         """A time since the beginning."""
@@ -293,13 +254,12 @@ class _Reader(Transformer[Token, Query]):
 def _query(rule: str, children: list[Any]) -> Query:
     """The query of a rule with what was read within it."""
     parts = {part.field: part.value for part in children if isinstance(part, _Part)}
-    time = next((part for part in children if isinstance(part, _Time)), _Time())
     changes = [part for part in children if isinstance(part, _Changed)]
     word = changes[0].word if changes else parts.get("word", "there" if rule == "is_there" else "")
+    if rule == "property":
+        word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _PROPERTIES)
     things = (*_names(children), *(name for change in changes for name in change.things))
-    return Query(
-        kind=rule, things=things, relation=parts.get("relation", ""), word=word, ago=time.ago, at=time.at
-    )  # fmt: skip
+    return Query(kind=rule, things=things, relation=parts.get("relation", ""), word=word)
 
 
 def _names(children: list[Any]) -> tuple[str, ...]:

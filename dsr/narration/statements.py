@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import tzinfo
 from enum import StrEnum
 from typing import Any, NamedTuple
 
@@ -10,9 +11,12 @@ import msgspec
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose, position_deviation
 from dsr.memory import Memory
+from dsr.narration.calendar import moment_words
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES
 
+_CALENDAR = 3600.0
+"""s before now from which a time of day tells more than a length of time"""
 Place = tuple[float, float, float]
 """m, x y z in the world frame"""
 
@@ -25,6 +29,8 @@ class Moment(NamedTuple):
     """s"""
     origin: float | None = None
     """s, from which times count that are given without `ago`, as in a recording; None where nothing has begun"""
+    zone: tzinfo | None = None
+    """On whose calendar days are counted; None for that of this machine"""
 
     @staticmethod
     def of(memory: Memory) -> Moment:
@@ -33,7 +39,12 @@ class Moment(NamedTuple):
 
     def in_world(self, world: Memory) -> Moment:
         """The same moment in another world."""
-        return Moment(world, self.now, self.origin)
+        return self._replace(memory=world)
+
+    def when(self, time: float) -> str:
+        """A time (s) before now in words: `4.2 s ago`; from an hour on `yesterday at 14:05` and the like."""
+        past = self.now - time
+        return ago(past) if past < _CALENDAR else moment_words(time, self.now, self.zone)
 
 
 class Basis(StrEnum):
@@ -92,6 +103,11 @@ class Statement(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
 def ago(seconds: float) -> str:
     """A time before now in words: `4.2 s ago`, `3 min ago`."""
     return f"{length_of_time(seconds)} ago"
+
+
+def sentence_begin(words: str) -> str:
+    """Words with a capital in front, unless that is a digit."""
+    return words[:1].upper() + words[1:]
 
 
 def length_of_time(seconds: float) -> str:

@@ -18,6 +18,8 @@ _SECONDS = 2.0
 """s to simulate: a thing that loses its support has fallen from a table within half of that"""
 _GAP = 0.0005
 """m between a thing and what it is put on: nothing may reach into another at the beginning"""
+_CHANGED = {"remove": 1, "hold": 1, "put": 2}
+"""Things that a change is about, by its word."""
 _MOVED = 0.01
 """m from which a thing counts as moved: twice what a stack settles by"""
 
@@ -45,7 +47,10 @@ def supposed(moment: Moment, query: Query) -> Thought[Response]:
 
 
 def _verdict(moment: Moment, query: Query, found: Answer, moved: list[str], statements: list[Statement]) -> Response:
-    """Yes or no to whether one thing would move."""
+    """Yes or no to whether one thing, or any, would move."""
+    if len(query.things) == _CHANGED[query.word]:
+        text = " ".join(one.text for one in statements if one.names[0] in moved) or "Nothing else would move."
+        return understood(f"{'Yes' if moved else 'No'}: {text}", statements, verdict=bool(moved), names=moved)
     name = node_of(moment, query.things[0]).name
     moves = found.moved.get(name, 0.0) > _MOVED
     evidence = statements if any(one.names[0] == name for one in statements) else [*statements, _outcome(found, name)]

@@ -46,5 +46,7 @@ LOST_SUPPORT = 0.5
 """nats: an unseen object falls because what carried it is gone."""
 MOST_MISFIT = 20.0
 """nats, at most, of a percept that is off: beyond, it is as good as false."""
+AS_GOOD = 1.0
+"""nats between two explanations that explain the same as well: what noise makes of the same score."""
 SURPRISING = 8.0
 """nats of misfit above which an object is displaced: four standard deviations of one coordinate."""

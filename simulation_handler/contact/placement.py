@@ -22,7 +22,7 @@ from simulation_handler.shapes.geometry import Solid
 _LEVEL_TOPS = 0.002  # m, tops that differ by less carry an object together
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
-_ASKEW = 0.003  # rad, from which the floor of a container seems to be beside what lies on it
+_ASKEW = 0.003  # rad, from which something leans; the floor of a container seems to be beside what lies on it then
 _SWEEPS = 25  # count of passes over all pairs: piles of ten have come apart by then
 _HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
 
@@ -68,7 +68,7 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
             solid = posed.moved(given_height(posed.position, covariance, level + posed.half_height))
     if level is None:
         return Placement(_above(percept, covariance, others), (), covariance)
-    return Placement(solid, supports if upright else (), _covariance_given_height(covariance))
+    return Placement(solid, supports if upright else (), covariance_given_height(covariance))
 
 
 def find_support(
@@ -151,7 +151,8 @@ def given_height(position: Vector3, covariance: Array, height: float) -> Vector3
     return x, y, z
 
 
-def _covariance_given_height(covariance: Array) -> Array:
+def covariance_given_height(covariance: Array) -> Array:
+    """(3, 3) m^2 of a Gaussian position, once its height is known."""
     column = covariance[:, 2]
     rest: Array = covariance - np.outer(column, column) / column[2]
     rest[2, 2] += _HEIGHT_STD**2
@@ -190,8 +191,8 @@ def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_
 
 
 def _is_askew(solid: Solid) -> bool:
-    """Whether it is of several parts that lean: what they are beside is then not to be seen from above."""
-    return solid.kind is None and solid.face_down()[1] > _ASKEW
+    """Whether it leans: what it is beside is then not to be seen from above."""
+    return solid.face_down()[1] > _ASKEW
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:

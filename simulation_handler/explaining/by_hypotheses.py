@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dsr.clock import Clock
+from dsr.vocabulary import nats
 from dsr.vocabulary.explained import text_of
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import Hypothesis
-from simulation_handler.explaining.least_change import AS_GOOD, with_least_change
+from simulation_handler.explaining.least_change import with_least_change
 from simulation_handler.explaining.policy import Explanation
 from simulation_handler.explaining.search import Candidate, search
 from simulation_handler.explaining.situation import Situation
@@ -41,7 +42,7 @@ def with_typical_fall(ranking: Sequence[Candidate]) -> list[Candidate]:
             for name, _ in best.hypothesis.fallen
         )
 
-    medoid = min((c for c in alike if c.score.total - best.score.total <= AS_GOOD), key=distance)
+    medoid = min((c for c in alike if c.score.total - best.score.total <= nats.AS_GOOD), key=distance)
     return [medoid, *(candidate for candidate in ranking if _kind(candidate.hypothesis) != kind)]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from dsr.math3d import quaternions
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.placement import Placement, place, separate
+from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Situation
@@ -109,7 +110,11 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
         elif name in falls:
             placements[name] = Placement(solid, (), covariance)
         else:
-            placements[name] = place(solid, covariance, list(scene.values()), situation.config)
+            others = list(scene.values())
+            turned = solid
+            if seen is not None and not seen.shows_stance:
+                turned = solid.turned(likeliest_stance(solid, covariance, seen.turning, others, situation.config)[0])
+            placements[name] = place(turned, covariance, others, situation.config)
         scene[name] = placements[name].solid
     return placements
 

@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from dsr.vocabulary import nats
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.piles import moved
 from simulation_handler.explaining.scoring import prior
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
 
-AS_GOOD = 1.0
-"""nats between two explanations that explain the same as well: what noise makes of the same score"""
 _CHANGE_STEP = 0.005  # m, sum over all objects: what physics alone makes of the same places
 
 
 def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> list[Candidate]:
     """The ranking, led by the candidate that changes the least of those as good as its first; else by its order.
 
-    As good are those that assume the same of other unseen objects, and fit as well (`AS_GOOD`): they differ in which
-    objects came along, are beneath which, or are gone.
+    As good are those that assume the same of other unseen objects, and fit as well (`nats.AS_GOOD`): they differ in
+    which objects came along, are beneath which, or are gone.
     """
     if not ranking:
         return []
@@ -43,7 +42,7 @@ def _is_as_good(situation: Situation, candidate: Candidate, best: Candidate) -> 
         return True
     return (
         _kind(candidate.hypothesis) == _kind(best.hypothesis)
-        and candidate.score.total - best.score.total <= AS_GOOD
+        and candidate.score.total - best.score.total <= nats.AS_GOOD
         and len(candidate.score.residuals) <= len(best.score.residuals)
         and math.isclose(prior(situation, candidate.hypothesis), prior(situation, best.hypothesis))
     )

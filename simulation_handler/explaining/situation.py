@@ -15,6 +15,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
+from simulation_handler.perception.estimate import PLACE_FLOOR
 from simulation_handler.perception.percepts import Array
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
@@ -22,8 +23,6 @@ from simulation_handler.state.objects import BelievedObject
 
 THIS_FRAME = 0.25
 """s, age up to which a percept shows the present"""
-_PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
-_TURN_FLOOR = 0.03  # rad, likewise
 
 VisibilityQuery = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
 """Predicts the visibility of solids to cameras, by (camera, object)."""
@@ -47,6 +46,8 @@ class Seen:
     """s since the newest percept"""
     unflattened: Solid | None = None
     """The percept with its tilt, where that was taken out."""
+    shows_stance: bool = True
+    """Whether percepts tell which of its sides is down."""
 
     @property
     def shown(self) -> Solid:
@@ -64,8 +65,20 @@ class Seen:
 def shown_now(item: BelievedObject, config: BeliefConfig) -> tuple[Solid, Solid]:
     """The object at its perceived pose, twice: with the noise of its tilt taken out, and as it is."""
     percept = item.percept()
+    return level(percept, item.stance, config), percept
+
+
+def level(percept: Solid, stance: Quaternion | None, config: BeliefConfig) -> Solid:
+    """A percept without the tilt that noise alone may have given it; one that leans as is believed keeps its tilt."""
     flat, tilt = percept.face_down()
-    return (flat if tilt <= config.tilt_tolerance else percept), percept
+    if tilt > config.tilt_tolerance:
+        return percept
+    return percept if stance is not None and _alike(percept, stance) > _alike(flat, stance) else flat
+
+
+def _alike(solid: Solid, rotation: Quaternion) -> float:
+    """Cosine of half the angle between two rotations."""
+    return abs(sum(a * b for a, b in zip(solid.rotation, rotation, strict=True)))
 
 
 def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
@@ -75,12 +88,13 @@ def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
     flat, percept = shown_now(item, config)
     return Seen(
         percept=flat,
-        covariance=item.percept_covariance(config) + _PLACE_FLOOR**2 * np.eye(3),
-        turning=estimate.rotation_covariance + _TURN_FLOOR**2 * np.eye(3),
+        covariance=item.percept_covariance(config) + PLACE_FLOOR**2 * np.eye(3),
+        turning=item.turning(),
         count=estimate.count,
         moving=item.track.moving,
         age=now - item.track.last_stamp,
         unflattened=percept,
+        shows_stance=item.shows_stance,
     )
 
 

@@ -68,6 +68,11 @@ class Touching:
             if not grasp.slipped or self._bodies.objects[thing].hand == hand
         }
 
+    @property
+    def hands(self) -> Mapping[str, Hand]:
+        """All hands that are known, by name."""
+        return self._hands
+
     def paths(self) -> dict[str, Path]:
         """Paths of the fingertips in sight, by name."""
         return {

@@ -14,12 +14,12 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import explained_by_camera
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import Properties, Seen, Situation
+from simulation_handler.perception.estimate import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
 _FEWEST_AGREEING = 3  # objects that must agree on one motion of the camera: two boxes may be moved so that they do
 _FEWEST_DISPLACED = 2  # of them, that must be seen elsewhere than believed: one is moved by itself
-_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts
 
 
 def seem_bumped(
@@ -51,7 +51,7 @@ def _newest(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
     shown = item.solid((x, y, z), percept.rotation)
     flat, tilt = shown.face_down()
     bias = config.depth_bias if item.bias is None else config.learned_bias
-    covariance = percept.position_covariance + bias**2 * np.outer(percept.ray, percept.ray) + _FLOOR**2 * np.eye(3)
+    covariance = percept.position_covariance + bias**2 * np.outer(percept.ray, percept.ray) + PLACE_FLOOR**2 * np.eye(3)
     return Seen(
         percept=flat if tilt <= config.tilt_tolerance else shown,
         covariance=covariance,

@@ -19,6 +19,10 @@ from simulation_handler.perception.percepts import Array, WeighedPercept
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
 
+PLACE_FLOOR = 0.002
+"""m, standard deviation of what is no noise of percepts: of bodies in contact, of models"""
+TURN_FLOOR = 0.03
+"""rad, likewise"""
 _EYE = np.eye(3)
 _MOST_SIGMAS = 2.0  # standard deviations of the bias beyond which it explains nothing
 _STEEP_RAY = 0.5  # vertical part of a viewing ray from which a height tells the depth error

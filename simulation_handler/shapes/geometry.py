@@ -154,6 +154,30 @@ class Solid:
         rotation, tilt = face_down(self.rotation, self._sides())
         return self.turned(rotation), tilt
 
+    def stances(self) -> list[Quaternion]:
+        """The rotations that put one of its faces down, each the nearest to how it is turned; none for a ball."""
+        return [face_down(self.rotation, (side,))[0] for side in self._faces()]
+
+    def level_sides(self) -> list[Vector3]:
+        """Unit vectors in the world of those sides of its bounding box that are about vertical."""
+        axes = [(row[0], row[1], row[2]) for row in zip(*quaternions.to_matrix(self.rotation), strict=True)]
+        upright = max(range(3), key=lambda k: abs(axes[k][2]))
+        level = [axis for k, axis in enumerate(axes) if k != upright]
+        return [(sign * x, sign * y, sign * z) for x, y, z in level for sign in (1.0, -1.0)]
+
+    def _faces(self) -> Sequence[Vector3]:
+        """Outward normals, in its frame, of the sides on which it can lie; of those that are alike, the lowest one."""
+        x, y, z = quaternions.to_matrix(self.rotation)[2]
+        if self.kind == "sphere":
+            return ()
+        if self.kind == "cylinder":
+            radius = math.hypot(x, y)
+            level = (1.0, 0.0, 0.0) if radius < _LEVEL_SLOPE else (-x / radius, -y / radius, 0.0)
+            return ((0.0, 0.0, math.copysign(1.0, -z)), level)
+        return (() if self.kind else faces(self.shape)) or (
+            (math.copysign(1.0, -x), 0.0, 0.0), (0.0, math.copysign(1.0, -y), 0.0), (0.0, 0.0, math.copysign(1.0, -z))
+        )  # fmt: skip
+
     def _sides(self) -> Sequence[Vector3]:
         """Outward normals, in its frame, of those of its sides that may be down; none if they are those of a box."""
         if self.kind == "cylinder":
@@ -200,8 +224,8 @@ def face_down(rotation: Quaternion, sides: Sequence[Vector3] = ()) -> tuple[Quat
         normal = quaternions.rotate(rotation, (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)))
     sine = math.hypot(normal[0], normal[1])
     tilt = math.atan2(sine, normal[2])
-    if sine == 0.0:
+    if tilt == 0.0:
         return rotation, 0.0
-    scale = tilt / sine
-    turn = quaternions.from_rotvec((normal[1] * scale, -normal[0] * scale, 0.0))
+    scale = tilt / sine if sine else 0.0
+    turn = quaternions.from_rotvec((normal[1] * scale, -normal[0] * scale, 0.0) if sine else (math.pi, 0.0, 0.0))
     return quaternions.normalised(quaternions.product(turn, rotation)), tilt

@@ -18,7 +18,8 @@ from simulation_handler.state.objects import BelievedObject
 
 FLOOR = "_floor"
 _HIGHER = 0.001  # m
-_SLOW = 0.05  # m/s up to which a body counts as at rest
+SLOW = 0.05
+"""m/s up to which a body counts as at rest"""
 _FLOOR_SIZE = (20.0, 20.0, 0.2)  # m
 
 
@@ -145,6 +146,12 @@ class Bodies:
             item.static, item.gone = False, False
         item.put = Pose.unchecked(position, rotation)
 
+    def note_stances(self) -> None:
+        """Keep in mind how all objects are turned now, but for those on their way: those follow what was seen."""
+        for name, item in self.objects.items():
+            if name in self.sim and not item.driven:
+                item.stance = self.sim.pose(name)[1]
+
     def take_away(self, item: BelievedObject) -> None:
         """Take the body of an object out: it has no place any more."""
         if item.name in self.sim:
@@ -162,9 +169,20 @@ class Bodies:
         """Whether physics has moved an object from the pose at which it was put."""
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
 
+    def shared_bias(self, item: BelievedObject) -> tuple[float, float]:
+        """Systematic error along the viewing ray of an object by those of the others: mean and standard deviation, m.
+
+        Each error is a part that all share, of standard deviation `depth_bias`, and one of its own, of `learned_bias`.
+        """
+        own, shared = self._config.learned_bias**2, self._config.depth_bias**2
+        others = (other for other in self.objects.values() if other is not item and other.is_sure_of_stance)
+        known = [other.bias for other in others if other.bias is not None]
+        left = 1.0 / (1.0 / shared + len(known) / own)
+        return left * sum(known) / own, math.sqrt(left + own)
+
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""
-        return {name for name in self.objects if name in self.sim and self.sim.speed(name)[0] > _SLOW}
+        return {name for name in self.objects if name in self.sim and self.sim.speed(name)[0] > SLOW}
 
     def unplaced(self) -> dict[str, Vector3]:
         """Edge lengths (m) of the boxes that exist and have no place, by name; those believed to be gone come last."""

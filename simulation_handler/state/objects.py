@@ -15,7 +15,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.supports import UNKNOWN
-from simulation_handler.perception.estimate import Estimate
+from simulation_handler.perception.estimate import TURN_FLOOR, Estimate
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.perception.tracking import PerceptTrack
@@ -64,6 +64,10 @@ class BelievedObject:
     """Whether the body is held in place: it hovers, and nothing known carries it."""
     bias: float | None = None
     """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
+    stance: Quaternion | None = None
+    """How it is believed to be turned in the world, for percepts that do not tell; None as long as it has no place."""
+    is_sure_of_stance: bool = True
+    """Whether it is clear which of its sides is down, if that makes a difference of its height."""
     hovering_since: float | None = None
     """Time (s) since when the object hovers; None if it does not."""
     prop: Solid | None = None
@@ -116,9 +120,7 @@ class BelievedObject:
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
         self.shows_rotation = float(np.trace(percept.rotation_covariance)) < SURE_OF_ROTATION
         self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
-        rotation = percept.rotation
-        if self.turned_by_hand is not None and not (self.shows_rotation or self.shows_tilt):
-            rotation = self.turned_by_hand
+        rotation = percept.rotation if self.shows_stance else self.turned_by_hand or self.stance or percept.rotation
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     def recall_seen(self, world_pose: Pose, stamp: float, camera: str) -> None:
@@ -137,12 +139,19 @@ class BelievedObject:
         """Whether its body goes where something else goes: percepts do not put it anywhere by themselves."""
         return bool(self.holder) or self.driven or self.rides
 
+    @property
+    def shows_stance(self) -> bool:
+        """Whether percepts tell which of its sides is down."""
+        return self.shows_rotation or self.shows_tilt
+
     def percept(self) -> Solid:
-        """The object at its perceived pose, without the known systematic error."""
+        """The object at its perceived pose, without the known systematic error; turned as it is believed to be, if
+        percepts do not tell that.
+        """
         estimate = self.track.estimate
         assert estimate is not None
         x, y, z = estimate.corrected(self.bias or 0.0).tolist()
-        return self.solid((x, y, z), estimate.rotation)
+        return self.solid((x, y, z), estimate.rotation if self.shows_stance else self.stance or estimate.rotation)
 
     def solid(self, position: Vector3, rotation: Quaternion) -> Solid:
         """The object there."""
@@ -152,6 +161,12 @@ class BelievedObject:
         """(3, 3) m^2 of the position of `percept`."""
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
+
+    def turning(self) -> Array:
+        """(3, 3) rad^2 of the rotation of `percept`."""
+        assert self.track.estimate is not None
+        covariance: Array = self.track.estimate.rotation_covariance + TURN_FLOOR**2 * np.eye(3)
+        return covariance
 
     def is_carried(self) -> bool:
         """Whether a body of the simulation carries the object, so that it needs no holding."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from agents.scenario.format.model import RobotSpec
 from benchmarks import calibration as system
 from benchmarks import calibration_survey as survey

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.arm_controller.obstacles import Load
+from agents.arm_controller.motion.obstacles import Load
 from benchmarks.motion import ROBOTS, Outcome, Problems, ours, planners, table
 
 

@@ -149,6 +149,14 @@ def _timeline(place: Place) -> None:
     place.cli("timeline")
 
 
+def _days(place: Place) -> None:
+    from agents.replay import days_cli
+
+    period = days_cli.RememberedPeriod("earlier", 1234.5, 1e9, 12345, 1234, 86400.0, 1e9, 12345)
+    days_cli.show([period], None)
+    place.cli("days")
+
+
 def _replay(place: Place) -> None:
     stretch = Stretch(123.45, 123.45, 123.45)
     edge = f"world Virtual_RT {CUBE}"
@@ -257,6 +265,7 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "tree": _call("tree"),
     "relations": _call("relations"),
     "visibility": _call("visibility", "--all"),
+    "where": _call("where", CUBE),
     "worlds": _call("worlds"),
     "topology": _topology,
     "top": _top,
@@ -266,6 +275,7 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "doctor": _doctor,
     "security show": _security,
     "timeline": _timeline,
+    "days": _days,
     "replay": _replay,
     "record info": _record_info,
     "scenario list": lambda place: (place.scenario(), place.cli("scenario", "list")),

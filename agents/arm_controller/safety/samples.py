@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.figure import Figure
+from agents.arm_controller.model.figure import Figure
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.relations import is_present

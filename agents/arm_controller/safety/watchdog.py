@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
 from agents.arm_controller.safety.samples import SampleCheck
 from agents.arm_controller.safety.sight import Sight
 

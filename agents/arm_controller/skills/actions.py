@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps
+from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.skills.move import look, move, observe, stop
 from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
+from agents.arm_controller.skills.steps import ImpossibleError, SkillError, Steps
 from dsr import Memory, Node
 from dsr.errors import DsrError, suggest
 from dsr.vocabulary.arms import arm_of_action
@@ -62,11 +63,11 @@ class RunningActions:
                 self._arm.hold_still()
                 self._say(node.name, FAILED, "the arm controller was restarted")
 
-    def tick(self, joints: Joints) -> None:
-        """Take requests, and do a step of the action under way."""
+    def tick(self, joints: Joints, *, idle: bool = True) -> None:
+        """Take requests, and do a step of the action under way; an `idle` arm steps back for others without any."""
         self._arm.joints = joints
         self._take_requests(joints)
-        if not self.running and self._arm.others.waits_for_us() and joints.stamp >= self._retreat_at:
+        if idle and not self.running and self._arm.around.others.waits_for_us() and joints.stamp >= self._retreat_at:
             self._retreat(joints)
         if self._steps is not None:
             self._advance(self._steps)
@@ -99,7 +100,7 @@ class RunningActions:
         self._retreat_at = joints.stamp + RETREAT_AGAIN
         self.running, self.step = RETREAT, ""
         self._arm.begin(joints, self._speed())
-        self._steps = _from_rest(self._arm, self._arm.step_back())
+        self._steps = _from_rest(self._arm, self._arm.right_of_way.step_back())
 
     def _is_mine(self, node: Node) -> bool:
         """Whether this arm is to carry out the action."""
@@ -166,7 +167,7 @@ class RunningActions:
             steps.close()
         if moving:
             self._arm.hold_still()
-        self._arm.finish()
+        self._arm.right_of_way.withdraw()
         self._say(name, status, explanation, hopeless)
 
     def _say(self, name: str, status: str, explanation: str, hopeless: bool = False) -> None:

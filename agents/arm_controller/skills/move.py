@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from agents.arm_controller.execution import OvertakenError
-from agents.arm_controller.routes import JointGoal
-from agents.arm_controller.skills.manipulator import Attempt, Manipulator, SkillError, Steps
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.motion.execution import OvertakenError
+from agents.arm_controller.motion.routes import JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
+from agents.arm_controller.skills.manipulator import Manipulator
+from agents.arm_controller.skills.steps import Attempt, SkillError, Steps
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
@@ -40,14 +41,14 @@ def look(arm: Manipulator, camera: str, target_pose: Pose | None) -> Steps[None]
 
 def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
     """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
-    yield from _go_to_one(arm, lambda: [q for _, q in arm.solve(poses)])
+    yield from _go_to_one(arm, lambda: [q for _, q in arm.ways.solve(poses)])
 
 
 def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]]) -> Steps[None]:
     """Go to the first of joint positions that is free; anew if something has come in the way meanwhile."""
     held = arm.holding.held
     for left in reversed(range(_MOST_WAYS)):
-        attempt, trajectory = yield from arm.cleared(lambda: _first(arm, goals()), lambda found: found[1])
+        attempt, trajectory = yield from arm.right_of_way.cleared(lambda: _first(arm, goals()), lambda found: found[1])
         try:
             yield from arm.go(trajectory, attempt, "move", held)
             return
@@ -59,7 +60,7 @@ def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]]) -> Steps[
 def _first(arm: Manipulator, goals: Sequence[Array]) -> Steps[tuple[Attempt, Trajectory]]:
     """The first of joint positions that is free, with the way there."""
     attempts = [Attempt(JointGoal(q), arm.joints.opening) for q in goals]
-    index, trajectory = yield from arm.first_way(attempts)
+    index, trajectory = yield from arm.ways.first(attempts)
     return attempts[index], trajectory
 
 

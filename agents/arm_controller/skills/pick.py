@@ -6,22 +6,22 @@ import contextlib
 from collections.abc import Sequence
 from functools import partial
 
-from agents.arm_controller.execution import OvertakenError
-from agents.arm_controller.grasps import FROM_SIDE, Grasp, GraspError, grasps
-from agents.arm_controller.holding import WIDTH_TOLERANCE, Expected
-from agents.arm_controller.routes import UP, JointGoal
+from agents.arm_controller.grasping.grasps import FROM_SIDE, Grasp, GraspError, grasps
+from agents.arm_controller.grasping.holding import WIDTH_TOLERANCE, Expected
+from agents.arm_controller.grasping.side_grasps import side_grasps
+from agents.arm_controller.motion.execution import OvertakenError
+from agents.arm_controller.motion.routes import UP, JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.side_grasps import side_grasps
-from agents.arm_controller.skills.manipulator import (
+from agents.arm_controller.skills.manipulator import Manipulator
+from agents.arm_controller.skills.steps import (
     Attempt,
     DroppedError,
     ImpossibleError,
     InTheWayError,
-    Manipulator,
     SkillError,
     Steps,
 )
-from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intentions import NOTHING_GRASPED
@@ -46,8 +46,7 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
         grasp, attempt = yield from _reach(arm, name)
         problem = yield from _close(arm, name, grasp)
         if problem:
-            yield from arm.open(grasp.opening)
-            yield from arm.retreat(arm.out, arm.holding.held)
+            yield from _give_back(arm, grasp)
             raise SkillError(problem)
         try:
             yield from _lift(arm, name, grasp, attempt)
@@ -84,7 +83,7 @@ def _stands(arm: Manipulator, name: str, stood: Pose) -> bool:
 
 
 def _give_back(arm: Manipulator, grasp: Grasp) -> Steps[None]:
-    """Open the gripper and move it away from what it lost."""
+    """Open the gripper and move it away from what it lost, or must not hold."""
     yield from arm.open(grasp.opening)
     while arm.holding.held is not None:
         yield "release"
@@ -94,7 +93,8 @@ def _give_back(arm: Manipulator, grasp: Grasp) -> Steps[None]:
 def _reach(arm: Manipulator, name: str) -> Steps[tuple[Grasp, Attempt]]:
     """Bring the open gripper around the object; anew, some times, if that moves meanwhile."""
     for _ in range(_MOST_AIMS):
-        target, grasp, attempt, trajectory = yield from arm.cleared(partial(_aim, arm, name), lambda aim: aim[3])
+        aimed = yield from arm.right_of_way.cleared(partial(_aim, arm, name), lambda aim: aim[3])
+        target, grasp, attempt, trajectory = aimed
         yield from arm.open(grasp.opening)
         arm.start(trajectory, attempt)
         if (yield from _approach(arm, target)):
@@ -110,17 +110,17 @@ def _aim(arm: Manipulator, name: str) -> Steps[tuple[Obstacle, Grasp, Attempt, T
 
 def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, Trajectory]]:
     """The best grasp that can be reached, with the way there."""
-    room, widest = arm.room(target.name), arm.figure.widest
+    room, widest = arm.around.room(target.name, arm.joints.stamp), arm.figure.widest
     problem: SkillError | None = None
     found: list[tuple[Grasp, Attempt]] = []
     try:
         found = _reached(arm, target, grasps(target, room, widest))
-        index, trajectory = yield from arm.first_way([attempt for _, attempt in found], searched=False)
+        index, trajectory = yield from arm.ways.first([attempt for _, attempt in found], searched=False)
         return *found[index], trajectory
     except GraspError as error:
         problem = ImpossibleError(str(error))
     except InTheWayError as error:
-        if arm.is_arm(error.by):
+        if arm.around.is_arm(error.by):
             raise
         problem = error
     except SkillError as error:
@@ -131,7 +131,7 @@ def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, T
     if not found:
         raise problem
     try:
-        index, trajectory = yield from arm.first_way([attempt for _, attempt in found])
+        index, trajectory = yield from arm.ways.first([attempt for _, attempt in found])
     except SkillError as error:
         raise (SkillError(str(problem)) if isinstance(problem, ImpossibleError) else problem) from error
     return *found[index], trajectory
@@ -140,7 +140,7 @@ def _choose(arm: Manipulator, target: Obstacle) -> Steps[tuple[Grasp, Attempt, T
 def _reached(arm: Manipulator, target: Obstacle, candidates: Sequence[Grasp]) -> list[tuple[Grasp, Attempt]]:
     """The grasps that the arm can reach, the best first. Raises `SkillError` without any."""
     from_side = candidates[0].rank[0] == FROM_SIDE
-    solved = arm.solve([grasp.world_from_tool for grasp in candidates], thorough=from_side)
+    solved = arm.ways.solve([grasp.world_from_tool for grasp in candidates], thorough=from_side)
     solved.sort(key=lambda pair: candidates[pair[0]].rank)
     found = []
     for length in (1.0, _LONGER) if from_side else (1.0,):
@@ -172,6 +172,8 @@ def _close(arm: Manipulator, name: str, grasp: Grasp) -> Steps[str]:
     meant = Expected(name, grasp.width, grasp.world_from_tool.inverse() @ arm.believed(name).pose)
     arm.holding.expect(meant)
     contact = yield from arm.close()
+    if too_hard := arm.fingers.problem(arm.joints):
+        return too_hard
     if not contact or abs(arm.joints.opening - grasp.width) > WIDTH_TOLERANCE:
         if not contact:
             return NOTHING_GRASPED

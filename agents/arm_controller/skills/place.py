@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 
-from agents.arm_controller.execution import OvertakenError, StuckError
-from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
-from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.grasping.grasps import SIDE_ROOM, GraspError, resting_poses, upright
+from agents.arm_controller.motion.execution import OvertakenError, StuckError
+from agents.arm_controller.motion.routes import JointGoal
+from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.skills.manipulator import Attempt, Manipulator, SkillError, Steps
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.skills.manipulator import Manipulator
+from agents.arm_controller.skills.steps import Attempt, SkillError, Steps
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 
@@ -42,7 +43,7 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         raise SkillError(f"{held} cannot stand on itself")
     for _ in range(_MOST_AIMS):
         before = arm.scene.object(destination)
-        attempt, trajectory = yield from arm.cleared(
+        attempt, trajectory = yield from arm.right_of_way.cleared(
             partial(_plan, arm, held, destination, target_pose), lambda found: found[1]
         )
         arm.start(trajectory, attempt)
@@ -116,7 +117,7 @@ def _plan(
 ) -> Steps[tuple[Attempt, Trajectory]]:
     """The best way to put the held object there, as things are believed to be now."""
     attempts = _attempts(arm, held, _resting(arm, held, destination, target_pose))
-    index, trajectory = yield from arm.first_way(attempts)
+    index, trajectory = yield from arm.ways.first(attempts)
     return attempts[index], trajectory
 
 
@@ -125,5 +126,5 @@ def _attempts(arm: Manipulator, held: str, resting: list[Pose]) -> list[Attempt]
     object_in_tool = arm.tool_from_held
     assert object_in_tool is not None
     tool_from_object = object_in_tool.inverse()
-    solved = arm.solve([pose @ tool_from_object for pose in resting])
+    solved = arm.ways.solve([pose @ tool_from_object for pose in resting])
     return [Attempt(JointGoal(q, arm.config.approach), arm.joints.opening, held) for _, q in solved]

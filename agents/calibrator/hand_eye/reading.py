@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from agents.intrinsics_file import read_intrinsics_file
 from dsr.config.toml import convert
 from dsr.errors import ConfigError

@@ -10,8 +10,8 @@ from dsr.memory import Memory
 MOST_FRAMES = 4000
 """Frames of ROS: more than any robot has; a node that makes up names does not fill the graph"""
 _NOWHERE = (
-    "mind", "intention", "action", "agent", "timeline", "event", "situation", "query", "calibration",
-    WORLD_RECORD, SCHEMA_RECORD,
+    "mind", "intention", "action", "agent", "timeline", "event", "situation", "summary", "query",
+    "calibration", WORLD_RECORD, SCHEMA_RECORD,
 )  # fmt: skip
 """Types of nodes that are nowhere in space"""
 

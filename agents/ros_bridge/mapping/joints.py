@@ -91,7 +91,7 @@ class JointTable:
             sample.names, sample.positions, sample.velocities, sample.efforts, strict=True
         ):
             known = velocity if math.isfinite(velocity) else self._measure(name, position, at)
-            self._values[name] = position, known, effort if math.isfinite(effort) else 0.0
+            self._values[name] = position, known, effort
 
     def _measure(self, name: str, position: float, at: float) -> float:
         """rad/s or m/s by the last position that is old enough; 0 without one."""

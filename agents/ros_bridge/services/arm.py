@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -129,10 +130,17 @@ class RosArm(RosDevice):
 
     def _sample(self, stamp: float) -> ArmState:
         values = [self._table[name] for name in self._names]
+        efforts = tuple(value[2] for value in values)
         return ArmState(
             stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
-            self._opening(), self._stalled, self._halt.reason, tuple(value[2] for value in values),
+            self._opening(), self._stalled, self._halt.reason,
+            efforts if all(map(math.isfinite, efforts)) else (), self._pressing(),
         )  # fmt: skip
+
+    def _pressing(self) -> float | None:
+        """N with which the gripper's joint presses, whichever way; None if nobody tells."""
+        told = self._table[self._gripper_joint][2] if self._gripper_joint in self._table else math.nan
+        return abs(told) if math.isfinite(told) else None
 
     def _opening(self) -> float:
         if self._gripper_joint not in self._table:

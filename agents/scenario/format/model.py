@@ -12,6 +12,7 @@ from agents.object_models import HEAVIEST, LIGHTEST
 from agents.scenario.format.events import Event
 from agents.scenario.format.expectations import Check
 from agents.scenario.format.units import Bias, Noise, Radians, Rotation, Seconds, Size, Vector3
+from agents.xacro_file import Value
 from dsr.math3d.quaternions import from_rotvec, product
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose, looking_at
@@ -37,6 +38,8 @@ class RobotSpec(Section, frozen=True, kw_only=True):
 
     model: str = GEN3
     """`etc/robots/<model>.urdf`, or the path of a URDF file beside the scenario file; `"none"`: there is no arm"""
+    args: dict[str, Value] = {}
+    """Arguments of the macros (xacro) of this file, by name"""
     start: tuple[Radians, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.1, 1.5708)
     """rad, joint positions at the start; default: the observe pose of the Gen3, and the home posture of other models"""
     position: Vector3 = (0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from agents.arm_controller.arm_model import load_arm
+from agents.arm_controller.model.arm_model import load_arm
 from agents.scenario.format.events import Kill
 from agents.scenario.format.model import RobotSpec, Scenario
 from agents.scenario.format.scenario import find_scenario, load_scenario
@@ -153,7 +153,8 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
 def _is_other_robot(robot: RobotSpec) -> bool:
     """Whether the scenario has another arm than the systems that come along, or has it elsewhere."""
     plain = RobotSpec()
-    return robot.exists and (robot.model, robot.position, robot.yaw) != (plain.model, plain.position, plain.yaw)
+    told = [(one.model, one.args, one.position, one.yaw) for one in (robot, plain)]
+    return robot.exists and told[0] != told[1]
 
 
 def _robot_file(run: Run) -> str:
@@ -194,12 +195,14 @@ def _with_robot(system: System, run: Run, arm: str, agent: str) -> System:
     robot, first = run.scenario.arms[arm], run.scenario.robot
     other = run.robot and arm == ARM
     file = Path(_robot_file(run)) if other else find_robot(robot.model, run.file.parent).resolve()
-    links = load_arm(file).robot.parents
+    args = {} if other else robot.args
+    links = load_arm(file, args=args).robot.parents
     cameras = system.agent(agent).config.get("cameras", {})
     place = first.base.inverse() @ robot.base
     return system.with_config(
         agent,
         urdf=str(file),
+        urdf_args=args,
         mount={"translation": first.position, "rotation": first.base.q},
         **({} if arm == ARM else {"arm_mount": {"translation": place.t, "rotation": place.q}}),
         observe_joints=(),

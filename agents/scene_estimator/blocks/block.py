@@ -68,6 +68,28 @@ class Block(NamedTuple):
         x, y, z = self.size
         return self._replace(yaw=self.yaw + 0.5 * math.pi * quarters, size=(y, x, z) if quarters % 2 else self.size)
 
+    def gap(self, other: Block) -> float:
+        """Distance in m between the sides of two blocks seen from above, negative by how far one is in the other.
+
+        It is the largest over the directions of their sides, and for round ones that from middle to middle: the theorem
+        of separating axes. Between two corners it is less than their distance.
+        """
+        apart = np.array([other.x - self.x, other.y - self.y])
+        angles = [one.yaw + turn for one in (self, other) if not one.is_round for turn in (0.0, 0.5 * math.pi)]
+        if self.is_round or other.is_round:
+            angles.append(math.atan2(apart[1], apart[0]))
+        return max(
+            abs(float(apart @ (math.cos(angle), math.sin(angle)))) - self._reach(angle) - other._reach(angle)
+            for angle in angles
+        )
+
+    def _reach(self, angle: float) -> float:
+        """How far its farthest side is from its middle, m, in a direction of the world (rad)."""
+        half_x, half_y = 0.5 * self.size[0], 0.5 * self.size[1]
+        if self.is_round:
+            return half_x
+        return half_x * abs(math.cos(angle - self.yaw)) + half_y * abs(math.sin(angle - self.yaw))
+
     def outline(self, view: FrameView) -> Array:
         """(n, 2) px, corners of its image, which is convex, in order."""
         corners = (_PRISM if self.is_round else CORNERS) * (0.5 * np.array(self.size))

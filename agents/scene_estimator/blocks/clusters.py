@@ -20,8 +20,14 @@ HIGHEST = 0.4
 SMALLEST = 60
 """Pixels of a piece, at least."""
 
+TOP = 0.97
+"""Quantile of the heights of a piece that is at its upper side."""
+
 NEAR_CUT = 4
 """px from where something else hides it, or touches it, in which a piece tells nothing of an edge there"""
+
+LEVEL = 0.002
+"""m, standard deviation of the height of a support: tables are not flat, cameras not quite where they seem"""
 
 _LEAST_RISE = 0.008  # m above the support, from which something is not the support itself
 _NOISE = 3.0  # standard deviations of the depth: the same
@@ -52,6 +58,11 @@ class Support(NamedTuple):
     """m, along its own x axis"""
     width: float
     """m, along its own y axis"""
+
+    def covers(self, points: Array) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world are above or below it."""
+        local = np.abs(self.pose.inverse().apply(points))
+        return np.asarray((local[:, 0] < 0.5 * self.length) & (local[:, 1] < 0.5 * self.width))
 
 
 class PieceEdge(NamedTuple):
@@ -84,13 +95,29 @@ class Cluster(NamedTuple):
     color: Array
     """(3,) median red, green, blue, 0 to 1"""
     contour: Array
-    """(m, 2) px, outermost pixels of the piece where it ends by itself: not where something hides it"""
+    """(m, 2) px, outermost pixels of the piece where the thing ends: not where something hides it"""
+    contour_sigma: Array
+    """(m,) px, standard deviation of how far from there it ends, beside that of `edge`: 0 where it meets nothing"""
     hidden: float
-    """Share of its outermost pixels where something hides it, or the image ends."""
+    """Share of its outermost pixels where something hides it or meets it, or the image ends."""
     base: float
     """m, height in the world of the support"""
     edge: PieceEdge
     """How well its contour tells where the thing ends."""
+
+
+class _Beside(NamedTuple):
+    """What stands next to the pixels of a piece, or of its edge."""
+
+    covered: Mask
+    """Where something else stands that is not behind"""
+    slack: Array
+    """(h, w) px, standard deviation of how far the piece goes on behind that: infinite if nothing tells.
+
+    Two things that meet with their upper sides at one height end where they meet: none can be in the other. The
+    farther one is hidden only as far as the ray is slanted over the difference of their depths, of which the errors
+    that all depths of a thing share are most.
+    """
 
 
 class Relief:
@@ -101,10 +128,11 @@ class Relief:
         color: (h, w, 3) RGB image, 0 to 255.
         support: on which things stand.
         noise: 1/m, standard deviation of the inverse depth of a pixel.
+        bias: m, standard deviation of the error that all depths of a thing share.
     """
 
-    def __init__(self, view: FrameView, color: NDArray[np.uint8], support: Support, noise: float) -> None:
-        self._view, self._color, self._noise = view, color, noise
+    def __init__(self, view: FrameView, color: NDArray[np.uint8], support: Support, noise: float, bias: float) -> None:
+        self._view, self._color, self._noise, self._bias = view, color, noise, bias
         self._depth = np.where(np.isfinite(view.depth) & (view.depth > 0.0), view.depth, np.float32(0.0))
         self._turn = view.world_from_camera.rotation_matrix.astype(np.float32)
         self._eye = view.world_from_camera.translation
@@ -112,12 +140,13 @@ class Relief:
         self._base = self._level(support, z)
         rise = np.maximum(np.float32(_LEAST_RISE), np.float32(_NOISE * noise) * self._depth**2)
         above = z - np.float32(self._base)
+        self._above = above
         standing = ((above > rise) & (self._depth > 0.0)).astype(np.uint8)
         self._standing = cv2.morphologyEx(standing, cv2.MORPH_OPEN, _SMALL) > 0
         raised = self._standing & (above < HIGHEST)
         rows, columns = np.nonzero(raised)
         world = self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye
-        raised[rows, columns] = _within(support, world)
+        raised[rows, columns] = support.covers(world)
         self._raised = raised
         self._reach = self._edge_reach()
 
@@ -140,7 +169,7 @@ class Relief:
         sparse = np.s_[::_SPARSE, ::_SPARSE]
         near = (np.abs(z[sparse] - np.float32(believed)) < _NEAR_SUPPORT) & (self._depth[sparse] > 0.0)
         rows, columns = (index * _SPARSE for index in np.nonzero(near))
-        on = _within(support, self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye)
+        on = support.covers(self._rays(rows, columns) * self._depth[rows, columns, None] + self._eye)
         heights = z[rows, columns][on]
         if len(heights) < _ENOUGH_SUPPORT:
             return believed
@@ -203,18 +232,24 @@ class Relief:
             return None
         row, column = pixels[:, 1] + top, pixels[:, 0] + left
         at_border = (row <= 1) | (column <= 1) | (row >= height - 2) | (column >= width - 2)
-        hidden = at_border | self._covered(part, own, image)[pixels[:, 1], pixels[:, 0]]
+        beside = self._beside(labels, part, own, image)
+        covered, slack = beside.covered[pixels[:, 1], pixels[:, 0]], beside.slack[pixels[:, 1], pixels[:, 0]]
         cut = np.zeros(own.shape, np.uint8)
-        cut[pixels[hidden, 1], pixels[hidden, 0]] = 1
+        hides = at_border | (covered & np.isinf(slack))
+        cut[pixels[hides, 1], pixels[hides, 0]] = 1
         near_cut = cv2.dilate(cut, _square(NEAR_CUT)) > 0
         kept = np.nonzero((cv2.erode(own.astype(np.uint8), _SMALL) > 0) & ~near_cut)
         if len(kept[0]) < SMALLEST // 4:
             return None
-        contour = np.column_stack([column, row]).astype(np.float64)[~near_cut[pixels[:, 1], pixels[:, 0]]]
+        ends = ~near_cut[pixels[:, 1], pixels[:, 0]]
+        contour = np.column_stack([column, row]).astype(np.float64)[ends]
+        slack = np.where(covered, slack, 0.0)[ends]
+        slack *= math.sqrt(max(int((slack > 0.0).sum()), 1))  # what is wrong at one is wrong at all
         rays = self._rays(kept[0] + top, kept[1] + left)
         depths = self._depth[part][kept].astype(np.float64)
         points = rays * depths[:, None] + self._eye
-        return Cluster(points, rays, depths, color / 255.0, contour, float(hidden.mean()), self._base, edge)
+        hidden = float((at_border | covered).mean())
+        return Cluster(points, rays, depths, color / 255.0, contour, slack, hidden, self._base, edge)
 
     def _silhouette(self, own: Mask, pieces: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
         """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too."""
@@ -239,14 +274,34 @@ class Relief:
         """m, the depth of the nearest pixel of a piece, less what a thing before it must be nearer by."""
         return float(self._depth[part][own].min()) - _NEARER
 
-    def _covered(self, part: tuple[slice, slice], own: Mask, image: Mask) -> Mask:
-        """Next to which pixels something else stands that is not behind."""
+    def _beside(self, labels: NDArray[np.int32], part: tuple[slice, slice], own: Mask, image: Mask) -> _Beside:
+        """What stands next to the pixels of a piece."""
         beside = (self._standing[part] & ~own & ~image).astype(np.uint8)
         other = cv2.morphologyEx(beside, cv2.MORPH_OPEN, _SMALL) > 0  # specks beside an edge are its own
-        around = _square(self._reach)
-        nearest = cv2.erode(np.where(other, self._depth[part], np.float32(np.inf)), around)
+        around, infinite = _square(self._reach), np.float32(np.inf)
+        nearest = cv2.erode(np.where(other, self._depth[part], infinite), around)
         depth = cv2.dilate(np.where(own, self._depth[part], np.float32(0.0)), around)
-        return np.asarray(nearest < depth + np.float32(_NEARER))
+        covered = np.asarray(nearest < depth + np.float32(_NEARER))
+        below = self._below_top(labels, part)
+        lowest = np.maximum(*(cv2.erode(np.where(which, below, infinite), around) for which in (own, other)))
+        nearer = np.maximum(depth - nearest, np.float32(0.0))
+        meets = covered & (lowest < _NEARER) & (nearer < 2.0 * self._bias)
+        rows, columns = np.nonzero(meets)
+        rays = self._rays(rows + part[0].start, columns + part[1].start)
+        sine = np.hypot(rays[:, 0], rays[:, 1]) / np.linalg.norm(rays, axis=1)
+        slack = np.full(own.shape, np.inf)
+        behind = np.hypot(nearer[rows, columns], math.sqrt(2.0) * self._bias)
+        slack[rows, columns] = behind * sine * self._view.intrinsics.fx / depth[rows, columns]
+        return _Beside(covered, slack)
+
+    def _below_top(self, labels: NDArray[np.int32], part: tuple[slice, slice]) -> NDArray[np.float32]:
+        """(h, w) m, how far each pixel of a part of the image is under the upper side of its piece."""
+        here, above = labels[part], self._above[part]
+        below = np.full(here.shape, np.inf, np.float32)
+        for label in np.unique(here[here > 0]):
+            mine = here == label
+            below[mine] = np.quantile(above[mine], TOP) - above[mine]
+        return below
 
 
 def _directions(color: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -254,12 +309,6 @@ def _directions(color: NDArray[np.uint8]) -> NDArray[np.float32]:
     values = cv2.medianBlur(color, 3).astype(np.float32)
     length = np.sqrt(np.einsum("hwc,hwc->hw", values, values))
     return np.asarray(values / np.maximum(length, 1.0)[..., None], np.float32)
-
-
-def _within(support: Support, points: Array) -> NDArray[np.bool_]:
-    """Which points (n, 3) of the world are above or below it."""
-    local = np.abs(support.pose.inverse().apply(points))
-    return np.asarray((local[:, 0] < 0.5 * support.length) & (local[:, 1] < 0.5 * support.width))
 
 
 def _square(reach: int) -> NDArray[np.uint8]:

@@ -24,21 +24,22 @@ _SHARE = 0.3  # of a piece's points in known things, from which they explain it
 class KnownVolume(NamedTuple):
     """A box that is full of something known."""
 
-    world_from_box: Pose
+    frame_from_box: Pose
+    """In the frame of the world, or of a camera"""
     low: Vector3
     """m, least coordinates in its frame"""
     high: Vector3
     """m, greatest coordinates in its frame"""
 
     @staticmethod
-    def box(world_from_box: Pose, size: Vector3) -> KnownVolume:
+    def box(frame_from_box: Pose, size: Vector3) -> KnownVolume:
         """A box of `size` m around a pose."""
         x, y, z = (0.5 * edge for edge in size)
-        return KnownVolume(world_from_box, (-x, -y, -z), (x, y, z))
+        return KnownVolume(frame_from_box, (-x, -y, -z), (x, y, z))
 
     def share(self, points: Array) -> float:
-        """Of points (n, 3) of the world, how many are in it."""
-        local = self.world_from_box.inverse().apply(points)
+        """Of points (n, 3) of the same frame, how many are in it."""
+        local = self.frame_from_box.inverse().apply(points)
         return float(
             ((local > np.array(self.low) - _MARGIN) & (local < np.array(self.high) + _MARGIN)).all(axis=1).mean()
         )

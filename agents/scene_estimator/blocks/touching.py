@@ -37,12 +37,14 @@ def parted(view: FrameView, cluster: Cluster, blocks: Sequence[Block]) -> list[C
     nearest, is_clear = within.argmax(axis=0), first - second > NEAR_CUT
     parts = []
     for k, outline in enumerate(outlines):
-        own, edge = owner == k, cluster.contour[(nearest == k) & is_clear]
+        own, clear = owner == k, (nearest == k) & is_clear
+        edge, sigma = cluster.contour[clear], cluster.contour_sigma[clear]
         if own.sum() < SMALLEST // 4:
             return None
         hidden = max(0.0, 1.0 - len(edge) / max(_steps(outline), 1.0))
         points, rays, depths = cluster.points[own], cluster.rays[own], cluster.depths[own]
-        parts.append(cluster._replace(points=points, rays=rays, depths=depths, contour=edge, hidden=hidden))
+        part = cluster._replace(points=points, rays=rays, depths=depths, contour=edge, contour_sigma=sigma)
+        parts.append(part._replace(hidden=hidden))
     return parts
 
 

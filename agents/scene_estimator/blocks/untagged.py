@@ -6,6 +6,7 @@ import logging
 import math
 from dataclasses import dataclass
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,13 @@ from agents.scene_estimator.blocks.block import Block, BlockKind
 from agents.scene_estimator.blocks.clusters import Cluster
 from agents.scene_estimator.blocks.explained import KnownVolume, known_volumes, supports, unexplained
 from agents.scene_estimator.blocks.finder import BlockFinder, BlockSighting
+from agents.scene_estimator.blocks.levelling import LevelledView, levelled
 from agents.scene_estimator.blocks.touching import has_share, parted
 from agents.scene_estimator.blocks.tracks import BlockTrack, assigned
-from agents.scene_estimator.colored import LEANING
 from agents.scene_estimator.config import SceneEstimatorConfig
 from agents.scene_estimator.fitting import FrameView
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
-from dsr.math3d import quaternions
 from dsr.math3d.shapes import to_numbers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -42,6 +42,15 @@ class _Candidate:
     track: BlockTrack
     frames: int = 1
     """In a row in which it was seen."""
+
+
+class SeenBlocks(NamedTuple):
+    """The blocks of one exposure."""
+
+    levelled: LevelledView
+    """By which camera they are seen, as its image tells its tilt"""
+    sightings: list[BlockSighting]
+    """In the world frame, if the camera is tilted like that"""
 
 
 class UntaggedObjects:
@@ -72,7 +81,7 @@ class UntaggedObjects:
 
     def read(
         self, view: FrameView, color: NDArray[np.uint8], stamp: float, now: float, seen: list[KnownVolume]
-    ) -> list[BlockSighting]:
+    ) -> SeenBlocks:
         """The blocks of an exposure that nothing else explains.
 
         Args:
@@ -80,14 +89,18 @@ class UntaggedObjects:
             color: (h, w, 3) RGB image, 0 to 255.
             stamp: s, of the exposure.
             now: s
-            seen: where things are that the same exposure shows by their tags.
+            seen: where things are that the same exposure shows by their tags, in the frame of the camera.
         """
-        clusters = self._finder.clusters(view, color, supports(self._memory, stamp))
-        explaining = [*seen, *known_volumes(self._memory, now, stamp)] if clusters else []
-        found: list[BlockSighting | None] = []
+        tables = supports(self._memory, stamp)
+        level = levelled(view, tables)
+        view = level.view
+        clusters = self._finder.clusters(view, color, tables)
+        tagged = [one._replace(frame_from_box=view.world_from_camera @ one.frame_from_box) for one in seen]
+        explaining = [*tagged, *known_volumes(self._memory, now, stamp)] if clusters else []
+        found: list[BlockSighting] = []
         for cluster in unexplained(clusters, explaining):
-            found += self._fit_touching(view, cluster) or [self._fit(view, cluster)]
-        return [sighting for sighting in found if sighting is not None]
+            found += self._fit_touching(view, cluster) or self._fit(view, cluster)
+        return SeenBlocks(level, found)
 
     def _fit_touching(self, view: FrameView, cluster: Cluster) -> list[BlockSighting]:
         """The known blocks of one colour that share a piece; none if it is not that of several."""
@@ -106,24 +119,23 @@ class UntaggedObjects:
         color = cluster.color.tolist()
         return [track for track in self._tracks.values() if track.unlike_color(color) <= 1.0]
 
-    def _fit(self, view: FrameView, cluster: Cluster) -> BlockSighting | None:
+    def _fit(self, view: FrameView, cluster: Cluster) -> list[BlockSighting]:
+        """The block of a piece, or the two; none if it is neither."""
         x, y = cluster.points[:, :2].mean(axis=0).tolist()
         candidates = (one.track for several in self._candidates.values() for one in several)
         near = [track for track in (*self._tracks.values(), *candidates) if _is_at(track.block, x, y)]
         for track in sorted(near, key=lambda track: math.dist((x, y), track.block.centre[:2])):
             sighting = self._finder.fit(view, cluster, track.known)
             if sighting is not None and not sighting.strained and assigned([track], [sighting])[0] is track:
-                return sighting
-        fits = [self._finder.fit(view, cluster)]
-        fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in self._alike(cluster)]
-        possible = [sighting for sighting in fits if sighting is not None]
-        return min(possible, key=lambda sighting: sighting.cost, default=None)
+                return [sighting]
+        return self._finder.most_likely(view, cluster, [track.known for track in self._alike(cluster)])
 
-    def consider(self, camera: str, sightings: list[BlockSighting], stamp: float) -> list[tuple[str, Pose]]:
-        """Tell which objects were seen by a camera, and where: world_from_object with covariance.
+    def consider(self, camera: str, seen: SeenBlocks, stamp: float) -> list[tuple[str, Pose]]:
+        """Tell which objects were seen by a camera, and where: camera_from_object with covariance.
 
         What is seen steadily and nobody knows becomes a node.
         """
+        sightings = seen.sightings
         tracks = assigned(list(self._tracks.values()), sightings)
         unknown = [one for one, track in zip(sightings, tracks, strict=True) if track is None]
         found = [(track, one) for one, track in zip(sightings, tracks, strict=True) if track is not None]
@@ -131,7 +143,7 @@ class UntaggedObjects:
             track.take(sighting)
             self._tell(track)
         self._consider_unknown(camera, unknown)
-        return [(track.name, _pose(track, sighting, stamp)) for track, sighting in found]
+        return [(track.name, _pose(track, sighting, seen.levelled, stamp)) for track, sighting in found]
 
     def _consider_unknown(self, camera: str, sightings: list[BlockSighting]) -> None:
         """Count the frames in a row that show them, with all of their extents."""
@@ -200,13 +212,14 @@ def _moved(before: Block, now: Block) -> float:
     return math.dist(before.centre, now.centre)
 
 
-def _pose(track: BlockTrack, sighting: BlockSighting, stamp: float) -> Pose:
-    """world_from_object: upright, with its axes named as they were at first."""
+def _pose(track: BlockTrack, sighting: BlockSighting, seen: LevelledView, stamp: float) -> Pose:
+    """camera_from_object, with its axes named as they were at first: it is as upright as the support that is seen."""
     block = track.block
-    rotation = quaternions.from_rotvec((0.0, 0.0, block.yaw))
-    pose = Pose(block.centre, rotation, stamp)
-    turn = pose.rotation_matrix
+    world_from_object = Pose.from_rotvec(block.centre, (0.0, 0.0, block.yaw))
+    turn = world_from_object.rotation_matrix
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = turn.T @ sighting.covariance[:3, :3] @ turn
-    covariance[3:, 3:] = np.diag([LEANING**2, LEANING**2, min(sighting.covariance[3, 3], math.pi**2)])
-    return pose.with_covariance(0.5 * (covariance + covariance.T))
+    tilt = sighting.leaning**2 + seen.tilt_sigma**2
+    covariance[3:, 3:] = np.diag([tilt, tilt, min(sighting.covariance[3, 3], math.pi**2)])
+    camera_from_object = seen.view.world_from_camera.inverse() @ world_from_object
+    return camera_from_object.with_stamp(stamp).with_covariance(0.5 * (covariance + covariance.T))

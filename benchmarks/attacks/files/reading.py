@@ -75,7 +75,7 @@ def _toml(file: Path) -> None:
 
 def _urdf(file: Path) -> None:
     """As a robot and as an object; both must refuse it."""
-    from agents.arm_controller.urdf import load_robot
+    from agents.arm_controller.model.urdf import load_robot
     from agents.object_models import load_model as load_object
     from dsr.errors import DsrError
 

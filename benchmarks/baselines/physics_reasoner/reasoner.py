@@ -22,6 +22,8 @@ from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.model import Island, probability
+from simulation_handler.worlds.one_world import one_world_islands
 
 _FLOOR = "_floor"
 _FLOOR_SIZE = (20.0, 20.0, 0.2)
@@ -186,6 +188,14 @@ class PublishedReasoner:
         """world_from_object in the output scene, without covariance; None before the first percept."""
         believed = self._object(name).believed
         return None if believed is None else Pose.unchecked(believed.t, believed.q).with_stamp(self._now)
+
+    def islands(self) -> list[Island]:
+        """All objects that have a place, each group with one certain world."""
+        return one_world_islands(self)
+
+    def probability(self, kind: str, relation: Relation) -> float:
+        """1 for a relation that holds, else 0."""
+        return probability(self.islands(), kind, relation)
 
     def solids(self) -> list[Solid]:
         """All objects that have a place, there."""

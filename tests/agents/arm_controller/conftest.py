@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agents.arm_controller import ArmController
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from agents.drivers import ArmState
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
@@ -40,6 +40,9 @@ class FakeArm:
         self.opening = 0.085
         self.obstacle = 0.0
         self.efforts: tuple[float, ...] = ()
+        self.stiffness = 0.0
+        """N/m of the fingers, which tell how hard they press; 0: they tell nothing"""
+        self.wanted = self.opening
         self.stuck = False
         self.drift = 0.0
         self.pace = 1.0
@@ -70,7 +73,8 @@ class FakeArm:
     def sample(self, now: float) -> ArmState:
         contact = 0 < self.opening == self.obstacle
         measured = tuple(self.positions), tuple(self.velocities), self.opening, contact
-        return ArmState(now, self.names, *measured, efforts=self.efforts)
+        pressing = self.stiffness * max(self.opening - self.wanted, 0.0) if self.stiffness else None
+        return ArmState(now, self.names, *measured, efforts=self.efforts, gripper_effort=pressing)
 
     def state(self) -> ArmState | None:
         return self.present
@@ -86,7 +90,7 @@ class FakeArm:
 
     def move_gripper(self, opening: float) -> None:
         self.told.append(("move_gripper", opening))
-        self.opening = max(opening, self.obstacle)
+        self.wanted, self.opening = opening, max(opening, self.obstacle)
 
     def stop(self) -> None:
         self.told.append(("stop",))

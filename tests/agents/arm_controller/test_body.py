@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from agents.arm_controller.body import REFRESH
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from dsr import Pose
 from dsr.errors import ConfigError
 

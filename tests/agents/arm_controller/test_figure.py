@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import arm_model, load_arm
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.kinematics import JointChain
-from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
+from agents.arm_controller.model.arm_model import arm_model, load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.shapes import LinkBox
+from agents.arm_controller.model.urdf import load_robot
+from agents.arm_controller.motion.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.math3d.boxes import Boxes
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import arm_model
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.grasps import LEAST_HOLD, Grasp, GraspError, grasps
-from agents.arm_controller.obstacles import GRIPPER_MARGIN
-from agents.arm_controller.room import Room
+from agents.arm_controller.grasping.grasps import LEAST_HOLD, Grasp, GraspError, grasps
+from agents.arm_controller.grasping.room import Room
+from agents.arm_controller.model.arm_model import arm_model
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.urdf import load_robot
+from agents.arm_controller.motion.obstacles import GRIPPER_MARGIN
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 
 from .conftest import GEN3

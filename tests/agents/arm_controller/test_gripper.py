@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import arm_model, load_arm
-from agents.arm_controller.gripper import GripperModel
-from agents.arm_controller.shapes import bounds
-from agents.arm_controller.urdf import parse_robot
+from agents.arm_controller.model.arm_model import arm_model, load_arm
+from agents.arm_controller.model.gripper import GripperModel
+from agents.arm_controller.model.shapes import bounds
+from agents.arm_controller.model.urdf import parse_robot
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 
@@ -67,6 +67,14 @@ def test_pads_are_as_far_apart_as_the_opening_says_and_stay_upright(file: Path) 
         assert right - left == pytest.approx(opening, abs=5e-5)
         pads = [box for box in beside if box.size[2] < 0.045]
         assert all(abs(box.pose.rotation_matrix[2, 2]) == pytest.approx(1.0, abs=1e-9) for box in pads)
+
+
+def test_fingers_that_also_move_along_the_tool_have_other_parts_beside_the_tool_point_on_the_way() -> None:
+    """As the tips of a real Robotiq 2F-85, whose meshes are several boxes each."""
+    parts = "".join(PAD.replace("<geometry>", f'<origin xyz="0 0 {z}"/><geometry>') for z in (-0.03, 0.0, 0.03))
+    gripper = jaws(axis="1 0 0.8", pad=parts)
+    assert gripper.widest == pytest.approx(0.06 / math.hypot(1.0, 0.8))
+    assert gripper.opening({"open_left": 0.015}) == pytest.approx(gripper.widest / 2)
 
 
 def test_knuckles_of_the_open_manipulator_turn_as_its_maker_says() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agents.arm_controller.holding import LOST_AFTER
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.grasping.holding import LOST_AFTER
+from agents.arm_controller.model.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import HOME, PERIOD, Bench

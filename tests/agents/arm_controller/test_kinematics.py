@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import JointChain, UnreachableError
-from agents.arm_controller.urdf import load_robot, parse_robot
+from agents.arm_controller.model.kinematics import JointChain, UnreachableError
+from agents.arm_controller.model.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
 from dsr.math3d import transforms
 from dsr.math3d.transforms import Pose

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.arm_controller.mesh_boxes import boxes_around
-from agents.arm_controller.shapes import LinkBox
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.mesh_boxes import boxes_around
+from agents.arm_controller.model.shapes import LinkBox
+from agents.arm_controller.model.urdf import load_robot
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 

@@ -8,12 +8,12 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import load_arm
-from agents.arm_controller.figure import Figure
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.obstacles import Load
-from agents.arm_controller.others import APART, COAST, SILENT, STRIDE, Announcer, OtherArms
-from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.model.arm_model import load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.motion.obstacles import Load
+from agents.arm_controller.motion.others import APART, COAST, SILENT, STRIDE, Announcer, OtherArms
+from agents.arm_controller.motion.trajectory import Trajectory
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.files.built_in import ETC
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from agents.arm_controller.cli import app
-from agents.arm_controller.model_report import report_on
+from agents.arm_controller.model.model_report import report_on
 from dsr.errors import ConfigError
 
 from .conftest import GEN3

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.arm_controller.search import CHUNK, Draw, is_free, search, shortened
-from agents.arm_controller.trajectory import SPACING
+from agents.arm_controller.motion.search import CHUNK, Draw, is_free, search, shortened
+from agents.arm_controller.motion.trajectory import SPACING
 
 T = TypeVar("T")
 Array = NDArray[np.float64]

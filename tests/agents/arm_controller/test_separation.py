@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
+from agents.arm_controller.motion.trajectory import PERIOD
 from agents.arm_controller.safety.separation import Separation
-from agents.arm_controller.trajectory import PERIOD
-from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.vocabulary.intentions import DONE, RUNNING
-from tests.agents.arm_controller.conftest import DOWN, GEN3, Table
+from tests.agents.arm_controller.conftest import DOWN, GEN3, HOME, Table
 
 GOAL = Pose((0.4, -0.2, 0.3), DOWN)
 FAR, NEAR = (-1.5, 0.0, 0.2), (0.45, 0.25, 0.35)
@@ -148,3 +148,44 @@ def test_a_goal_that_was_taken_while_the_arm_stood_still_is_not_gone_to(table: T
     show(table, FAR)
     assert table.finish(name) == ("failed", "box is in the way")
     assert len(speeds(table)) == told
+
+
+AWAY = (-0.6, *HOME[1:])
+"""rad, joint positions with the tool to the left"""
+
+
+def test_a_target_by_hand_is_gone_to_at_reduced_speed_near_a_hand(table: Table) -> None:
+    show(table, NEAR)
+    table.memory.update_node("arm", target_joints=AWAY)
+    table.run(6.0)
+    assert table.status == "reached"
+    assert 0.0 < max(speeds(table)) <= Separation().reduced
+
+
+def test_a_target_by_hand_waits_while_a_hand_is_too_near(table: Table) -> None:
+    table.memory.update_node("arm", target_joints=AWAY)
+    table.run(0.3)
+    assert len(speeds(table)) == 1
+    x, y, z = table.memory.transform("world", "gripper").t
+    show(table, (x, y, z - 0.1))
+    table.run(0.5)
+    assert not table.arm.velocities.any()
+    assert (table.status, table.memory.node("arm")["explanation"]) == ("moving", "stands still: human_1 is near")
+    show(table, FAR)
+    table.run(3.0)
+    assert (table.status, table.memory.node("arm")["explanation"]) == ("reached", "")
+    assert table.arm.positions == pytest.approx(AWAY, abs=3e-3)
+
+
+def test_what_a_hand_held_up_is_refused_if_a_zone_has_come_in_between(table: Table) -> None:
+    table.memory.update_node("arm", target_joints=AWAY)
+    table.run(0.3)
+    x, y, z = table.memory.transform("world", "gripper").t
+    show(table, (x, y, z - 0.1))
+    table.run(0.5)
+    table.memory.add_node("shelf", "zone", size=(0.4, 0.1, 0.4))
+    table.memory.add_edge("world", "shelf", "RT", pose=Pose((0.25, 0.25, 0.6)))
+    show(table, FAR)
+    table.run(0.5)
+    assert (table.status, table.memory.node("arm")["explanation"]) == ("stopped", "shelf is in the way")
+    assert len(speeds(table)) == 1

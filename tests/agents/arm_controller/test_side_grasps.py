@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from agents.arm_controller.arm_model import arm_model
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.forms import form
-from agents.arm_controller.grasps import AT_RIM, FROM_ABOVE, FROM_SIDE, GraspError, grasps
-from agents.arm_controller.room import Room
+from agents.arm_controller.grasping.forms import form
+from agents.arm_controller.grasping.grasps import AT_RIM, FROM_ABOVE, FROM_SIDE, GraspError, grasps
+from agents.arm_controller.grasping.room import Room
+from agents.arm_controller.grasping.side_grasps import side_grasps
+from agents.arm_controller.model.arm_model import arm_model
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.urdf import load_robot
 from agents.arm_controller.scene import Obstacle
-from agents.arm_controller.side_grasps import side_grasps
-from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.math3d.shapes import Part, Shape
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.model.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import CUBE, DOWN, Table, pick
@@ -147,7 +147,7 @@ def test_what_is_out_of_reach_is_said_with_the_arm_at_rest(table: Table) -> None
     table.believe("cube_7", Pose((0.95, 0.3, 0.02)))
     status, why = table.act("pick", target="cube_7")
     assert status == "failed" and why.startswith("unreachable: ")
-    assert not [told for told in table.arm.told if told[0] in ("follow", "move_joints")]
+    assert not [told for told in table.arm.told if told[0] == "follow"]
 
 
 def test_what_stands_on_the_destination_is_in_the_trajectory(table: Table) -> None:
@@ -212,7 +212,7 @@ def test_where_walls_leave_no_room_the_arm_does_not_set_out_and_says_so(table: T
     reason = "there is no room for the gripper around cube_3: left, right are in the way"
     assert table.act("pick", target="cube_3") == ("failed", reason)
     assert hopeless(table)
-    assert not [told for told in table.arm.told if told[0] in ("follow", "move_joints")]
+    assert not [told for told in table.arm.told if told[0] == "follow"]
     table.believe("right", Pose((0.42, -0.1, 0.05)), (0.2, 0.02, 0.1))
     table.believe("left", Pose((0.42, 0.3, 0.05)), (0.2, 0.02, 0.1))
     table.memory.update_node(f"action_1_{table.actions}", status="planned", request="run")

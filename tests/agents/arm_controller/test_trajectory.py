@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.arm_controller.trajectory import PERIOD, SPACING, MotionLimits, Trajectory, resampled, rounded, timed
+from agents.arm_controller.motion.trajectory import PERIOD, SPACING, MotionLimits, Trajectory, resampled, rounded, timed
 
 LIMITS = np.array([0.7, 0.5, 1.2])
 CORNER = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [1.0, 0.5, 0.5], [0.2, 0.9, 0.5]])

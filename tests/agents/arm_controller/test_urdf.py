@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from agents.arm_controller.arm_model import arm_model
-from agents.arm_controller.figure import Figure
-from agents.arm_controller.shapes import bounds
-from agents.arm_controller.urdf import load_robot, parse_robot
+from agents.arm_controller.model.arm_model import arm_model
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.shapes import bounds
+from agents.arm_controller.model.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
 
 from .conftest import GEN3
@@ -157,6 +157,44 @@ def test_macros_are_expanded_with_their_packages(macros: Path) -> None:
     robot = load_robot(macros)
     assert [joint.name for joint in robot.joints] == ["bar_joint"]
     assert sorted(robot.boxes["bar"][0].size) == pytest.approx((0.1, 0.1, 0.4))
+
+
+def test_arguments_of_macros_are_passed_on(macros: Path) -> None:
+    for value in (0.5, "0.5"):
+        boxes = load_robot(macros, {"length": value}).boxes["bar"]
+        assert sorted(boxes[0].size) == pytest.approx((0.1, 0.1, 1.0))
+    weld = '<link name="more"/><joint name="weld" type="fixed"><parent link="bar"/><child link="more"/></joint>'
+    switch = f'<xacro:arg name="two" default="false"/><xacro:if value="$(arg two)">{weld}</xacro:if>'
+    macros.write_text(MACROS.replace("{}", switch))
+    assert "more" in load_robot(macros, {"two": True}).boxes
+    assert "more" not in load_robot(macros, {"two": False}).boxes
+
+
+@pytest.mark.parametrize(
+    ("args", "reason"),
+    [
+        ({"lenght": 0.5}, "it has no argument 'lenght'; did you mean 'length'"),
+        ({"length": "long"}, "its macros cannot be expanded"),
+        ({"a:=b": 1}, "'a:=b' is no name of an argument"),
+        ({"": 1}, "'' is no name of an argument"),
+    ],
+)
+def test_wrong_arguments_of_macros_are_an_error(args: dict[str, str | float], reason: str, macros: Path) -> None:
+    with pytest.raises(ConfigError, match=reason) as error:
+        load_robot(macros, args)
+    assert str(error.value).startswith(str(macros))
+
+
+def test_an_argument_that_macros_need_and_nobody_gives_is_named(macros: Path) -> None:
+    macros.write_text(macros.read_text().replace('<xacro:arg name="length" default="0.2"/>', ""))
+    with pytest.raises(ConfigError, match="it needs the argument 'length': give it in `urdf_args`"):
+        load_robot(macros)
+    assert load_robot(macros, {"length": 0.2}).boxes["bar"]
+
+
+def test_a_file_without_macros_takes_no_arguments() -> None:
+    with pytest.raises(ConfigError, match="it has no macros, so it takes no arguments: length"):
+        load_robot(GEN3, {"length": 0.2})
 
 
 @pytest.mark.parametrize(

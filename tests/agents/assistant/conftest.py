@@ -31,6 +31,7 @@ def fill(memory: Memory) -> None:
 @pytest.fixture
 def memory(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> Iterator[Memory]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_STATE_HOME", f"{tmp_path}/state")
     with dsr.connect("kitchen", agent="owner", must_exist=False) as memory:
         fill(memory)
         yield memory

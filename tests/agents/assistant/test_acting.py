@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from agents.assistant.acting import VALID, Acts, ActState, Confirmation, decode_acts, encode_confirmation
+from agents.assistant.acting import VALID, Acts
 from agents.assistant.limits import RateLimit, trimmed
 from dsr import ConfigError, ManualClock, TransportError
+from dsr.vocabulary.proposed_acts import ActState, Confirmation, decode_acts, encode_confirmation
 
 
 def failing() -> str:

@@ -17,9 +17,11 @@ from typing import Any
 
 import anyio
 import cv2
+import httpx2
 import numpy as np
 import pytest
 from mcp import Client, StdioServerParameters
+from mcp.client.streamable_http import streamable_http_client
 from mcp.types import ImageContent, TextContent
 
 import dsr
@@ -29,6 +31,7 @@ from agents.assistant.memory_tools import MemoryTools
 from agents.assistant.pictures import picture
 from agents.assistant.proposing import Proposer
 from agents.assistant.server import GRAPH, NOTE, ToolServer
+from agents.assistant.token import default_token_file, read_or_make_token
 from dsr import Frame, Memory
 from dsr.clock import WALL_CLOCK
 from dsr.network.rendezvous import free_port
@@ -37,7 +40,7 @@ from tests.agents.assistant.conftest import fill
 PAGE = Path(__file__).parents[3] / "docs/how-to/assistants.md"
 LOOKS = {
     "objects", "where_is", "relations", "visible_to", "believes", "timeline", "why", "what_if", "ask", "tell",
-    "plan_preview", "agents_status", "camera_image",
+    "plan_preview", "agents_status", "camera_image", "day",
 }  # fmt: skip
 ACTS = {"propose_mission", "propose_halt", "act_state"}
 
@@ -223,6 +226,7 @@ def test_an_assistant_asks_over_http_and_a_person_confirms_in_a_terminal(memory:
 
 def test_in_a_secured_graph_the_grants_of_the_page_are_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     keys = tmp_path / "keys"
     grants = re.findall(r"--writes \S+", PAGE.read_text(encoding="utf-8"))
     assert len(grants) > 10
@@ -243,7 +247,9 @@ def _ask_and_confirm(memory: Memory, extra: dict[str, str]) -> None:
 
     async def run() -> None:
         with anyio.fail_after(60.0):
-            async with Client(f"http://127.0.0.1:{port}/mcp") as client:
+            headers = {"Authorization": f"Bearer {read_or_make_token(default_token_file('kitchen'))}"}
+            http = httpx2.AsyncClient(headers=headers)
+            async with Client(streamable_http_client(f"http://127.0.0.1:{port}/mcp", http_client=http)) as client:
                 mission = await told(client, "propose_mission", goal="on(ball,table)")
                 halt = await told(client, "propose_halt", reason="a hand is in the way")
                 confirm = [sys.executable, "-m", "dsr.cli", "assist", "confirm"]

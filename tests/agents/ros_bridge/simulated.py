@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.model.urdf import load_robot
 from agents.plant.arm import SimulatedArm
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality

@@ -186,7 +186,7 @@ def test_the_first_guess_is_the_smallest_rectangle(scene: ColorScene) -> None:
 
 
 def seen(block: Block, color: Vector3, sigma: float = 0.001) -> BlockSighting:
-    return BlockSighting(block, sigma**2 * np.eye(7), color, 0.0, measured=True, strained=False, cost=0.0)
+    return BlockSighting(block, sigma**2 * np.eye(7), color, 0.02, 0.0, measured=True, strained=False, cost=0.0)
 
 
 def track(name: str, block: Block, color: Vector3) -> BlockTrack:
@@ -234,8 +234,8 @@ class Finder:
             self.stamp += 0.1
             self.objects.update()
             view, color, _ = look(self.scene)
-            sightings = self.objects.read(view, color, self.stamp, self.stamp, seen or [])
-            found = self.objects.consider("camera", sightings, self.stamp)
+            blocks = self.objects.read(view, color, self.stamp, self.stamp, seen or [])
+            found = [(name, CAMERA @ pose) for name, pose in self.objects.consider("camera", blocks, self.stamp)]
             for name, pose in found:
                 self.memory.add_edge("world", name, "RT", pose=pose)
         return dict(found)
@@ -311,7 +311,7 @@ def test_two_of_one_colour_that_are_moved_until_they_touch_stay_two(scene: Color
 
 def test_known_things_are_no_blocks(scene: ColorScene, finder: Finder) -> None:
     truth = stand(scene, "red", 0.3, 0.1)
-    tagged = KnownVolume.box(Pose(truth.centre), BOX)
+    tagged = KnownVolume.box(CAMERA.inverse() @ Pose(truth.centre), BOX)
     finder.look(finder.config.blocks_after + 2, [tagged])
     assert finder.memory.nodes("box") == []
     finder.memory.add_node("cube_7", "cube", size=BOX, marker_id=7)

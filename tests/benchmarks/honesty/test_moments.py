@@ -17,8 +17,10 @@ from benchmarks.honesty.runs import Job, play_episode
 from benchmarks.honesty.statement import log_score, stated
 from benchmarks.honesty.summary import Report, kind_of, regions, summarise_runs, told_by
 from benchmarks.honesty.tables import markdown, show_report
+from benchmarks.honesty.watching import ToldWorlds, statement_of, told_relations
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import Action
+from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 
 SCENARIO = """
 name = "x"
@@ -59,30 +61,42 @@ def sample(time: float, box: Pose | None, told: Pose | None, **more: object) -> 
     return Sample(time=time, truth=truth, beliefs=beliefs, edges=edges, **{"in_view": frozenset(truth), **more})  # type: ignore[arg-type]
 
 
+def said(one: Sample) -> ToldWorlds:
+    """What a belief says that is as sure as the edges of the memory."""
+    names = one.beliefs.keys() | one.absent
+    places = {name: stated(one.beliefs.get(name), gone=name in one.absent) for name in names}
+    pairs = {kind: {(a, b): 1.0 for type, a, b in one.edges if type == kind} for kind in ("on", "in", "grasping")}
+    return ToldWorlds(places, places, pairs)
+
+
+def scores(family: str, seed: int, made: History) -> RunScores:
+    return scores_of(family, seed, made, {one.time: said(one) for one in made.samples})
+
+
 def of_box(scores: RunScores) -> list:
     return [moment for moment in scores.moments if moment.object == "box"]
 
 
 def test_moments_are_ten_a_second_from_the_settling_on() -> None:
-    scores = scores_of("f", 3, history([sample(0.05 * k, HERE, HERE) for k in range(61)]))
-    times = [moment.time for moment in of_box(scores)]
+    found = scores("f", 3, history([sample(0.05 * k, HERE, HERE) for k in range(61)]))
+    times = [moment.time for moment in of_box(found)]
     assert times == pytest.approx([1.0 + 0.1 * k for k in range(21)])
-    assert (scores.family, scores.seed) == ("f", 3)
+    assert (found.family, found.seed) == ("f", 3)
 
 
 def test_what_is_told_is_scored() -> None:
     percept = THERE.with_covariance(COVARIANCE)
     one = sample(2.0, HERE, HERE, percepts={"box": percept, "other": OTHER})
-    (moment,) = of_box(scores_of("f", 0, history([one])))
+    (moment,) = of_box(scores("f", 0, history([one])))
     belief, naive = told_by(moment, "belief"), told_by(moment, "percept")
     assert belief.log_score == log_score(stated(HERE.with_covariance(COVARIANCE)), HERE)
     assert belief.turned_log_score == log_score(stated(HERE.with_covariance(COVARIANCE)), HERE, turned=True)
     assert (belief.region, belief.error) == (pytest.approx(0.0), 0.0)
     assert naive.region == pytest.approx(1.0) and naive.error == pytest.approx(0.1)
     assert naive.log_score > belief.log_score + 10.0
-    assert believed(one, "box").poses[0].pose.cov is not None
-    assert last_percept(one, "other").open == 1.0, "a percept without a covariance says nothing"
-    other = next(one for one in scores_of("f", 0, history([one])).moments if one.object == "other")
+    assert believed(one, said(one), "box").poses[0].pose.cov is not None
+    assert last_percept(one, said(one), "other").open == 1.0, "a percept without a covariance says nothing"
+    other = next(one for one in scores("f", 0, history([one])).moments if one.object == "other")
     assert told_by(other, "belief").turned_log_score is None, "nobody sees how it is turned"
 
 
@@ -98,7 +112,7 @@ def test_seen_unseen_and_not_yet_seen_are_told_apart() -> None:
         sample(5.5, THERE, None, in_view=hidden, absent=frozenset({"box"})),
         sample(6.0, THERE, HERE, grasped={"box": "human_hand_0"}),
     ]
-    moments = of_box(scores_of("f", 0, history(course)))
+    moments = of_box(scores("f", 0, history(course)))
     assert [moment.seen for moment in moments] == ["never", "seen", *["unseen"] * 5, "seen"]
     assert [moment.untouched for moment in moments] == [False, False, True, *[False] * 5]
     told = [told_by(moment, "belief") for moment in moments]
@@ -113,12 +127,30 @@ def test_seen_unseen_and_not_yet_seen_are_told_apart() -> None:
 def test_relations_and_actions_are_answers() -> None:
     made = history([sample(2.0, HERE, HERE, grasped={"box": "human_hand_0"}), sample(3.0, None, HERE)])
     made.actions.append(Inferred(Action(2.5, "Pick", "other", "human_hand_0"), 2.6, 0.4))
-    answers = {told.kind: told for told in scores_of("f", 0, made).answers}
+    answers = {told.kind: told for told in scores("f", 0, made).answers}
     assert [tuple(answer) for answer in answers["grasping"].answers] == [(0.0, True)]
     on = [tuple(answer) for answer in answers["on"].answers]
     assert sorted(on) == [(1.0, False), (1.0, True), (1.0, True)], "what is held does not count; what is gone is not on"
     assert answers["on"].questions == 3
     assert [tuple(answer) for answer in answers["actions"].answers] == [(0.4, False)]
+
+
+def test_worlds_are_told_as_one_distribution_and_relations_with_their_weight() -> None:
+    here, there = HERE.with_covariance(COVARIANCE), THERE.with_covariance(COVARIANCE)
+    states = [
+        (0.5, ObjectState(here, supports=("table",)), ObjectState(OTHER)),
+        (0.2, ObjectState(here, supports=("table",)), ObjectState(None)),
+        (0.2, ObjectState(there, hand="human_hand_0"), ObjectState(OTHER)),
+        (0.1, ObjectState(None), ObjectState(OTHER)),
+    ]
+    worlds = tuple(WeightedWorld(weight, {"box": box, "other": other}) for weight, box, other in states)
+    island = Island(("box", "other"), worlds)
+    statement = statement_of(island, "box")
+    assert [(round(one.weight, 9), one.pose) for one in statement.poses] == [(0.7, here), (0.2, there)]
+    assert statement.gone == pytest.approx(0.1) and statement.open == pytest.approx(0.0)
+    assert told_relations([island], "on") == pytest.approx({("box", "table"): 0.7})
+    assert told_relations([island], "grasping") == pytest.approx({("human_hand_0", "box"): 0.2})
+    assert told_relations([island], "in") == {}
 
 
 def report() -> tuple[list[RunScores], Report]:
@@ -127,7 +159,7 @@ def report() -> tuple[list[RunScores], Report]:
     for seed, off in ((0, HERE), (1, THERE)):
         course = [sample(1.0 + 0.1 * k, HERE, HERE) for k in range(10)]
         course += [sample(2.0 + 0.1 * k, HERE, off, in_view=hidden) for k in range(10)]
-        runs.append(scores_of("stacks", seed, history(course)))
+        runs.append(scores("stacks", seed, history(course)))
     return runs, summarise_runs(runs)
 
 

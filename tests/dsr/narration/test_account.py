@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 from dsr import ConfigError, Memory, Pose
 from dsr.narration import Basis, Moment, StatedClaim, Statement, Subject, account, chapters, check_names
 from dsr.narration.statements import ago, length_of_time
 from dsr.timeline import Chronicle
+from dsr.vocabulary.calibration import CONFIRMED, SURPRISE, Report, pose_of, request_calibration
 from dsr.vocabulary.halting import HaltOrder, write_order
 from tests.dsr.narration.conftest import NOW, put
 
@@ -69,6 +71,20 @@ def test_what_a_camera_sees_that_may_have_moved_is_believed(memory: Memory) -> N
     )
     memory.update_node("camera", mount="steady")
     assert told(Moment.of(memory), "cup").basis is Basis.PERCEIVED
+
+
+def test_what_a_camera_sees_whose_new_pose_may_be_taken_back_is_believed(memory: Memory) -> None:
+    """Also for the seconds in which its mount is told to be confirmed, so that beliefs follow."""
+    pose = (0.3, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0)
+    report = Report("camera", "world", "robust", True, "why", pose, pose, (), 0.1, 0.0, 9.0, False, 1, 4, 4, ())
+    memory.add_edge("camera", "cup", "RT", pose=Pose((0.0, 0.0, 1.0), stamp=NOW))
+    memory.add_edge("world", "camera", "RT", pose=pose_of(pose))
+    name = request_calibration(memory, "camera")
+    for is_provisional, basis in ((True, Basis.BELIEVED), (False, Basis.PERCEIVED)):
+        answer = msgspec.structs.replace(report, provisional=is_provisional)
+        memory.update_node(name, source=SURPRISE, report=msgspec.json.encode(answer).decode())
+        memory.update_node("camera", mount=CONFIRMED)
+        assert told(Moment.of(memory), "cup").basis is basis
 
 
 def test_an_old_flag_of_being_seen_does_not_count(memory: Memory) -> None:

@@ -153,7 +153,7 @@ def test_the_answer_is_as_sure_as_its_evidence(kitchen: Moment) -> None:
     [
         ("where is the cub_3", "cub_3", "nothing is called 'cub_3'; did you mean 'cube_3'"),
         ("where is the cube", "cube", "'cube' may be cube_10, cube_3, cube_4 and cube_9: which one?"),
-        ("where is the ball and why", "why", "'why' is not understood there."),
+        ("where is the ball and why", "", "The question ends too early, after 'why'."),
     ],
 )
 def test_what_is_not_understood(kitchen: Moment, question: str, part: str, why: str) -> None:

@@ -10,12 +10,13 @@ import pytest
 
 from dsr.clock import ManualClock
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.camera import explained_by_camera
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
-from simulation_handler.explaining.least_change import AS_GOOD, with_least_change
+from simulation_handler.explaining.least_change import with_least_change
 from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, score
 from simulation_handler.explaining.search import Candidate
@@ -88,9 +89,9 @@ def candidate(name: str, x: float, total: float, *, held: bool = False) -> Candi
 
 def test_what_is_as_good_is_decided_by_change_and_all_else_by_score() -> None:
     here = situation([cube("a", 0.5, 0), cube("b", 0.1, 0), cube("top", -0.5, 0)], [cube("top", 0.0, 1)])
-    far, near = candidate("a", 0.5, 8.0), candidate("b", 0.1, 8.0 + 0.9 * AS_GOOD)
+    far, near = candidate("a", 0.5, 8.0), candidate("b", 0.1, 8.0 + 0.9 * nats.AS_GOOD)
     assert with_least_change(here, [far, near]) == [near, far]
-    worse = candidate("b", 0.1, 8.0 + 1.1 * AS_GOOD)
+    worse = candidate("b", 0.1, 8.0 + 1.1 * nats.AS_GOOD)
     assert with_least_change(here, [far, worse]) == [far, worse]
     held = candidate("b", 0.1, 8.0, held=True)
     assert with_least_change(here, [far, held]) == [far, held], "it assumes something else"

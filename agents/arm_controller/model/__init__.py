@@ -1,0 +1,1 @@
+"""What an arm is: links, joints, fingers and shapes, read off its description."""

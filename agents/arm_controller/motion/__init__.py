@@ -1,0 +1,1 @@
+"""Ways of an arm: found free of obstacles, timed within limits, followed, and announced to other arms."""

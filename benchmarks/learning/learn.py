@@ -1,0 +1,107 @@
+"""Learns all parameters by recorded episodes, and tells them as TOML with their standard errors."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agents.scenario.generate.registry import is_for_tuning
+from benchmarks.learning.holding import learn_holding
+from benchmarks.learning.judged import Episode, RememberedShares
+from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
+from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES
+from simulation_handler.worlds.parameters import Noise, WorldParameters
+from simulation_handler.worlds.weighted import WeightedWorlds
+
+_MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
+_RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
+
+Deviations = Mapping[str, Mapping[str, float]]
+
+
+def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
+    """Learn by the recorded episodes of a folder; the TOML file. Those for judging are left out."""
+    episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
+    tell(f"{len(episodes)} episodes")
+    begun = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, ELSEWHERE, WITHIN)
+    noise, deviations = _learn_noise(episodes, begun, tell)
+    holding = learn_holding((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    known = msgspec.structs.replace(begun, noise=noise, holding=holding)
+    parameters, errors = learn_rates(episodes, known, tell)
+    return toml_of(parameters, deviations, errors, [episode.name for episode in episodes])
+
+
+def load_episodes(folder: Path) -> Iterator[Episode]:
+    """Recorded episodes by name, every other moment."""
+    for file in sorted(folder.glob("*-*.pickle")):
+        settle, moments = pickle.loads(file.read_bytes())
+        yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0][::2], RememberedShares())
+
+
+def _is_for_tuning(episode: Episode) -> bool:
+    family, _, seed = episode.name.partition("-")
+    return is_for_tuning(family, int(seed))
+
+
+def _learn_noise(
+    episodes: Sequence[Episode], begun: WorldParameters, tell: Callable[[str], None]
+) -> tuple[dict[str, Noise], dict[str, dict[str, float]]]:
+    """The noise of each circumstance, and standard errors of the logarithms of its values."""
+    errors = errors_of((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    noise, deviations = {}, {}
+    rng = np.random.default_rng(0)
+    for circumstance in CIRCUMSTANCES:
+        found = errors.get(circumstance)
+        noise[circumstance] = START if found is None else learn_noise(_thinned(found))
+        tell(f"{circumstance}: {0 if found is None else len(found.age)} moments, {noise[circumstance]}")
+        if found is not None:
+            tried = [learn_noise(_thinned(_resampled(found, rng)), noise[circumstance]) for _ in range(_RESAMPLINGS)]
+            values = [np.log(np.array(msgspec.structs.astuple(one)) + _NOTHING) for one in tried]
+            spread = np.std(values, axis=0, ddof=1).tolist()
+            deviations[circumstance] = dict(zip(Noise.__struct_fields__, spread, strict=True))
+    return noise, deviations
+
+
+_NOTHING = 1e-9  # added before a logarithm
+
+
+def _thinned(errors: Errors) -> Errors:
+    count = len(errors.age)
+    return errors if count <= _MOST_MOMENTS else errors.of(np.linspace(0, count - 1, _MOST_MOMENTS).astype(np.int64))
+
+
+def _resampled(errors: Errors, rng: np.random.Generator) -> Errors:
+    """As many episodes, drawn with replacement."""
+    numbers = np.unique(errors.episode)
+    drawn = rng.choice(numbers, len(numbers))
+    return errors.of(np.concatenate([np.flatnonzero(errors.episode == number) for number in drawn]))
+
+
+def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector, episodes: Sequence[str]) -> str:
+    """The file: parameters, and below them the standard errors of their logarithms (or logits)."""
+    lines = [
+        "# Learned parameters of the weighted worlds: `python -m benchmarks.learning fit` writes this file.",
+        "# simulation_handler/worlds/parameters.py tells what each one means, and its unit.",
+        "",
+    ]
+    for circumstance, noise in parameters.noise.items():
+        lines += _table(f'parameters.noise."{circumstance}"', msgspec.structs.asdict(noise))
+    lines += _table("parameters.holding", {f'"{name}"': share for name, share in parameters.holding.items()})
+    for group in ("rates", "absence", "elsewhere", "within"):
+        lines += _table(f"parameters.{group}", msgspec.structs.asdict(getattr(parameters, group)))
+    lines += ["# Standard errors of the logarithms of these values, of probabilities: of their logits.", ""]
+    for circumstance, told in deviations.items():
+        lines += _table(f'errors.noise."{circumstance}"', told)
+    for group in ("rates", "absence", "elsewhere", "within"):
+        lines += _table(f"errors.{group}", {name: error for (of, name), error in errors.items() if of == group})
+    lines += ["[source]", f"episodes = {msgspec.json.encode(list(episodes)).decode()}", ""]
+    return "\n".join(lines)
+
+
+def _table(name: str, values: Mapping[str, float]) -> list[str]:
+    return [f"[{name}]", *(f"{key} = {float(f'{value:.3g}')!r}" for key, value in values.items()), ""]

@@ -1,0 +1,153 @@
+"""Learns how far objects are from where the simulation has them, by circumstance: maximum likelihood of the truth."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from benchmarks.honesty.statement import VOLUME
+from benchmarks.learning.recorded import Recorded
+from dsr.math3d import quaternions
+from simulation_handler.worlds.parameters import Noise
+from simulation_handler.worlds.spread import position_covariance, rotation_covariance
+from simulation_handler.worlds.weighted import WeightedWorlds
+
+Array = NDArray[np.float64]
+
+START = Noise(scale=1.0, level=0.003, height=0.002, growth=0.003, path=0.1, upwards=0.3, lag=0.05, turn=0.03,
+              turning=0.3, wide=5.0, wrong=0.05)  # fmt: skip
+"""Where the search begins, and to which little evidence is drawn."""
+_SHARES = ("upwards", "wrong")
+_PRIOR = 2.0  # 1, standard deviation of the logarithm (or logit) of each value around its start
+_MOMENTS = 7.0  # moments of an episode that say as much as one: neighbours in time have nearly the same error
+_INDEPENDENT = 20.0  # moments of one episode that count as independent, at most
+_FEWEST = 8  # moments, below which a circumstance is not learned
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far objects were from their simulated places in one circumstance, n moments."""
+
+    own_places: Array
+    """(n, 3, 3) m^2, covariance that perception tells, world frame"""
+    own_turns: Array
+    """(n, 3, 3) rad^2, likewise"""
+    age: Array
+    moved: Array
+    velocity: Array
+    """(n,) s, (n,) m and (n, 3) m/s, as of `position_covariance`"""
+    places: Array
+    """(n, 3) m, from the simulated to the true place, world frame"""
+    turns: Array
+    """(n, 3) rad, likewise of rotation vectors; nan of things without a tag"""
+    episode: NDArray[np.int64]
+    """(n,) number of the episode"""
+
+    def of(self, chosen: NDArray[np.int64]) -> Errors:
+        """Those of these indexes."""
+        return Errors(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+
+def errors_of(episodes: Iterable[tuple[Sequence[Recorded], WeightedWorlds]]) -> dict[str, Errors]:
+    """The errors of recorded moments by circumstance; each episode with worlds that have seen nothing yet."""
+    found: dict[str, list[tuple[object, ...]]] = defaultdict(list)
+    for number, (moments, worlds) in enumerate(episodes):
+        for moment in moments:
+            worlds.update(moment.evidence)
+            for name, truth in moment.truth.items():
+                followed = worlds.followed(name) if name in moment.evidence.objects else None
+                if followed is None:
+                    continue
+                pose = followed.pose
+                own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
+                turn = np.array(quaternions.to_rotvec(quaternions.product(truth.q, quaternions.conjugate(pose.q))))
+                found[followed.circumstance].append(
+                    (*own, followed.age, followed.moved, followed.velocity, np.subtract(truth.t, pose.t),
+                     turn if name in moment.tagged else _UNKNOWN, number)
+                )  # fmt: skip
+    return {key: Errors(*map(np.array, zip(*rows, strict=True))) for key, rows in found.items()}
+
+
+_NONE = np.zeros((3, 3))
+_UNKNOWN = np.full(3, np.nan)
+
+
+def learn_noise(errors: Errors, start: Noise = START) -> Noise:
+    """The noise under which the true places and rotations are most probable, drawn to `start` where little is known."""
+    if len(errors.age) < _FEWEST:
+        return start
+    first = np.append(_to_vector(start), _logit(_ASTRAY))
+
+    weight = min(len(errors.age) / _MOMENTS, _INDEPENDENT * len(set(errors.episode.tolist())))
+
+    def cost(vector: Array) -> float:
+        likelihood = weight * float(np.mean(log_densities(errors, _to_noise(vector[:-1]), vector[-1])))
+        return 0.5 * float(np.sum(((vector - first) / _PRIOR) ** 2)) - likelihood
+
+    bounds = [*(_bounds_of(name) for name in Noise.__struct_fields__), (-7.0, 0.0)]
+    found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
+    return _to_noise(found.x[:-1])
+
+
+def log_densities(errors: Errors, noise: Noise, astray: float) -> Array:
+    """(n,) nats, of true places (per m^3), and of rotations (per rad^3) where these are known.
+
+    `astray` is the logit of the probability of something else than the simulation has: alternatives tell of it.
+    """
+    covariance = position_covariance(noise, errors.own_places, errors.age, errors.moved, errors.velocity)
+    covariance = covariance + _GRAIN**2 * np.eye(3)
+    distances = _distances2(errors.places, covariance)
+    _, determinants = np.linalg.slogdet(covariance)
+    known = np.isfinite(errors.turns[:, 0])
+    turned = rotation_covariance(noise, errors.own_turns, errors.moved) + _GRAIN_TURN**2 * np.eye(3)
+    turns = np.where(known, _distances2(np.nan_to_num(errors.turns), turned), 0.0)
+    _, turned_determinants = np.linalg.slogdet(turned)
+    size = np.where(known, 6.0, 3.0)
+    scale = determinants + np.where(known, turned_determinants, 0.0) + size * np.log(2.0 * np.pi)
+    near = -0.5 * (distances + turns + scale)
+    far = -0.5 * ((distances + turns) / noise.wide**2 + scale) - size * np.log(noise.wide)
+    indifferent = -np.log(VOLUME) - np.where(known, np.log(8 * np.pi**2), 0.0) + astray
+    parts = (np.log1p(-noise.wrong) + near, np.log(noise.wrong) + far, indifferent)
+    return np.asarray(np.logaddexp.reduce(parts))
+
+
+_ASTRAY = 0.02  # 1, where the search for the probability of something else begins
+_GRAIN, _GRAIN_TURN = 1e-4, 1e-3  # m and rad, grain of the truth (benchmarks.honesty.statement)
+
+
+def _distances2(offsets: Array, covariances: Array) -> Array:
+    solved = np.linalg.solve(covariances, offsets[..., None])[..., 0]
+    return np.asarray((offsets * solved).sum(axis=-1))
+
+
+def _to_vector(noise: Noise) -> Array:
+    values = msgspec.structs.asdict(noise)
+    return np.array([_logit(value) if name in _SHARES else np.log(value) for name, value in values.items()])
+
+
+def _to_noise(vector: Array) -> Noise:
+    names = Noise.__struct_fields__
+    values = {
+        name: float(1.0 / (1.0 + np.exp(-value))) if name in _SHARES else float(np.exp(value))
+        for name, value in zip(names, vector, strict=True)
+    }
+    return Noise(**values)
+
+
+_WIDEST = 12.0  # 1, factor of a wide world at most: what is further off is told of by alternatives
+
+
+def _bounds_of(name: str) -> tuple[float, float]:
+    """Of a logarithm or logit. Nothing is known better than its grain; a wide world is twice as wide at least."""
+    least = {"level": 2 * _GRAIN, "height": 2 * _GRAIN, "turn": 2 * _GRAIN_TURN, "wide": 2.0}.get(name)
+    return (-12.0 if least is None else float(np.log(least)), float(np.log(_WIDEST)))
+
+
+def _logit(share: float) -> float:
+    return float(np.log(share / (1.0 - share)))

@@ -1,0 +1,77 @@
+"""Answers what a thing is like, what is closest to it, what is not seen, and how sure the robot is."""
+
+from __future__ import annotations
+
+from dsr.frames.tree import BELIEVED, WORLD
+from dsr.narration.answer import Response, joined, understood
+from dsr.narration.naming import is_robot, node_of, nodes_called
+from dsr.narration.places import place_of_thing
+from dsr.narration.questions import Query
+from dsr.narration.statements import Basis, Moment, Statement, Subject, is_seen
+from dsr.vocabulary.relations import THINGS, is_present
+from dsr.vocabulary.sentences import listed
+
+
+def property_of(moment: Moment, query: Query) -> Response:
+    """The colour, size or mass of a thing, as the graph has it."""
+    node = node_of(moment, query.things[0])
+    known = {"colour": "color", "large": "size", "heavy": "mass"}[query.word]
+    value = node.get(known)
+    if value is None:
+        return understood(f"The {known} of {node.name} is not known.")
+    if query.word == "heavy":
+        text = f"{node.name} weighs {value:g} kg."
+    elif query.word == "large":
+        text = f"{node.name} is {' x '.join(f'{length:.3f}' for length in value)} m large, along x, y and z."
+    else:
+        red, green, blue = (f"{part:.2f}" for part in value)
+        text = f"{node.name} has the colour red {red}, green {green}, blue {blue} (each 0 to 1)."
+    told = Statement(
+        text=text, subject=Subject.PLACE, basis=Basis.OWN, names=(node.name,),
+        evidence={known: [float(part) for part in value] if known != "mass" else value},
+    )  # fmt: skip
+    return understood(text, [told])
+
+
+def sure(moment: Moment, query: Query) -> Response:
+    """How sure the robot is of where a thing is: what that rests on, and the deviation of the last percept."""
+    node = node_of(moment, query.things[1])
+    told = place_of_thing(moment, node)
+    percept = told.evidence.get("percept", {})
+    deviation = percept.get("position_deviation_m")
+    known = f" The percept deviates by {1000.0 * deviation:.0f} mm (one standard deviation)." if deviation else ""
+    how = "It is seen." if told.basis is Basis.PERCEIVED else "It is not seen so, only believed."
+    return understood(f"{how}{known} {told.text}", [told], verdict=told.basis is Basis.PERCEIVED)
+
+
+def closest(moment: Moment, query: Query) -> Response:
+    """The thing whose centre is closest to that of another, as believed."""
+    node = node_of(moment, query.things[-1])
+    kind = query.things[0] if len(query.things) > 1 else "thing"
+    here = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
+    others = [one for one in nodes_called(moment, kind) if is_present(one) and one.name != node.name]
+    poses = {one.name: moment.memory.get_transform(WORLD, one.name, types=BELIEVED) for one in others}
+    far = {} if here is None else {name: here.distance(pose)[0] for name, pose in poses.items() if pose is not None}
+    if not far:
+        return understood(f"Nothing is known to be close to {node.name}.")
+    name = min(far, key=lambda one: (far[one], one))
+    text = f"{name} is closest to {node.name}, {far[name]:.2f} m from centre to centre."
+    places = [place_of_thing(moment, one) for one in (moment.memory.node(name), node) if one.type in THINGS]
+    return understood(f"{text} {joined(places)}", places, names=[name])
+
+
+def what_unseen(moment: Moment, query: Query) -> Response:
+    """Which things the robot, a camera or a person does not see."""
+    viewer = query.things[-1]
+    things = nodes_called(moment, query.things[0] if len(query.things) > 1 else "thing")
+    there = [node for node in things if is_present(node)]
+    if is_robot(viewer):
+        who, unseen = "The robot", [node for node in there if not is_seen(node, moment.now)]
+    else:
+        who = node_of(moment, viewer).name
+        edges = {edge.dst: edge.get("visible") is True for edge in moment.memory.edges("sees", src=who)}
+        unseen = [node for node in there if not edges.get(node.name, False)]
+    names = [node.name for node in unseen]
+    told = [place_of_thing(moment, node) for node in unseen]
+    text = f"{who} does not see {listed(names)}." if names else f"{who} sees all of them."
+    return understood(f"{text} {joined(told)}".strip(), told, names=names)

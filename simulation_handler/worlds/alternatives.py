@@ -1,0 +1,287 @@
+"""Where one unseen object may be instead of where the simulation has it: alternatives with weights, over time.
+
+Each alternative is a mode of a hidden Markov model. Mass flows from mode to mode by rates; that the object is not
+seen where it should be lowers a mode in proportion to what cameras should see of it there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from simulation_handler.worlds.circumstances import HELD, HELD_OUT_OF_SIGHT, MOVES, held
+from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
+from simulation_handler.worlds.parameters import Absence, Rates, WorldParameters
+
+FOLLOWED = "followed"
+"""The mode in which the simulation is right"""
+LEFT = "left"
+"""The mode in which it is where it was recognised last"""
+ELSEWHERE = "elsewhere"
+"""The mode in which something unknown moved it"""
+GONE = "gone"
+"""The mode in which it is not in the scene"""
+IN_HAND, INSIDE_OF = "in ", "inside "
+"""The modes in which it is in a hand, or in a container: followed by the name of that"""
+
+_REACH = 0.15  # m from a palm to the centre of an object that its hand may take
+_BESIDE = 0.05  # m from a container within which what vanishes may be in it
+_LEAST = 1e-9  # 1, weight below which a mode is dropped
+_WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
+
+
+@dataclass
+class Mode:
+    """One alternative."""
+
+    weight: float
+    """1, probability"""
+    pose: Pose | None
+    """world_from_object; None: gone"""
+    missed: float = 0.0
+    """1, how often it should have been recognised there, and was not"""
+    hand: str = ""
+    """Name of the hand that holds it; empty for none"""
+    container: str = ""
+    """Name of the container that it is in; empty for none"""
+    anchored: Pose | None = None
+    """hand_from_object or container_from_object, if it goes along with one of these"""
+    since: float = -math.inf
+    """s, since when it may have been so"""
+
+
+class Alternatives:
+    """The modes of one object from when it is not seen any more until it is seen again.
+
+    Args:
+        parameters: rates and probabilities.
+        thing: the object when it was recognised last.
+        before: its circumstance then.
+        now: s, that time.
+        shares: how much cameras should see of it in places.
+    """
+
+    def __init__(
+        self, parameters: WorldParameters, thing: ObjectEvidence, before: str, now: float, shares: SharesQuery
+    ) -> None:
+        assert thing.believed is not None
+        self._parameters = parameters
+        self._shares = shares
+        self.before = before
+        self.left = thing.believed
+        """world_from_object when it was recognised last"""
+        self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now)}
+        self._container = thing.container
+        self.looked = now
+        """s, when it was last worked out what cameras should see of it"""
+        self._now = now
+        self._told_gone = False
+        self._is_new = True
+
+    @property
+    def moved(self) -> float:
+        """How far (m) the simulation has moved the object since it was recognised."""
+        pose = self.modes[FOLLOWED].pose
+        assert pose is not None
+        return math.dist(pose.t, self.left.t)
+
+    def step(self, name: str, evidence: Evidence, *, look: bool) -> None:
+        """Bring the modes of the object of that name to the time of the evidence; `look` whether it should be seen."""
+        thing, step = evidence.objects[name], evidence.now - self._now
+        self._now = evidence.now
+        self._go_along(thing, evidence)
+        self._follow(thing)
+        self._flow(thing, evidence, step)
+        if self._is_new:
+            self._enter(name, evidence)
+            self._is_new = False
+        if look:
+            self._miss(name, evidence, evidence.now - self.looked)
+            self.looked = evidence.now
+        total = sum(mode.weight for mode in self.modes.values())
+        for key, mode in list(self.modes.items()):
+            mode.weight /= total
+            if 0.0 < mode.weight < _LEAST and key != FOLLOWED:
+                del self.modes[key]
+
+    def _go_along(self, thing: ObjectEvidence, evidence: Evidence) -> None:
+        """Objects in hands and containers go along with these; what a hand may just take is where it was."""
+        followed = self.modes[FOLLOWED]
+        for mode in self.modes.values():
+            holder = _holder(mode, evidence)
+            if holder is None or mode.anchored is None:
+                continue
+            if mode.hand and _is_near(holder, followed.pose) and not thing.hand:
+                mode.anchored = holder.inverse() @ _placed(followed.pose)
+            mode.pose = holder @ mode.anchored
+
+    def _follow(self, thing: ObjectEvidence) -> None:
+        """The simulation moves the object: perhaps it did not go along, or is still in its container."""
+        rates, followed = self._parameters.rates, self.modes[FOLLOWED]
+        before, pose = _placed(followed.pose), thing.believed
+        if thing.gone and not self._told_gone:
+            self._pass(FOLLOWED, GONE, rates.missed, Mode(0.0, None))
+        self._told_gone = thing.gone
+        if pose is None:
+            if self._container in _names_of(self.modes, INSIDE_OF):
+                followed.pose = self.modes[INSIDE_OF + self._container].pose
+            return
+        stay = _probability(rates.stayed * math.dist(before.t, pose.t))
+        if self._container and thing.container != self._container:
+            inside = self.modes.get(INSIDE_OF + self._container)
+            if inside is not None:
+                self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
+        self._container = thing.container
+        followed.pose = pose
+        self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left))
+
+    def _flow(self, thing: ObjectEvidence, evidence: Evidence, step: float) -> None:
+        """Events that nobody sees."""
+        rates, followed = self._parameters.rates, self.modes[FOLLOWED]
+        if thing.container and thing.believed is not None:  # remember where in it the object is, should it get out
+            solid = evidence.objects[thing.container].solid
+            if solid is not None:
+                anchored = solid.pose.inverse() @ thing.believed
+                self._mode(INSIDE_OF + thing.container, Mode(0.0, thing.believed, container=thing.container))
+                self.modes[INSIDE_OF + thing.container].anchored = anchored
+        near = [hand for hand, known in evidence.hands.items() if _is_near(known.pose, followed.pose)]
+        for key, mode in list(self.modes.items()):
+            if mode.pose is None:
+                continue
+            self._pass(key, GONE, _probability(rates.removed * step), Mode(0.0, None))
+            if key == ELSEWHERE:
+                continue
+            is_held = bool(mode.hand or (key == FOLLOWED and thing.hand))
+            rate = rates.put_down if is_held else self._moving_rate(mode.pose, evidence, rates)
+            self._pass(key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now))
+        for hand in near:
+            if hand != thing.hand:
+                known = evidence.hands[hand]
+                taken = Mode(0.0, followed.pose, hand=hand, anchored=known.pose.inverse() @ _placed(followed.pose))
+                self._pass(FOLLOWED, IN_HAND + hand, _probability(rates.taken * step), taken)
+
+    def _moving_rate(self, pose: Pose, evidence: Evidence, rates: Rates) -> float:
+        is_near = any(_is_near(known.pose, pose) for known in evidence.hands.values())
+        return rates.moved_by_hand if is_near else rates.moved
+
+    def _enter(self, name: str, evidence: Evidence) -> None:
+        """What vanishes on its way beside a container may be in it."""
+        if self.before not in (MOVES, HELD):
+            return
+        thing = evidence.objects[name]
+        hollows = [
+            (other, solid)
+            for other, solid in ((other, known.solid) for other, known in sorted(evidence.objects.items()))
+            if solid is not None and solid.is_hollow and other not in thing.containers and other != name
+            if thing.solid is None or thing.solid.radius < solid.radius
+            if _is_over(solid.position, solid.size, self.left.t)
+        ]
+        for other, solid in hollows:
+            inside = Mode(0.0, Pose.unchecked(solid.position, self.left.q), container=other)
+            inside.anchored = solid.pose.inverse() @ _placed(inside.pose)
+            self._pass(FOLLOWED, INSIDE_OF + other, self._parameters.rates.entered / len(hollows), inside)
+
+    def _pass(self, source: str, target: str, share: float, new: Mode) -> None:
+        """Let a share of the weight of a mode go over to another one, which begins as `new`."""
+        amount = self.modes[source].weight * share
+        if amount <= 0.0 or source == target:
+            return
+        mode = self._mode(target, new)
+        if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
+            ratio = amount / (mode.weight + amount)
+            x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
+            mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
+        self.modes[source].weight -= amount
+        mode.weight += amount
+
+    def _mode(self, key: str, new: Mode) -> Mode:
+        if key not in self.modes:
+            new.since = self._now
+            self.modes[key] = new
+        return self.modes[key]
+
+    def _miss(self, name: str, evidence: Evidence, step: float) -> None:
+        """The object is not seen: that speaks against all places where cameras should see it."""
+        absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
+        if not any(evidence.now - other.seen_at < _WATCHING for other in evidence.objects.values()):
+            return  # cameras see nothing at all: they may be blind
+        modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
+        placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
+        shares = self._shares(evidence, name, [_placed(mode.pose) for _, mode in placed])
+        for (_, mode), share in zip(placed, shares, strict=True):
+            missed = missed_after(mode.missed, share, step, absence)
+            mode.weight *= math.exp(mode.missed - missed)
+            mode.missed = missed
+        away = self.modes.get(ELSEWHERE)
+        if away is not None:
+            before = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
+            away.missed += absence.rate * step
+            after = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
+            away.weight *= after / before
+
+
+_WATCHING = 0.3  # s since the newest percept of anything, up to which cameras count as seeing
+
+
+def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:
+    """How often an object should have been recognised, after `step` s more in which a share of it was to be seen.
+
+    It is never more than the share can tell, for what cameras should see is only a model: probability
+    `absence.blind` of no recognition is left where all is to be seen, and its power by the share where a part is.
+    """
+    most = -math.log(absence.blind) * share
+    more: float = absence.rate * share**absence.power * step
+    return max(missed, min(missed + more, most))
+
+
+def mode_circumstance(mode: Mode, evidence: Evidence) -> str:
+    """The circumstance of an object in the hand of a mode."""
+    return held(mode.hand, evidence) if mode.hand in evidence.hands else HELD_OUT_OF_SIGHT
+
+
+def _holder(mode: Mode, evidence: Evidence) -> Pose | None:
+    """world_from_holder of the hand or container of a mode; None without one."""
+    if mode.hand:
+        known = evidence.hands.get(mode.hand)
+        return None if known is None else known.pose
+    if mode.container:
+        thing = evidence.objects.get(mode.container)
+        return None if thing is None or thing.solid is None else thing.solid.pose
+    return None
+
+
+def _names_of(modes: dict[str, Mode], prefix: str) -> Iterator[str]:
+    return (key.removeprefix(prefix) for key in modes if key.startswith(prefix))
+
+
+def _is_near(palm: Pose, pose: Pose | None) -> bool:
+    return pose is not None and math.dist(palm.t, pose.t) <= _REACH
+
+
+def _is_over(position: Vector3, size: Vector3, point: Vector3) -> bool:
+    """Whether a point is beside or over a container."""
+    half = 0.5 * max(size[:2]) + _BESIDE
+    return math.hypot(point[0] - position[0], point[1] - position[1]) <= half
+
+
+def _placed(pose: Pose | None) -> Pose:
+    assert pose is not None
+    return pose
+
+
+def _probability(expected: float) -> float:
+    """Probability of at least one of so many expected events."""
+    return -math.expm1(-expected)
+
+
+def speed_of(before: Pose | None, after: Pose | None) -> np.ndarray:
+    """(3,) m/s between two stamped poses; zero if one is missing or no time has passed."""
+    if before is None or after is None or after.stamp <= before.stamp:
+        return np.zeros(3)
+    velocity: np.ndarray = (np.array(after.t) - before.t) / (after.stamp - before.stamp)
+    return velocity

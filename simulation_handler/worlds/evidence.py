@@ -1,0 +1,215 @@
+"""What proposes and weighs worlds: the simulated world, percepts, hands and cameras at one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from simulation_handler.contact.containment import Containment
+from simulation_handler.contact.relations import ContactRelations, Relation
+from simulation_handler.explaining import VisibilityQuery
+from simulation_handler.hands.touching import Touching
+from simulation_handler.perception.percepts import WeighedPercept
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import FLOOR, Bodies
+from simulation_handler.state.objects import BelievedObject
+from simulation_handler.worlds.model import innermost_first
+
+
+@dataclass(frozen=True)
+class HandEvidence:
+    """A human hand at one moment."""
+
+    pose: Pose
+    """world_from_hand when it was last seen, with that stamp (s)"""
+    is_seen: bool
+    """Whether it is in sight now."""
+    fingertips: tuple[Vector3, ...]
+    """(n, 3) m, world, of those that are measured"""
+
+
+@dataclass(frozen=True)
+class ObjectEvidence:
+    """What is known of one object at one moment."""
+
+    solid: Solid | None
+    """The object as the simulation has it; None while it has no place there"""
+    believed: Pose | None
+    """world_from_object there, with covariance where perception led to it"""
+    velocity: Vector3
+    """(3,) m/s of its body in the simulation"""
+    percept: Pose | None
+    """world_from_object of the newest percept, with stamp (s); None if it was never seen"""
+    is_recognised: bool
+    """Whether that percept is recent."""
+    agreeing: int
+    """Percepts that are averaged in its estimate, at most those of a window; 0 without one"""
+    is_moving: bool
+    """Whether the newest percepts contradict each other."""
+    gone: bool = False
+    """Whether the simulation has it taken out of the scene."""
+    driven: bool = False
+    """Whether it is driven along its seen path."""
+    rides: bool = False
+    """Whether it is in or on something that is driven."""
+    hovers: bool = False
+    """Whether it is held in the air, and nothing known holds it."""
+    hand: str = ""
+    """Name of the human hand that holds it; empty for none"""
+    gripper: str = ""
+    """Name of the gripper that holds it; empty for none"""
+    containers: tuple[str, ...] = ()
+    """Names of all that it is in, innermost first"""
+    supports: tuple[str, ...] = ()
+    """Names of what it rests on, but for the floor"""
+    touched_by: tuple[str, ...] = ()
+    """Names of the human hands that touch it, sorted"""
+    let_go_at: float = -np.inf
+    """s, when a hand was last known to let go of it"""
+
+    @property
+    def seen_at(self) -> float:
+        """Stamp (s) of the newest percept; -inf if there is none."""
+        return -np.inf if self.percept is None else self.percept.stamp
+
+    @property
+    def container(self) -> str:
+        """Name of the innermost container; empty for none."""
+        return self.containers[0] if self.containers else ""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that is known at one moment."""
+
+    now: float
+    """s"""
+    objects: Mapping[str, ObjectEvidence]
+    hands: Mapping[str, HandEvidence]
+    visibility: VisibilityQuery | None
+    """What cameras should see; None without one"""
+    contents: frozenset[Relation]
+    """Pairs (object, container)"""
+    fixtures: tuple[Solid, ...] = ()
+    """Tables and the floor"""
+
+
+class EvidenceReader:
+    """Takes the evidence from the parts of a belief.
+
+    Args:
+        bodies: of the simulation.
+        relations: by contact.
+        containment: what is in what.
+        touching: what hands do.
+        lead: gives (3,) m that an object is beyond its body, by name.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        relations: ContactRelations,
+        containment: Containment,
+        touching: Touching,
+        lead: Callable[[str], Vector3],
+    ) -> None:
+        self._bodies = bodies
+        self._lead = lead
+        self._relations = relations
+        self._containment = containment
+        self._touching = touching
+
+    def read(self, now: float) -> Evidence:
+        """The evidence of time `now` (s), after a step of the belief."""
+        contents = frozenset(self._containment.current())
+        below: dict[str, tuple[str, ...]] = {}
+        for upper, lower in self._relations.current():
+            if lower != FLOOR:
+                below[upper] = (*below.get(upper, ()), lower)
+        touches = sorted(self._touching.grasps)
+        objects = {
+            name: self._read_object(item, now, contents, below.get(name, ()), touches)
+            for name, item in self._bodies.objects.items()
+        }
+        hands = {
+            name: HandEvidence(hand.path.last, hand.perceived, tuple(path.last.t for path in tips))
+            for name, hand in self._touching.hands.items()
+            if hand.path.newest > -np.inf
+            for tips in [[path for path in hand.tips.values() if hand.measures(path)]]
+        }
+        fixtures = tuple(self._bodies.fixtures.values())
+        return Evidence(now, objects, hands, self._touching.visibility, contents, fixtures)
+
+    def _read_object(
+        self,
+        item: BelievedObject,
+        now: float,
+        contents: frozenset[Relation],
+        supports: tuple[str, ...],
+        touches: list[Relation],
+    ) -> ObjectEvidence:
+        name, sim, estimate = item.name, self._bodies.sim, item.track.estimate
+        has_place = name in sim
+        pose = self._bodies.pose(name) if has_place else None
+        trail = item.track.trail
+        return ObjectEvidence(
+            solid=None if pose is None else item.solid(pose.t, pose.q),
+            believed=None if pose is None else self._believed(item, pose, now),
+            velocity=sim.velocity(name)[0] if has_place and not item.static else (0.0, 0.0, 0.0),
+            percept=_pose_of(trail[-1], item) if trail else None,
+            is_recognised=item.track.is_fresh(now),
+            agreeing=0 if estimate is None else estimate.count,
+            is_moving=item.track.is_restless,
+            gone=item.gone,
+            driven=item.driven,
+            rides=item.rides,
+            hovers=item.static and not item.holder,
+            hand=item.hand,
+            gripper=item.holder,
+            containers=innermost_first(name, contents),
+            supports=supports,
+            touched_by=tuple(hand for hand, thing in touches if thing == name),
+            let_go_at=item.let_go_at,
+        )
+
+    def _believed(self, item: BelievedObject, pose: Pose, now: float) -> Pose:
+        """world_from_object, with the covariance of perception: the pose of its body and how far it is beyond that."""
+        lead = self._lead(item.name)
+        position = pose.t[0] + lead[0], pose.t[1] + lead[1], pose.t[2] + lead[2]
+        covariance = item.covariance(pose.q)
+        flat = None if covariance is None else tuple(covariance.ravel().tolist())
+        return Pose.unchecked(position, pose.q, now, flat)
+
+
+def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
+    """A percept without its known systematic error."""
+    x, y, z = (percept.position - (item.bias or 0.0) * percept.ray).tolist()
+    return Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
+
+
+SharesQuery = Callable[[Evidence, str, list[Pose]], list[float]]
+"""From evidence, the name of an object and places (world_from_object) to shares (0 to 1) as of `seen_shares`."""
+
+
+def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
+    """Share (0 to 1) of an object that the camera which sees most of it should recognise, at each of some places.
+
+    Everything else is where the simulation has it, and what is in the object is left out.
+    """
+    solid, visibility = evidence.objects[name].solid, evidence.visibility
+    if visibility is None or solid is None:
+        return [0.0] * len(places)
+    others = [
+        other.solid
+        for one, other in evidence.objects.items()
+        if other.solid is not None and one != name and (one, name) not in evidence.contents
+    ]
+    found = []
+    for place in places:
+        visible = visibility([*others, replace(solid, position=place.t, rotation=place.q)])
+        found.append(max((one.share for (_, seen), one in visible.items() if seen == name), default=0.0))
+    return found

@@ -1,0 +1,118 @@
+"""The learned parameters of the weighted worlds, read from `etc/belief/worlds.toml`."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from dsr.config.toml import TomlFile
+from dsr.files.built_in import ETC
+
+FILE = ETC / "belief" / "worlds.toml"
+"""Written by `python -m benchmarks.learning`."""
+
+Amount = Annotated[float, msgspec.Meta(ge=0)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How far an object may be from where a world has it, in one circumstance."""
+
+    scale: Amount
+    """1, factor on the standard deviations that perception tells"""
+    level: Amount
+    """m, standard deviation in each horizontal direction"""
+    height: Amount
+    """m, standard deviation in height"""
+    growth: Amount
+    """m/sqrt(s), standard deviation of a random walk since the object was seen, in each horizontal direction"""
+    path: Amount
+    """1, standard deviation in each horizontal direction, as a share of the way since the object was seen"""
+    upwards: Share
+    """1, share of `growth` and `path` that counts in height"""
+    lag: Amount
+    """s, standard deviation of the time by which what moves is ahead or behind"""
+    turn: Amount
+    """rad, standard deviation about each axis"""
+    turning: Amount
+    """rad/m, standard deviation about each axis, for the way since the object was seen"""
+    wide: Amount
+    """1, factor on all standard deviations in the world in which something unknown is wrong"""
+    wrong: Share
+    """1, probability of that world"""
+
+
+class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How soon something else is so than the simulation has it, while an object is not seen."""
+
+    moved: Amount
+    """1/s, that it is moved to somewhere near, with no hand in reach"""
+    moved_by_hand: Amount
+    """1/s, the same within reach of a hand"""
+    taken: Amount
+    """1/s, that a hand within reach takes it"""
+    put_down: Amount
+    """1/s, that a hand that holds it leaves it somewhere near"""
+    removed: Amount
+    """1/s, that it leaves the scene"""
+    stayed: Amount
+    """1/m, that it did not go along when the simulation moves it"""
+    kept: Share
+    """1, that it is still in its container when the simulation moves it out of there"""
+    entered: Share
+    """1, that what vanishes on its way beside or over a container is in it"""
+    missed: Share
+    """1, that it has left the scene when the explanation of its absence says so"""
+
+
+class Absence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How soon cameras recognise what they should see."""
+
+    rate: Amount
+    """1/s, of percepts of an object of which a share of 1 is to be seen"""
+    power: Amount
+    """1, exponent of the share in the rate"""
+    blind: Share
+    """1, probability that it is not recognised however long, at a place where all of it is to be seen"""
+
+
+class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where an object is that was moved by something unknown: a Gaussian around where it was."""
+
+    level: Amount
+    """m, standard deviation in each horizontal direction"""
+    growth: Amount
+    """m/sqrt(s), growth of that since the object was seen"""
+    height: Amount
+    """m, standard deviation in height"""
+    hidden: Share
+    """1, share of such places that no camera sees"""
+
+
+class Within(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where an object in a container is."""
+
+    level: Amount
+    """1, standard deviation in each direction as a share of the container's edge lengths"""
+
+
+class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All of them."""
+
+    noise: dict[str, Noise]
+    """By circumstance (`simulation_handler.worlds.circumstances`)."""
+    holding: dict[str, Share]
+    """1, probability by circumstance that the human hand which seems to hold or touch an object does hold it"""
+    rates: Rates
+    absence: Absence
+    elsewhere: Elsewhere
+    within: Within
+
+
+@cache
+def learned_parameters(file: Path = FILE) -> WorldParameters:
+    """The parameters of a file. Raises `ConfigError` with its line for a field that does not fit."""
+    return TomlFile(file).convert(WorldParameters, ("parameters",))

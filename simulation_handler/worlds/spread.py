@@ -1,0 +1,63 @@
+"""How far an object may be from where a world has it: covariances by circumstance, of one pose or of many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr.math3d.transforms import Pose
+from simulation_handler.worlds.parameters import Noise
+
+Array = NDArray[np.float64]
+_EYE = np.eye(3)
+_UP = np.diag((0.0, 0.0, 1.0))
+_SIDEWAYS = _EYE - _UP
+
+
+def position_covariance(noise: Noise, own: Array, age: Array, moved: Array, velocity: Array) -> Array:
+    """Covariances (..., 3, 3) of positions in the world frame, m^2.
+
+    Args:
+        noise: of the circumstance.
+        own: (..., 3, 3) m^2, as perception tells.
+        age: (...) s since the object was recognised.
+        moved: (...) m, how far the simulation has moved it since.
+        velocity: (..., 3) m/s.
+    """
+    drift = noise.growth**2 * age + (noise.path * moved) ** 2
+    sideways = (noise.level**2 + drift)[..., None, None] * _SIDEWAYS
+    upwards = (noise.height**2 + noise.upwards**2 * drift)[..., None, None] * _UP
+    along = noise.lag**2 * velocity[..., :, None] * velocity[..., None, :]
+    return np.asarray(noise.scale**2 * own + sideways + upwards + along)
+
+
+def rotation_covariance(noise: Noise, own: Array, moved: Array) -> Array:
+    """Covariances (..., 3, 3) of rotations in the world frame, rad^2; arguments as of `position_covariance`."""
+    more = noise.turn**2 + (noise.turning * moved) ** 2
+    return np.asarray(noise.scale**2 * own + more[..., None, None] * _EYE)
+
+
+def with_spread(pose: Pose, noise: Noise, age: float, moved: float, velocity: Array) -> Pose:
+    """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
+    own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
+    place = position_covariance(noise, own[0], np.array(age), np.array(moved), velocity)
+    turn = rotation_covariance(noise, own[1], np.array(moved))
+    return with_world_covariances(pose, place, turn)
+
+
+def with_world_covariances(pose: Pose, place: Array, turn: Array) -> Pose:
+    """The pose with covariances (3, 3) of position (m^2) and rotation (rad^2) that are given in the world frame."""
+    rotation = pose.rotation_matrix
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = rotation.T @ place @ rotation
+    covariance[3:, 3:] = rotation.T @ turn @ rotation
+    return pose.with_covariance(0.5 * (covariance + covariance.T))
+
+
+def scaled(pose: Pose, factor: float) -> Pose:
+    """The pose with all standard deviations times `factor`."""
+    assert pose.cov is not None
+    return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
+
+
+_NONE = np.zeros((3, 3))

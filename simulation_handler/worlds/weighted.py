@@ -1,0 +1,241 @@
+"""Keeps the weighted worlds of all objects: one and its doubt while an object is seen, and alternatives while not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr.errors import ConfigError
+from dsr.math3d.transforms import Pose
+from simulation_handler.worlds.alternatives import (
+    ELSEWHERE,
+    FOLLOWED,
+    GONE,
+    INSIDE_OF,
+    LEFT,
+    Alternatives,
+    Mode,
+    mode_circumstance,
+    speed_of,
+)
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
+from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
+from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
+from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
+from simulation_handler.worlds.parameters import WorldParameters
+from simulation_handler.worlds.spread import scaled, with_spread, with_world_covariances
+
+WRONG = "something unknown is wrong"
+"""Reason of a world in which an object is further from its believed place than its circumstance tells"""
+LOOK_PERIOD = 0.2
+"""s between two times at which it is worked out what cameras should see of an unseen object"""
+_CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
+_SPEED_TIME = 0.2  # s over which the speed of a believed object is measured
+
+
+@dataclass
+class _Watched:
+    """One object over time."""
+
+    circumstance: str = ""
+    """When it was recognised last"""
+    seen: ObjectEvidence | None = None
+    """The object then"""
+    seen_at: float = -math.inf
+    """s, that time"""
+    alternatives: Alternatives | None = None
+    """While it is not recognised"""
+    poses: list[Pose] = field(default_factory=list)
+    """Where it was believed lately, oldest first"""
+
+    def note(self, pose: Pose | None, now: float) -> None:
+        """Keep where it is believed at `now` (s)."""
+        if pose is not None:
+            self.poses.append(pose)
+        while len(self.poses) > 1 and self.poses[1].stamp <= now - _SPEED_TIME:
+            del self.poses[0]
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """(3,) m/s"""
+        return speed_of(self.poses[0], self.poses[-1]) if self.poses else np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """How the place of an object in the simulation is known."""
+
+    circumstance: str
+    pose: Pose
+    """world_from_object, with the covariance that perception tells, if any"""
+    velocity: NDArray[np.float64]
+    """(3,) m/s"""
+    age: float = 0.0
+    """s since it was recognised; 0 while it is"""
+    moved: float = 0.0
+    """m, how far the simulation has moved it since"""
+
+
+class WeightedWorlds:
+    """The belief as islands of weighted worlds, brought up to date by evidence.
+
+    Args:
+        parameters: what was learned.
+        shares: how much cameras should see of an object in places.
+
+    Raises:
+        ConfigError: for parameters without the noise of some circumstance.
+    """
+
+    def __init__(self, parameters: WorldParameters, shares: SharesQuery = seen_shares) -> None:
+        if missing := [name for name in CIRCUMSTANCES if name not in parameters.noise]:
+            raise ConfigError(f"no learned noise for {', '.join(map(repr, missing))}; expected all circumstances")
+        self._parameters = parameters
+        self._shares = shares
+        self._watched: dict[str, _Watched] = {}
+        self._evidence: Evidence | None = None
+
+    def update(self, evidence: Evidence, names: Collection[str] | None = None) -> None:
+        """Take in the evidence of a moment that is not before the last one, of the objects `names`, or of all."""
+        before, self._evidence = self._evidence, evidence
+        self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
+        unseen_names: list[str] = []
+        for name, thing in evidence.objects.items():
+            if thing.percept is None or not (names is None or name in names):
+                continue
+            watched = self._watched[name]
+            watched.note(thing.believed, evidence.now)
+            if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
+                watched.circumstance, watched.seen, watched.seen_at = in_view(thing), thing, evidence.now
+                watched.alternatives = None
+            elif watched.seen is not None:
+                if watched.alternatives is None:
+                    watched.alternatives = Alternatives(
+                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares
+                    )
+                unseen_names.append(name)
+        looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
+        for name in unseen_names:
+            alternatives = self._watched[name].alternatives
+            assert alternatives is not None
+            alternatives.step(name, evidence, look=name in looking)
+
+    def _looking(self, names: Sequence[str], step: float) -> Collection[str]:
+        """Names of the unseen objects whose visibility is worked out now, in turn: that takes most of the time."""
+        most = math.ceil(len(names) * step / LOOK_PERIOD)
+        waiting = [(found.looked, name) for name in names if (found := self._watched[name].alternatives) is not None]
+        return {name for _, name in sorted(waiting)[:most]}
+
+    def islands(self) -> list[Island]:
+        """All objects that were ever seen, at the time of the last evidence."""
+        worlds = {name: found for name in sorted(self._watched) if (found := self.worlds(name))}
+        contents = () if self._evidence is None else self._evidence.contents
+        unseen_contents = [pair for pair in sorted(contents) if self._watched[pair[0]].alternatives is not None]
+        return islands_of(worlds, unseen_contents)
+
+    def worlds(self, name: str) -> list[WeightedWorld]:
+        """Those of one object, the most probable first; none if it was never seen."""
+        watched, evidence = self._watched[name], self._evidence
+        if evidence is None or watched.seen is None:
+            return []
+        states = sorted(self._states(name, watched, evidence), key=lambda one: -one[0])[:MOST_WORLDS]
+        total = sum(weight for weight, _, _ in states)
+        return [WeightedWorld(weight / total, {name: state}, reason) for weight, state, reason in states]
+
+    def followed(self, name: str) -> Followed | None:
+        """How the place of an object in the simulation is known; None if it was never seen, or has none."""
+        watched, evidence = self._watched[name], self._evidence
+        if evidence is None or watched.seen is None:
+            return None
+        thing, alternatives = evidence.objects[name], watched.alternatives
+        if alternatives is None:
+            return None if thing.believed is None else Followed(watched.circumstance, thing.believed, watched.velocity)
+        pose = alternatives.modes[FOLLOWED].pose
+        if pose is None:
+            return None
+        circumstance = unseen(thing, evidence, alternatives.moved, alternatives.before)
+        return Followed(circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved)
+
+    def leading(self, name: str) -> tuple[str, Mode] | None:
+        """The mode of an unseen object that is more probable than all others together, by its kind; None without."""
+        alternatives = self._watched[name].alternatives if name in self._watched else None
+        modes = {} if alternatives is None else alternatives.modes
+        return next(((key, mode) for key, mode in modes.items() if mode.weight > _CLEARLY), None)
+
+    def pose(self, name: str) -> Pose | None:
+        """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""
+        followed = self.followed(name) if name in self._watched else None
+        if followed is None:
+            return None
+        noise = self._parameters.noise[followed.circumstance]
+        return with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
+
+    def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[_Weighted]:
+        """What the simulation says, and that something unknown is wrong with it."""
+        followed = self.followed(name)
+        if followed is None:
+            return []
+        noise = self._parameters.noise[followed.circumstance]
+        placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
+        x, y, z = followed.velocity.tolist()
+        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
+        wide = replace(state, pose=scaled(placed, noise.wide))
+        parts = [(1.0 - noise.wrong, state, followed.circumstance), (noise.wrong, wide, WRONG)]
+        if not state.hand or thing.gripper:
+            return [(weight * share, one, reason) for share, one, reason in parts]
+        held = self._parameters.holding.get(followed.circumstance, 0.0)
+        return [
+            (weight * share * probability, replace(one, hand=hand), reason)
+            for share, one, reason in parts
+            for probability, hand in ((held, state.hand), (1.0 - held, ""))
+        ]
+
+    def _states(self, name: str, watched: _Watched, evidence: Evidence) -> list[_Weighted]:
+        alternatives, thing = watched.alternatives, evidence.objects[name]
+        if alternatives is None:
+            return self._simulated(name, 1.0, thing)
+        found: list[_Weighted] = []
+        for key, mode in alternatives.modes.items():
+            if key == FOLLOWED:
+                found += self._simulated(name, mode.weight, thing)
+            elif mode.pose is None:
+                found.append((mode.weight, ObjectState(None), GONE))
+            elif mode.weight > 0.0:
+                found.append((mode.weight, self._alternative(key, mode, evidence, evidence.now - thing.seen_at), key))
+        return found
+
+    def _alternative(self, key: str, mode: Mode, evidence: Evidence, age: float) -> ObjectState:
+        """The state of an object in a mode other than what the simulation says."""
+        parameters, pose = self._parameters, mode.pose
+        assert pose is not None
+        if key == ELSEWHERE:
+            broad = parameters.elsewhere
+            sideways = broad.level**2 + broad.growth**2 * (evidence.now - mode.since)
+            return ObjectState(with_world_covariances(pose, np.diag((sideways, sideways, broad.height**2)), _ANY_TURN))
+        if key == LEFT:
+            noise = parameters.noise[RESTS_UNSEEN]
+        elif key.startswith(INSIDE_OF):
+            noise = parameters.noise[INSIDE]
+        else:
+            noise = parameters.noise[mode_circumstance(mode, evidence)]
+        placed = with_spread(pose, noise, age, 0.0, np.zeros(3))
+        if mode.container and (solid := evidence.objects[mode.container].solid) is not None:
+            edges = parameters.within.level * np.array(solid.size)
+            turn = solid.pose.rotation_matrix
+            placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
+        return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+
+
+def _hand_of(thing: ObjectEvidence) -> str:
+    """Name of the gripper or hand that holds an object, or else touches it; empty for none."""
+    return thing.gripper or thing.hand or next(iter(thing.touched_by), "")
+
+
+_Weighted = tuple[float, ObjectState, str]
+"""Weight, state and reason of a world"""
+_ANY_TURN = np.eye(3)
+"""rad^2, of an object of which nobody knows how it is turned"""

@@ -1,0 +1,152 @@
+"""Weighted worlds: what is hidden stays, what should be seen loses weight, what a hand may have goes along with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from dsr.errors import ConfigError
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES
+from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
+from simulation_handler.worlds.parameters import learned_parameters
+from simulation_handler.worlds.weighted import WeightedWorlds
+from tests.simulation_handler.worlds import container
+
+COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
+CUP: Shape = container((0.1, 0.1, 0.1))
+STEP = 0.1
+
+
+def thing(pose: Pose, seen_at: float, size: float = 0.04, shape: Shape = (), name: str = "box") -> ObjectEvidence:
+    """An object that is believed where it was seen."""
+    return ObjectEvidence(
+        solid=Solid(name, (size, size, size), pose.t, pose.q, shape=shape),
+        believed=pose.with_covariance(COVARIANCE),
+        velocity=(0.0, 0.0, 0.0),
+        percept=pose.with_stamp(seen_at),
+        is_recognised=True,
+        agreeing=10,
+        is_moving=False,
+    )
+
+
+class Course:
+    """A box that is seen until 1 s, and other things."""
+
+    def __init__(self, share: float = 0.0) -> None:
+        self.worlds = WeightedWorlds(learned_parameters(), lambda evidence, name, places: [share] * len(places))
+        self.now = 0.0
+        self.box = thing(Pose((0.3, 0.0, 0.02)), 0.0)
+        self.others: dict[str, ObjectEvidence] = {"other": thing(Pose((0.0, 0.5, 0.02)), 0.0, name="other")}
+        self.hands: dict[str, HandEvidence] = {}
+        self.watching = True
+
+    def run(self, seconds: float, change: Callable[[ObjectEvidence], ObjectEvidence] = lambda box: box) -> None:
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            box = change(self.box)
+            if self.now <= 1.0:
+                box = _seen(box, self.now)
+            self.box = box
+            others = {name: _seen(one, self.now) if self.watching else one for name, one in self.others.items()}
+            contents = frozenset(("box", container) for container in box.containers)
+            self.worlds.update(Evidence(self.now, {"box": box, **others}, self.hands, None, contents))
+
+    def weight(self, reason: str) -> float:
+        return sum(world.weight for world in self.worlds.worlds("box") if world.reason.startswith(reason))
+
+
+def _seen(one: ObjectEvidence, now: float) -> ObjectEvidence:
+    assert one.percept is not None
+    return replace(one, percept=one.percept.with_stamp(now))
+
+
+def test_what_is_seen_has_one_world_and_its_doubt() -> None:
+    course = Course()
+    course.run(1.0)
+    worlds = course.worlds.worlds("box")
+    assert [world.reason for world in worlds] == ["rests in view", "something unknown is wrong"]
+    narrow, wide = (np.array(world.objects["box"].pose.cov).reshape(6, 6) for world in worlds)  # type: ignore[union-attr]
+    assert (np.diag(wide) >= 4.0 * np.diag(narrow)).all()
+    assert sum(world.weight for world in worlds) == pytest.approx(1.0)
+
+
+def test_what_is_hidden_stays_believed_and_becomes_less_sure() -> None:
+    course = Course(share=0.0)
+    course.run(2.0)
+    before = course.weight("rests unseen")
+    course.run(10.0)
+    assert 0.5 < course.weight("rests unseen") < before
+
+
+def test_what_should_be_seen_in_part_loses_weight_gradually() -> None:
+    course, hidden = Course(share=0.75), Course(share=0.0)
+    weights = []
+    for _ in range(8):
+        course.run(10.0)
+        hidden.run(10.0)
+        weights.append(course.weight("rests unseen"))
+        assert hidden.weight("rests unseen") > weights[-1], "absence of what is hidden says nothing"
+    assert all(after < before for before, after in pairwise(weights))
+    assert weights[0] > 0.5 and weights[-1] < 0.75 * weights[0]
+    assert course.weight("gone") + course.weight("elsewhere") > 0.25
+
+
+def test_blind_cameras_tell_nothing() -> None:
+    course = Course(share=1.0)
+    course.run(1.2)
+    course.watching = False
+    course.run(5.0)
+    assert course.weight("rests unseen") > 0.8
+
+
+def test_what_is_seen_again_has_no_alternatives() -> None:
+    course = Course(share=0.9)
+    course.run(5.0)
+    course.run(0.1, lambda box: _seen(box, course.now))
+    assert course.weight("rests in view") > 0.9 and course.weight("gone") == 0.0
+
+
+def test_what_lies_in_a_vessel_stays_there_whatever_the_simulation_says() -> None:
+    cup = thing(Pose((0.3, 0.0, 0.05)), 0.0, 0.1, CUP, "cup")
+    course = Course(share=0.0)
+    course.others["cup"] = cup
+    course.box = replace(course.box, containers=("cup",))
+    course.run(2.0)
+    course.run(2.0, lambda box: replace(box, gone=True, believed=None, solid=None, containers=()))
+    worlds = course.worlds.worlds("box")
+    placed = sum(world.weight for world in worlds if world.objects["box"].pose is not None)
+    learned = learned_parameters().rates.missed
+    assert placed > 0.9 * (1.0 - learned), "only the explanation speaks for its absence"
+
+
+def test_a_hand_that_was_near_may_have_it() -> None:
+    course = Course(share=0.9)
+    course.hands["hand"] = HandEvidence(Pose((0.3, 0.0, 0.1)), True, ())
+    course.run(2.0)
+    course.hands["hand"] = HandEvidence(Pose((0.7, 0.0, 0.2)), True, ())
+    course.run(1.0)
+    held = [world for world in course.worlds.worlds("box") if world.objects["box"].hand == "hand"]
+    assert len(held) == 1 and held[0].weight > 0.0
+    assert held[0].objects["box"].pose is not None
+    assert held[0].objects["box"].pose.t == pytest.approx((0.7, 0.0, 0.12))
+
+
+def test_parameters_are_complete(tmp_path: Path) -> None:
+    learned = learned_parameters()
+    assert set(learned.noise) >= set(CIRCUMSTANCES)
+    with pytest.raises(ConfigError, match="rests in view"):
+        WeightedWorlds(msgspec.structs.replace(learned, noise={}))
+    file = tmp_path / "worlds.toml"
+    file.write_text("[parameters.rates]\nmoved = -1.0\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"worlds\.toml"):
+        learned_parameters(file)
