@@ -18,7 +18,7 @@ from surprise.beliefs import Beliefs
 from surprise.config import SurpriseConfig
 from surprise.evidence import EvidenceTrack, Reason
 from surprise.expectation import Expectations
-from surprise.improbability import ATTRIBUTE, ImprobabilityWriter, Seen, improbability, jump, silence
+from surprise.improbability import ATTRIBUTE, ImprobabilityWriter, LatelySeen, improbability, jump, silence
 from surprise.suspicion import Suspicion
 
 _OLDEST = 1.0  # s, percepts older than that when they are found say nothing any more
@@ -106,7 +106,7 @@ class SurpriseDetector(Agent):
                 ]
                 expected = 0 if node.name in held else self._expectations.missed(node.name)
                 hidden = node.name not in held and self._expectations.impossible(node.name) is not None
-                yield node.name, improbability(where, Seen(tracks, expected, hidden), self.config)
+                yield node.name, improbability(where, LatelySeen(tracks, expected, hidden), self.config)
         for camera in self.memory.nodes("camera"):
             yield camera.name, silence(*self._expectations.silence(camera.name, now))
         for hand in self.memory.nodes("hand"):
