@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import random
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,7 +19,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.lab_life import DAY, HOUR, START, THINGS, Lab
+import numpy as np
+
+from benchmarks.lab_life import DAY, HOUR, START, THINGS, Lab, chosen
 from dsr.narration import Moment
 from dsr.narration.answer import Response
 from dsr.narration.answers import answer_alone
@@ -53,14 +54,14 @@ def size_of(lab: Lab) -> dict[str, int]:
 
 def asked(lab: Lab, count: int, seed: int) -> Iterator[AskedOfDays]:
     """Ask so many questions of each kind and age."""
-    rng = random.Random(seed)
+    rng = np.random.default_rng(seed)
     now = lab.clock.now()
     lived = int((now - START) // DAY)
     for age, youngest, oldest in AGES:
         for _ in range(count if lived >= youngest else 0):
-            midnight = START + (lived - rng.randint(youngest, min(oldest, lived))) * DAY
+            midnight = START + (lived - int(rng.integers(youngest, min(oldest, lived), endpoint=True))) * DAY
             day = f"on {datetime.fromtimestamp(midnight, UTC):%Y-%m-%d}"
-            thing, hour = rng.choice(THINGS), rng.randint(8, 19)
+            thing, hour = chosen(rng, THINGS), int(rng.integers(8, 20))
             yield _where(lab, age, thing, midnight + hour * HOUR, f"where was {thing} {day} at {hour}:00?")
             yield _who(lab, age, thing, midnight, f"who moved {thing} {day}?")
             yield _surprising(lab, age, thing, midnight, f"did {thing} surprise you {day}?")

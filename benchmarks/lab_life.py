@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import random
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from dsr.clock import ManualClock
 from dsr.memory import Memory
@@ -26,6 +28,14 @@ THINGS = tuple(f"{name}_{number}" for name in ("cup", "book", "tool", "cube", "b
 PLACES = ("table", "shelf", "bench", "cabinet")
 BOXES = ("red_box", "blue_box")
 HANDS = ("anne", "ben", "carl", "gripper")
+
+
+T = TypeVar("T")
+
+
+def chosen(rng: np.random.Generator, among: Sequence[T]) -> T:
+    """One of several, each as likely."""
+    return among[int(rng.integers(len(among)))]
 
 
 class Move(NamedTuple):
@@ -54,7 +64,7 @@ class Lab:
         self.memory = Memory("lab", "chronicler", transport=transport, clock=self.clock)
         self.moves: list[Move] = []
         """In order."""
-        self._rng = random.Random(seed)
+        self._rng = np.random.default_rng(seed)
         self._per_day = moves_per_day
         self._chronicle = Chronicle(self.memory, "chronicler", keep=Retention(1000, HOUR))
         self._consolidator = Consolidator(self.memory)
@@ -62,7 +72,7 @@ class Lab:
         for name in (*PLACES, *BOXES, *THINGS):
             self.memory.add_node(name, "container" if name in BOXES else "table" if name in PLACES else "object")
         for thing in THINGS:
-            self._move(Move(START, thing, self._rng.choice(PLACES), self._rng.choice(HANDS), False))
+            self._move(Move(START, thing, chosen(self._rng, PLACES), chosen(self._rng, HANDS), False))
 
     def live(self, days: int) -> None:
         """Go on for so many days."""
@@ -71,7 +81,7 @@ class Lab:
             midnight = begin + day * DAY
             is_working = int((midnight - START) // DAY) % 7 < 5
             count = round(self._per_day * self._rng.uniform(0.5, 1.5)) if is_working else 0
-            hours = sorted(self._rng.uniform(_OPEN, _CLOSE) for _ in range(count))
+            hours = sorted(float(self._rng.uniform(_OPEN, _CLOSE)) for _ in range(count))
             for hour in hours:
                 self._pass_time(max(midnight + hour * HOUR, self.clock.now() + 30.0))
                 self._move(self._next_move())
@@ -87,9 +97,9 @@ class Lab:
 
     def _next_move(self) -> Move:
         rng = self._rng
-        thing = rng.choice(THINGS)
+        thing = chosen(rng, THINGS)
         others = [place for place in (*PLACES, *BOXES) if place != self.place(thing, self.clock.now())]
-        return Move(self.clock.now(), thing, rng.choice(others), rng.choice(HANDS), rng.random() < _UNSEEN)
+        return Move(self.clock.now(), thing, chosen(rng, others), chosen(rng, HANDS), rng.random() < _UNSEEN)
 
     def _move(self, move: Move) -> None:
         """Do it, and tell of it as the agents would."""
@@ -100,8 +110,8 @@ class Lab:
         if move.is_unseen:
             surprise = chronicle.begin("surprising", (move.thing,), now, text=f"{move.thing} is surprising: moved")
             changes = (ExplainedChange(MOVED, ((move.thing,),)),)
-            told = {"explanation": text_of(changes), "changes": encoded(changes)}
-            chronicle.happened("explained", (move.thing,), now + 1.0, **told)
+            why, what = text_of(changes), encoded(changes)
+            chronicle.happened("explained", (move.thing,), now + 1.0, explanation=why, changes=what)
             chronicle.end(surprise, now + 1.0)
         else:
             held = chronicle.begin("grasping", (move.by, move.thing), now, source="contact")

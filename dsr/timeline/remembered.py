@@ -65,7 +65,7 @@ class Remembered(msgspec.Struct, frozen=True):
         return self.last, self.begin, self.kind, self.participants, self.text, self.source, self.confidence
 
 
-class Summary(msgspec.Struct, frozen=True):
+class PeriodSummary(msgspec.Struct, frozen=True):
     """What is remembered of a period."""
 
     resolution: float = 0.0
@@ -129,23 +129,23 @@ def encoded_items(items: Iterable[Remembered]) -> dict[str, Any]:
     return {"since": since, "names": list(numbers), "items": written}
 
 
-def encoded_summary(summary: Summary) -> str:
+def encoded_summary(summary: PeriodSummary) -> str:
     """A summary as text."""
     limits = {name: getattr(summary, name) for name in ("resolution", "complete_from", "surprises_from")}
     return msgspec.json.encode(encoded_items(summary.items) | limits).decode()
 
 
-def decoded_summary(text: str) -> Summary:
+def decoded_summary(text: str) -> PeriodSummary:
     """The summary of a text. Raises `WireError`, also for one that is far too long."""
     if len(text) > 2 * MOST_BYTES:
         raise WireError(f"malformed summary: {len(text)} characters, expected at most {2 * MOST_BYTES}")
     return decoded(text, "summary", _decode)
 
 
-def _decode(text: str) -> Summary:
+def _decode(text: str) -> PeriodSummary:
     page = _decoder.decode(text)
     names = page.names
-    return Summary(
+    return PeriodSummary(
         resolution=page.resolution, complete_from=page.complete_from, surprises_from=page.surprises_from,
         items=tuple(
             Remembered(

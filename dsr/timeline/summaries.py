@@ -17,7 +17,7 @@ import msgspec
 
 from dsr.timeline.entries import EVENT, EXPLAINED, Entry
 from dsr.timeline.kinds import ACTION, AGENT, FORBIDDEN, INTENTION, PRESENT, RELATIONS, SURPRISING
-from dsr.timeline.remembered import MOST_BYTES, Remembered, Summary, encoded_items
+from dsr.timeline.remembered import MOST_BYTES, PeriodSummary, Remembered, encoded_items
 from dsr.vocabulary.calibration import CALIBRATED
 from dsr.vocabulary.explained import changes_of
 from dsr.vocabulary.intentions import FULFILLED, GIVEN_UP
@@ -92,7 +92,9 @@ def remembered(entry: Entry) -> Remembered | None:
     )  # fmt: skip
 
 
-def merged(level: Level, summaries: Iterable[tuple[Level, Summary]], more: Iterable[Remembered] = ()) -> Summary:
+def merged(
+    level: Level, summaries: Iterable[tuple[Level, PeriodSummary]], more: Iterable[Remembered] = ()
+) -> PeriodSummary:
     """Merge summaries of a period, and what else is to be remembered of it, within the bound of bytes.
 
     What is ordinary loses detail first: the resolution is doubled until what remains has room, up to the length of the
@@ -113,7 +115,7 @@ def merged(level: Level, summaries: Iterable[tuple[Level, Summary]], more: Itera
         resolution = min(max(1.0, 2.0 * resolution), level.span)
         ordinary = list(thinned(ordinary, resolution))
     ordinary, left_out = _newest(ordinary, MOST_BYTES, kept)
-    return Summary(
+    return PeriodSummary(
         resolution=resolution, complete_from=max([left_out, *(summary.complete_from for summary in given)]),
         surprises_from=max([lost, *(summary.surprises_from for summary in given)]),
         items=tuple(sorted([*kept, *ordinary], key=lambda item: item.order)),

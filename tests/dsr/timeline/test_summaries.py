@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dsr.errors import WireError
 from dsr.timeline.entries import EVENT, SITUATION, Entry
-from dsr.timeline.remembered import MOST_BYTES, Remembered, Summary, decoded_summary, encoded_summary
+from dsr.timeline.remembered import MOST_BYTES, PeriodSummary, Remembered, decoded_summary, encoded_summary
 from dsr.timeline.summaries import (
     DAY,
     EARLIER,
@@ -170,7 +170,7 @@ def test_nonsense_is_an_error(text: str) -> None:
 
 def test_a_text_that_is_far_too_long_is_not_read() -> None:
     with pytest.raises(WireError, match="expected at most"):
-        decoded_summary(encoded_summary(Summary(items=tuple(many(1000)))))
+        decoded_summary(encoded_summary(PeriodSummary(items=tuple(many(1000)))))
 
 
 def test_the_levels_grow_coarser() -> None:
