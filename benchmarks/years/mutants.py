@@ -17,6 +17,9 @@ from benchmarks.years.running import Setting, run
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece
 from dsr.crdt.store import Store
+from dsr.geometry.exchange import MeshExchange
+from dsr.geometry.mesh import Mesh
+from dsr.geometry.transfer import Transfer
 from dsr.graph.graph import Graph
 from dsr.graph.sharing import Sharing
 from dsr.memory import Memory
@@ -39,6 +42,7 @@ from dsr.security.gate import Gate
 from dsr.worlds import opened
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.opened import Worlds
+from dsr.worlds.overlay import Overlay
 
 STEPS = 150
 """Steps of the histories that look for most mutants: short ones, of one day"""
@@ -204,6 +208,31 @@ def _forget_at_once(right: Any) -> Any:
     return forget
 
 
+def _any_mesh(right: Any) -> Any:
+    def verify(self: Transfer, source: Any, data: memoryview) -> bool:
+        self.mesh = Mesh.decode(bytes(data))
+        self.finished.set()
+        self._running.clear()
+        return True
+
+    return verify
+
+
+def _asks_once(right: Any) -> Any:
+    def transfer(self: MeshExchange, hash: str, **options: Any) -> Any:
+        return None if hash in self._failures else right(self, hash, **options)
+
+    return transfer
+
+
+def _silent_is_the_end(right: Any) -> Any:
+    def drop(self: Transfer, *arguments: Any) -> None:
+        right(self, *arguments)
+        self.finished.set()
+
+    return drop
+
+
 MUTANTS: list[Mutant] = [
     Mutant("nobody asks for what it lacks", Synchroniser, "_is_behind", constant(False)),
     Mutant("no digest shows that something is missing", Synchroniser, "_known_ahead", constant([])),
@@ -264,6 +293,14 @@ MUTANTS: list[Mutant] = [
     Mutant("forks change with their parent", ForkedGraph, "take_over", constant(None)),
     Mutant("forks show the writes of their parent", Sharing, "entry_copied", constant(None)),
     Mutant("edges need no ends", Graph, "_has_ends", constant(True)),
+    Mutant("overlays do not hear of what comes below", Overlay, "below_came", constant(None)),
+    Mutant("overlays do not hear of what goes below", Overlay, "below_went", constant(None)),
+    Mutant("what an overlay removes is shown", Overlay, "hidden", constant(None)),
+    # ---- meshes
+    Mutant("nobody gives meshes", MeshExchange, "_answer", constant(None)),
+    Mutant("what comes for a mesh is not looked at", Transfer, "_verify", _any_mesh),
+    Mutant("a mesh that nobody gave is not asked for again", MeshExchange, "_transfer", _asks_once),
+    Mutant("a source that errs ends the transfer", Transfer, "_drop", _silent_is_the_end),
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from benchmarks.years.meshes import lie
 from dsr import Memory
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import stamp_at
@@ -24,10 +25,11 @@ POLICY = AccessPolicy({**{f"r{place}": _ALL for place in range(MOST_PLACES)}, NA
 
 
 class Rogue:
-    """Speaks under its own key, as its certificate allows, and says what its grant does not."""
+    """Speaks under its own key, as its certificate allows, and says what its grant does not. Its meshes are wrong."""
 
     def __init__(self, history: History) -> None:
         self._transport = history.network.connect(NAME)
+        self._transport.serve(Keys("g").mesh(RID), lie)
         self._clock = history.clock
         self._count = 0
         history.dead.add(RID)

@@ -9,7 +9,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from benchmarks.years.history import begun
+from benchmarks.years.beginning import begun
+from benchmarks.years.differences import Differences
 from benchmarks.years.shrinking import shrunk
 from benchmarks.years.steps import Step, day
 from benchmarks.years.world import Complaints
@@ -50,22 +51,25 @@ class Outcome:
     """At which kinds of calls processes were killed."""
     problem: str = ""
     """What was wrong, and where; empty if nothing was."""
+    differences: int = 0
+    """How often two had seen the same and held something else, for want of the dot of a removal."""
 
 
 def run(setting: Setting, steps: Sequence[Step] | None = None) -> Outcome:
     """Run the history of a setting, or these steps in its place."""
     with quiet() as complaints, begun(setting.places, setting.seed, secured=setting.secured) as history:
-        problem = ""
+        differences, problem = Differences(history), ""
         try:
-            for step in setting.history() if steps is None else steps:
-                history.take(step)
-                if complaints.said:
-                    problem = f"an error was logged: {complaints.said[0]}"
-                    break
+            with differences.watched():
+                for step in setting.history() if steps is None else steps:
+                    history.take(step)
+                    if complaints.said or differences.unexplained:
+                        problem = f"an error was logged: {[*complaints.said, *differences.unexplained][0]}"
+                        break
         except Exception as error:  # whatever comes out is a finding
             place = traceback.extract_tb(error.__traceback__)[-1]
             problem = f"{type(error).__name__}: {error} ({place.name})"
-        return Outcome(history.lived, history.slept, history.met, history.kills, problem)
+        return Outcome(history.lived, history.slept, history.met, history.kills, problem, differences.explained)
 
 
 def shortest(setting: Setting, steps: Sequence[Step], problem: str) -> list[Step]:
@@ -75,15 +79,9 @@ def shortest(setting: Setting, steps: Sequence[Step], problem: str) -> list[Step
 
 @contextlib.contextmanager
 def quiet() -> Iterator[Complaints]:
-    """Nothing is logged but what the returned collector takes down: errors of `PARTS`.
-
-    One may come: of a removal that reached newcomers alone before its writer died, who do as it says and cannot account
-    for it yet. They and the others see that they differ, say so, and ask for everything. Whether they end equal is
-    looked at after each healing.
-    """
+    """Nothing is logged but what the returned collector takes down: errors of `PARTS`."""
     logger = logging.getLogger("dsr")
     complaints, nothing, propagated = Complaints(), logging.NullHandler(), logger.propagate
-    complaints.addFilter(lambda record: not record.getMessage().startswith("same history as"))
     logger.addHandler(nothing)
     logger.propagate = False
     for part in PARTS:

@@ -12,13 +12,14 @@ import numpy as np
 HOUR = 3600.0
 DAY = 24 * HOUR
 NAMES = ("a", "b", "c", "d", "e", "f")
-WORLDS = ("w", "v")
+WORLDS = ("u", "v", "w")
 LONGEST_KILL = 60
 """calls of network or disk, beyond which no process waits for its death; a start with its disk makes about as many"""
 
 _WORK = {
     "add": 12, "update": 14, "take away": 2, "edge": 10, "stream": 12, "remove": 6, "remove edge": 3, "batch": 3,
     "make": 2, "open": 4, "delete": 1, "add there": 5, "update there": 4, "remove there": 2,
+    "mesh": 3, "ask for mesh": 3,
 }  # fmt: skip
 _FAULTS = {
     "lossy": 6, "partition": 3, "cut": 6, "mend": 2, "suspend": 4, "resume": 3, "kill": 6, "kill as it starts": 2,

@@ -264,9 +264,13 @@ class World:
         self.network.faults = Faults()
         for _ in range(round(FORGET / 0.5) if self._blamed else 0):
             self.advance(0.5)
+        self.catch_up()
+        self.check()
+
+    def catch_up(self) -> None:
+        """Give everybody the time to catch up."""
         for _ in range(round(CATCH_UP / 0.1)):
             self.advance(0.1)
-        self.check()
 
     def check_converged(self) -> None:
         """All are equal to what the model makes of what reached the survivors; no hole is left but of the dead."""

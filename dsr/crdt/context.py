@@ -22,7 +22,7 @@ _first, _last = itemgetter(0), itemgetter(1)
 class CausalContext:
     """A set of dots that only grows."""
 
-    __slots__ = ("_changed", "_hashes", "cloud", "vector")
+    __slots__ = ("_changed", "_hashes", "_summary", "cloud", "vector")
 
     def __init__(self, ranges: Iterable[DotRange] = ()) -> None:
         self.vector: dict[str, int] = {}
@@ -30,6 +30,7 @@ class CausalContext:
         """Ranges of counters with gaps between them, in order."""
         self._changed: dict[str, None] = {}
         self._hashes = Hashes()
+        self._summary: tuple[str | None, Summary] | None = None
         for rid, first, last in ranges:
             self.add_range(rid, first, last)
 
@@ -113,22 +114,33 @@ class CausalContext:
     def summary(self, first: str | None = None) -> Summary:
         """The same dots in few bytes, however many replicas there were; see `Summary`. `first` is listed if known."""
         self._refresh()
-        return Summary.of(self._hashes, self._ranges_of, first)
+        if self._summary is None or self._summary[0] != first:
+            self._summary = first, Summary.of(self._hashes, first)
+        return self._summary[1]
+
+    @property
+    def hash(self) -> int:
+        """64 bits that stand for all dots: those of `Summary.hash`."""
+        self._refresh()
+        return self._hashes.all
 
     def compare(self, other: Summary) -> tuple[bool, bool]:
         """Whether all that `other` lists is included, and whether of all other replicas it has the same dots."""
         self._refresh()
-        listed = all(self._covers_range(rid, *dots) for rid, ranges in other.recent for dots in ranges)
-        rest = self._hashes.all ^ other.hash
-        for rid, ranges in other.recent:
-            rest ^= self._hashes.by_rid.get(rid, 0) ^ hash_of(rid, ranges)
+        listed, rest, by_rid = True, self._hashes.all ^ other.hash, self._hashes.by_rid
+        for both in other.recent:
+            rid, ranges = both
+            mine = by_rid.get(rid)
+            if mine is None or mine[1] != both:  # else the two cancel out
+                listed = listed and all(self._covers_range(rid, *dots) for dots in ranges)
+                rest ^= (mine[0] if mine is not None else 0) ^ hash_of(rid, ranges)
         return listed, rest == 0
 
     def _refresh(self) -> None:
         if self._changed:
             for rid in self._changed:
                 self._hashes.put(rid, self._ranges_of(rid))
-            self._changed = {}
+            self._changed, self._summary = {}, None
 
     def ranges(self) -> Iterator[DotRange]:
         """The dots as ranges: what `CausalContext(ranges)` rebuilds."""

@@ -7,17 +7,21 @@ changed, and any part of it can be left out of a comparison. A summary costs the
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from hashlib import blake2b
 from typing import NamedTuple
 
 Ranges = Sequence[tuple[int, int]]
 """First and last counters of one replica, both included, in order, with gaps between."""
+Listed = tuple[str, tuple[tuple[int, int], ...]]
+"""A replica id and all its ranges of counters."""
 
 LISTED = 32
 """Replica ids that a summary lists: those that changed last. More than that rarely write between two digests."""
 LISTED_RANGES = 8
 """Ranges of counters of one replica id that is listed; one with more gaps is in the hash alone."""
+
+_NOTHING: tuple[int, Listed] = (0, ("", ()))
 
 
 def hash_of(rid: str, ranges: Ranges) -> int:
@@ -31,39 +35,39 @@ def hash_of(rid: str, ranges: Ranges) -> int:
 
 
 class Hashes:
-    """The hash of each replica's dots, in the order in which they changed, and that of all."""
+    """The dots of each replica and their hash, in the order in which they changed, and the hash of all."""
 
     __slots__ = ("all", "by_rid")
 
     def __init__(self) -> None:
-        self.by_rid: dict[str, int] = {}
+        self.by_rid: dict[str, tuple[int, Listed]] = {}
         self.all = 0
 
     def put(self, rid: str, ranges: Ranges) -> None:
         """These are the dots of a replica now; it changed last."""
         new = hash_of(rid, ranges)
-        self.all ^= self.by_rid.pop(rid, 0) ^ new
-        self.by_rid[rid] = new
+        self.all ^= self.by_rid.pop(rid, _NOTHING)[0] ^ new
+        self.by_rid[rid] = new, (rid, tuple(ranges))
 
 
 class Summary(NamedTuple):
     """A short description of a causal context, as a digest carries it."""
 
-    recent: tuple[tuple[str, tuple[tuple[int, int], ...]], ...]
-    """Replica ids that changed last, and all their ranges of counters."""
+    recent: tuple[Listed, ...]
+    """Those that changed last."""
     hash: int
     """Hash of the whole context."""
 
     @staticmethod
-    def of(hashes: Hashes, ranges_of: Callable[[str], Ranges], first: str | None) -> Summary:
+    def of(hashes: Hashes, first: str | None) -> Summary:
         """List `first`, if there is anything of it, and those that changed last."""
-        chosen = [first] if first in hashes.by_rid else []
-        for rid in reversed(hashes.by_rid):
+        chosen = [hashes.by_rid[first][1]] if first in hashes.by_rid else []
+        for rid, (_, listed) in reversed(hashes.by_rid.items()):
             if len(chosen) >= LISTED:
                 break
-            if rid != first and len(ranges_of(rid)) <= LISTED_RANGES:
-                chosen.append(rid)
-        return Summary(tuple((rid, tuple(ranges_of(rid))) for rid in chosen if rid is not None), hashes.all)
+            if rid != first and len(listed[1]) <= LISTED_RANGES:
+                chosen.append(listed)
+        return Summary(tuple(chosen), hashes.all)
 
     def last(self, rid: str) -> int | None:
         """The highest counter that is listed of a replica; None if it is not listed."""

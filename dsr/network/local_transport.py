@@ -96,6 +96,10 @@ class LocalNetwork:
         self._transports.append(transport)
         return transport
 
+    def is_due(self, within: float) -> bool:
+        """Whether anything is to be handed over now or within so many seconds."""
+        return bool(self._queue) and self._queue[0][0] <= self.clock.monotonic() + within
+
     def deliver(self) -> int:
         """Hand over everything due by now, including what that causes at once; returns how many messages."""
         count = 0

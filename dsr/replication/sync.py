@@ -13,7 +13,8 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
    has to remember what others know. Answers come in pieces of bounded size, each asked for when the one before was
    joined (`fetching.py`): so nothing is computed for who has given up. Whose answers change nothing is asked ever
    more rarely (`Peer.pause`).
-5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
+5. Equal contexts with different fingerprints: a removal has reached one of the two without its dot, as a piece of an
+   answer that was broken off, or before it had joined. Then each asks the other for everything, and says so.
 6. A replica whose clock most other agents see in their future must not write (`clocks`).
 7. What is claimed to have been seen is bounded (`claims.py`). A replica in whose name somebody else speaks refuses
    that and takes another id (`TakeId`): peers that believed it would take what the replica adds for seen.
@@ -23,7 +24,6 @@ A peer that sends nonsense is counted in `dropped` and logged once; nothing it s
 
 from __future__ import annotations
 
-import logging
 import math
 import sys
 from collections import Counter
@@ -259,7 +259,7 @@ class Synchroniser:
 
     @property
     def _state(self) -> tuple[int, int]:
-        return self.graph.store.context.summary().hash, self.graph.store.fingerprint
+        return self.graph.store.context.hash, self.graph.store.fingerprint
 
     def _note_answer(self, sender: str, *, useful: bool) -> None:
         peer = self._peers.get(sender)
@@ -375,6 +375,11 @@ class Synchroniser:
         return self.complaints.dropped
 
     @property
+    def is_asking(self) -> bool:
+        """Whether an answer is under way."""
+        return self._fetch is not None
+
+    @property
     def peers(self) -> list[str]:
         """Replica ids of the reachable peers."""
         return sorted(self._peers)
@@ -474,16 +479,16 @@ class Synchroniser:
         if not listed or not (rest or peer.rest_known):
             return True
         if self._differs(digest) and self._trusts(rid):
-            self.complaints.say(rid, "same history as %s but another state: asking for everything", level=logging.ERROR)
+            self.complaints.say(rid, "a removal has come to %s or to us without its dot: asking for everything")
             self._wants_everything = True
             return True
         peer.covered, peer.in_vain = digest, 0
         return False
 
     def _differs(self, digest: Digest) -> bool:
-        """Whether somebody holds something else and has seen the same: that cannot be."""
+        """Whether somebody holds something else and has seen the same: one of us cannot account for a removal."""
         store = self.graph.store
-        return digest.fingerprint != store.fingerprint and digest.seen.hash == store.context.summary().hash
+        return digest.fingerprint != store.fingerprint and digest.seen.hash == store.context.hash
 
     def _trusts(self, rid: str) -> bool:
         return self.gate is None or self.gate.trusts(rid)

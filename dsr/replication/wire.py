@@ -450,6 +450,8 @@ def _to_digest(message: _Digest | _FirstDigest) -> Digest:
 
 
 def _pairs(counters: list[int]) -> tuple[tuple[int, int], ...]:
+    if len(counters) == 2 and counters[0] <= counters[1]:  # nearly always
+        return ((counters[0], counters[1]),)
     if len(counters) % 2 or any(a > b for a, b in itertools.pairwise(counters)):
         raise ValueError("ranges of counters are pairs, in order")
     return tuple(zip(counters[::2], counters[1::2], strict=True))

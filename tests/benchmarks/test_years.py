@@ -12,10 +12,16 @@ from unittest import mock
 import pytest
 
 from benchmarks.years import __main__ as command
+from benchmarks.years.beginning import begun
+from benchmarks.years.differences import Differences
 from benchmarks.years.disk import FailingDisk, failing_disks
-from benchmarks.years.running import Setting, run, shortest
+from benchmarks.years.meshes import MOST_TRIANGLES, PIECE
+from benchmarks.years.mutants import MUTANTS
+from benchmarks.years.running import Setting, quiet, run, shortest
 from benchmarks.years.shrinking import shrunk
-from benchmarks.years.steps import day
+from benchmarks.years.steps import Step, day
+from benchmarks.years.world import World
+from dsr.crdt.delta import Delta
 from dsr.files import private_files
 from dsr.files.private_files import new_file, replacing
 from dsr.persistence.generations import Generations
@@ -33,6 +39,46 @@ def test_days_of_the_whole_memory(seed: int) -> None:
 def test_a_history_follows_from_its_seed() -> None:
     first, again, other = (run(Setting(seed, days=1)) for seed in (7, 7, 8))
     assert first == again and first != other
+
+
+def test_a_difference_needs_a_removal_whose_dot_is_missing() -> None:
+    for removed in (True, False):
+        world = World([0.0, 0.0, 0.0])
+        world.add_node(0, "a", "cube", 1)
+        for _ in range(20):
+            world.advance(0.1)
+        differences = Differences(world)
+        with differences.watched(), quiet():
+            world.partition(0b011)
+            dot = world.memory(2)._graph.node("a").created[0]
+            if removed:
+                world.remove_node(2, "a")  # and nobody hears of it but the second one, in part
+            world.memory(1)._graph.join(Delta(removed=[dot]), world.clock.now())
+            for _ in range(20):
+                world.advance(0.1)
+        assert bool(differences.explained) == removed and bool(differences.unexplained) != removed
+        assert "a" not in world.memory(0), "they did not ask each other"
+
+
+def test_a_wrong_design_makes_differences_without_a_reason() -> None:
+    mutant = next(each for each in MUTANTS if each.title.startswith("additions of deltas are left out"))
+    with mock.patch.object(mutant.target, mutant.name, mutant.wrong(getattr(mutant.target, mutant.name))):
+        assert "have seen the same, and only one holds" in run(Setting(6, days=1, steps=150)).problem
+
+
+def test_meshes_come_in_pieces_and_wrong_ones_are_not_taken() -> None:
+    received = mismatched = 0
+    for seed in (0, 2, 4):
+        with quiet(), begun(3, seed) as history:
+            history.take(Step("add", 0, 1))
+            history.take(Step("mesh", 0, MOST_TRIANGLES - 1))
+            history.take(Step("heal"))
+            (hash,) = history.meshes.made
+            for participant in history.participants:
+                assert participant.memory.meshes.store.get(hash) == history.meshes.made[hash]
+                received += participant.memory.meshes.statistics.received
+                mismatched += participant.memory.meshes.statistics.mismatched
+    assert received >= 6 * 4 * PIECE and mismatched
 
 
 def test_a_failure_is_made_shorter() -> None:
