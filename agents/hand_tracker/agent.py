@@ -53,7 +53,7 @@ class HandTracker(Agent):
         nodes=("hand", "finger"),
         edges=("RT", "has"),
         attributes=("perceived", "last_seen", "side", "source", "size"),
-        exclusive=("side", "finger"),
+        exclusive=("finger",),
     )
     Config = HandTrackerConfig
     config: HandTrackerConfig
