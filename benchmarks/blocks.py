@@ -42,6 +42,7 @@ class BlockResult(NamedTuple):
 
     found: bool
     right_shape: bool
+    """It is one block, and of the right kind"""
     errors: dict[str, tuple[float, float]]
     """By method: distance of the centre (m), and the largest error of an extent (m)"""
     yaw: float
@@ -122,8 +123,9 @@ def _looked(view: FrameView, color: NDArray[np.uint8], truth: Block) -> BlockRes
     if not clusters:
         return BlockResult(False, False, {}, math.nan, math.nan, (times[1] - times[0], 0.0, 0.0))
     cluster = max(clusters, key=lambda one: len(one.points))
-    sighting = finder.fit(view, cluster)
+    likely = finder.most_likely(view, cluster)
     times.append(process_time())
+    sighting = min(likely, key=lambda one: math.dist(one.block.centre, truth.centre), default=None)
     if sighting is None:
         return BlockResult(False, False, {}, math.nan, math.nan, (times[1] - times[0], times[2] - times[1], 0.0))
     sigma_x, sigma_y, sigma_z = sighting.size_sigma.tolist()
@@ -135,7 +137,8 @@ def _looked(view: FrameView, color: NDArray[np.uint8], truth: Block) -> BlockRes
     turned = math.nan if truth.is_round else abs(math.remainder(found.yaw - truth.yaw, math.pi))
     errors = {"fit": _errors(found, truth), "rectangle": _errors(peer, truth)}
     first, second, third = np.diff(times).tolist()
-    return BlockResult(True, found.kind == truth.kind, errors, turned, nees, (first, second, third))
+    is_right = found.kind == truth.kind and len(likely) == 1
+    return BlockResult(True, is_right, errors, turned, nees, (first, second, third))
 
 
 def _alike(block: Block, truth: Block) -> Block:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agents.object_models import find_model, load_model
 from agents.plant.bullet import Bullet
-from agents.plant.noise import SensorModel
+from agents.plant.noise import SensorModel, shift_bodies
 from agents.plant.renderer import Renderer
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
@@ -63,12 +63,15 @@ class ColorScene:
         assert bodies is not None
         return int((bodies == self._world.body(name)).sum())
 
-    def frame(self, world_from_camera: Pose) -> Frame:
-        """What a camera sees."""
-        picture, intrinsics = self._renderer.render(world_from_camera, self.intrinsics), self.intrinsics
+    def frame(self, world_from_camera: Pose, nearer: Mapping[str, float] | None = None) -> Frame:
+        """What a camera sees; of the objects in `nearer`, all depths are so much too small (m)."""
+        picture, intrinsics = self._renderer.render(world_from_camera, self.intrinsics, bodies=True), self.intrinsics
+        assert picture.bodies is not None
+        errors = {self._world.body(name): error for name, error in (nearer or {}).items()}
+        depth = shift_bodies(picture.depth, picture.bodies, errors, intrinsics)
         arrays: dict[str, NDArray[np.generic]] = {
             "color": self._sensor.color(picture.color),
-            "depth": self._sensor.depth(picture.depth, intrinsics),
+            "depth": self._sensor.depth(depth, intrinsics),
         }
         return Frame(0.0, arrays, {"fx": intrinsics.fx, "fy": intrinsics.fy, "cx": intrinsics.cx, "cy": intrinsics.cy})
 

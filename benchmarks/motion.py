@@ -2,6 +2,7 @@
 
     python -m benchmarks.motion                          # 200 scenes, about ten minutes
     python -m benchmarks.motion --seeds 0-19 --robot panda
+    python -m benchmarks.motion --longer 60              # is there a way where ours finds none? OMPL has 60 s for each
 
 In each scene 6 to 14 boxes stand on a table or hang above it, and the arm goes from one free posture to another one.
 Both planners have the same arm, check of collisions, distance of checked points, and processor time. OMPL also checks
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import process_time  # CPU time is what is measured here
@@ -147,10 +148,11 @@ class Ompl:
         base: module `ompl.base`.
         geometric: module `ompl.geometric`.
         util: module `ompl.util`.
+        limit: s of processor time for one scene.
     """
 
-    def __init__(self, base: Any, geometric: Any, util: Any) -> None:
-        self._base, self._geometric = base, geometric
+    def __init__(self, base: Any, geometric: Any, util: Any, limit: float = LIMIT) -> None:
+        self._base, self._geometric, self._limit = base, geometric, limit
         util.setLogLevel(util.LOG_NONE)
         util.RNG.setSeed(1)  # once for all scenes: OMPL has one seed for a process
 
@@ -170,7 +172,7 @@ class Ompl:
         information.setMotionValidator(self._validator(information, scene, read))
         setup.setStartAndGoalStates(_state(space, scene.start), _state(space, scene.goal))
         setup.setPlanner(self._geometric.RRTConnect(information))
-        in_time = base.PlannerTerminationCondition(lambda: process_time() - began > LIMIT)
+        in_time = base.PlannerTerminationCondition(lambda: process_time() - began > self._limit)
         if setup.solve(in_time).asString() != "Exact solution":
             return _outcome(scene, OMPL, None, process_time() - began)
         path = setup.getSolutionPath()
@@ -219,6 +221,20 @@ def planners() -> list[Callable[[Problems, Scene], Outcome]]:
     return [ours, Ompl(base, geometric, util)]
 
 
+def missed_by_ours(problems: Problems, seeds: Sequence[int], limit: float) -> Iterator[Outcome]:
+    """OMPL's outcome of each of the scenes that our planner does not solve, with `limit` s of processor time.
+
+    The scenes that OMPL does not solve either have no way, as far as so much search can tell.
+    """
+    from ompl import base, geometric, util
+
+    longer = Ompl(base, geometric, util, limit)
+    for seed in seeds:
+        scene = problems.scene(seed)
+        if not ours(problems, scene).found:
+            yield longer(problems, scene)
+
+
 def table(outcomes: Sequence[Outcome]) -> Table:
     """Successes, and medians of what each planner found and of what it took."""
     shown = Table("planner", "found", "length (rad)", "motion (s)", "sum of CPU as a ratio of ours")
@@ -241,13 +257,20 @@ def main() -> None:
     parser.add_argument("--seeds", default="0-199", help="such as 0-19 or 7 (default: 0-199)")
     parser.add_argument("--robot", choices=ROBOTS, default=ROBOTS[0], help="which arm (default: gen3)")
     parser.add_argument("--json", type=Path, help="also write the outcomes to this file")
+    parser.add_argument("--longer", type=float, help="s that OMPL has for scenes which ours misses; no comparison then")
     options = parser.parse_args()
     first, _, last = options.seeds.partition("-")
+    seeds = range(int(first), int(last or first) + 1)
     problems, console = Problems(options.robot), Console()
+    if options.longer:
+        for outcome in missed_by_ours(problems, seeds, options.longer):
+            how = f"OMPL finds {outcome.length:.1f} rad" if outcome.found else "OMPL finds nothing either"
+            console.print(f"scene {outcome.seed}: missed by ours; {how} in {outcome.seconds:.1f} s of processor time")
+        return
     peers = planners()
     if len(peers) == 1:
         console.print("OMPL is not installed (extra `bench`): our planner alone")
-    scenes = (problems.scene(seed) for seed in range(int(first), int(last or first) + 1))
+    scenes = (problems.scene(seed) for seed in seeds)
     outcomes = [solve(problems, scene) for scene in scenes for solve in peers]
     console.print(table(outcomes))
     if options.json:

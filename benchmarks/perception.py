@@ -5,6 +5,7 @@
     python -m benchmarks.perception --colors --distances 0.6 1.0 1.3
     python -m benchmarks.perception --tilted --distances 0.9 1.4 --trials 5
     python -m benchmarks.perception --shapes --distances 0.6 1.0 1.4
+    python -m benchmarks.perception --touching --distances 0.6 1.0
 
 A 40 mm cube with a 32 mm tag stands at each distance, turned and tilted at random by up to 50 degrees; grey and depth
 are as noisy as a RealSense's at 640 x 480, depth alike over 4 px. The peer is what most tag libraries do: OpenCV's
@@ -22,6 +23,9 @@ is told.
 
 With --shapes, boxes and cylinders without tags are found by depth (benchmarks/blocks.py): errors of centre, extents and
 yaw, counts of wrong shapes, CPU time, and the smallest rectangle around the points for comparison.
+
+With --touching, two blocks touch from the beginning, of one colour or two (benchmarks/touching.py): how many are found
+surely, how many of those are wrong, and errors, beside taking each piece of one colour for one block.
 """
 
 from __future__ import annotations
@@ -49,6 +53,7 @@ from agents.scene_estimator.turning import nearest_alike, order
 from benchmarks.blocks import shape_rows, shape_table
 from benchmarks.color_scene import ColorScene, looking_at
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
+from benchmarks.touching import pair_rows, pair_table
 from dsr.clock import WALL_CLOCK
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
@@ -87,6 +92,11 @@ def main() -> None:
         blocks = list(shape_rows(options.distances, options.trials, options.seed))
         Console().print(shape_table(blocks))
         _write(blocks, options)
+        return
+    if options.touching:
+        pairs = list(pair_rows(options.distances, options.trials, options.seed))
+        Console().print(pair_table(pairs))
+        _write(pairs, options)
         return
     if options.colors or options.tilted:
         trial = _turning if options.tilted else _standing
@@ -131,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--colors", action="store_true", help="objects recognised by their colour instead of tags")
     parser.add_argument("--tilted", action="store_true", help="the same, tilted in the air")
     parser.add_argument("--shapes", action="store_true", help="boxes and cylinders found by depth")
+    parser.add_argument("--touching", action="store_true", help="pairs of boxes that touch, found by depth")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser
 

@@ -1,4 +1,4 @@
-"""Sixty questions over ten scenarios, each with when it is asked and how the judge's truth tells a right answer."""
+"""Eighty questions over ten scenarios, each with when it is asked and how the judge's truth tells a right answer."""
 
 from __future__ import annotations
 
@@ -145,6 +145,23 @@ def seen_until(time: float) -> Check:
     return lambda response, truth: response.time is not None and abs(response.time - truth.start - time) <= SOON
 
 
+def nearest(thing: str) -> Check:
+    """The answer names the thing whose centre is truly closest."""
+
+    def check(response: Response, truth: Truth) -> bool:
+        poses = truth.sample().truth
+        here = poses[thing]
+        far = {name: here.distance(pose)[0] for name, pose in poses.items() if name != thing}
+        return response.names == (min(far, key=lambda name: far[name]),)
+
+    return check
+
+
+def first(check: Check) -> Check:
+    """Of two questions in one, the answer to the first is right."""
+    return lambda response, truth: bool(response.parts) and check(response.parts[0], truth)
+
+
 QUESTIONS = (
     Asked("cubes_swapped", 9.0, "where is cube_3?", rests("cube_3")),
     Asked("cubes_swapped", 9.0, "How many cubes are there?", count(4)),
@@ -208,3 +225,26 @@ QUESTIONS = (
     Asked("put_down_unseen", 23.0, "is the cup visible?", verdict(True)),
 )
 """All of them were written down before any was asked, and none was changed since but for errors in its check."""
+NAIVE = (
+    Asked("cubes_swapped", 9.0, "Where's cube_3 got to?", rests("cube_3")),
+    Asked("cubes_swapped", 9.0, "Can you tell me where cube_5 is right now?", rests("cube_5")),
+    Asked("three_cube_tower", 18.0, "What's sitting on top of cube_4?", contents("on", "cube_4")),
+    Asked("three_cube_tower", 18.0, "Is there anything under cube_3?", yes(lambda truth: bool(truth.under("cube_3")))),
+    Asked("lid", 28.0, "Did somebody move the lid?", verdict(True)),
+    Asked("c_pour", 9.0, "Who took the ball?", done_by("Pick", "ball")),
+    Asked("b_drop_in_box", 11.0, "Is the ball still in the box?", related("in", "ball", "box")),
+    Asked("cube_removed", 12.0, "how many cubes are there", count(3)),
+    Asked("lid", 17.0, "Which things can't the camera see?", named("ball")),
+    Asked("b_drop_in_box", 11.0, "When was the ball last seen?", seen_until(8.0)),
+    Asked("three_cube_tower", 28.0, "Why isn't the robot doing anything?", says("cube_3 on cube_4")),
+    Asked("c_pour", 27.0, "What just happened?", says("ball came to be in blue")),
+    Asked("three_cube_tower", 18.0, "What is the robot holding?", named()),
+    Asked("false_belief", 42.0, "Does Anne know where the cube is?", verdict(True)),
+    Asked("false_belief", 42.0, "Where would Sally look for the cube?", named("first_cup", "table")),
+    Asked("three_cube_tower", 18.0, "If I took cube_4 away, would anything fall over?", verdict(True)),
+    Asked("b_drop_in_box", 11.0, "How sure are you about where the ball is?", verdict(False)),
+    Asked("put_down_unseen", 23.0, "What's the closest thing to the cup?", nearest("cup")),
+    Asked("cubes_swapped", 9.0, "Has anything changed in the last five seconds?", says("changed places")),
+    Asked("d_carried_inside", 27.0, "Did the ball fall, or did somebody put it there?", first(verdict(True))),
+)
+"""Worded by somebody who did not know the grammar. Names are those of the scenarios; the checks came later."""

@@ -1,4 +1,4 @@
-"""Whether answers of `dsr ask` are right: sixty questions over ten scenarios in lockstep, against the judge's truth.
+"""Whether answers of `dsr ask` are right: eighty questions over ten scenarios in lockstep, against the judge's truth.
 
     python -m benchmarks.questions
     python -m benchmarks.questions c_pour --json answers.json
@@ -20,7 +20,7 @@ from typing import NamedTuple
 from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import make_run
 from agents.scenario.truth.history import History
-from benchmarks.question_list import QUESTIONS, Asked, Truth
+from benchmarks.question_list import NAIVE, QUESTIONS, Asked, Truth
 from dsr.imagining import Thinking
 from dsr.memory import Memory
 from dsr.narration import Moment
@@ -96,15 +96,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("scenarios", nargs="*", help="names; all ten by default")
     parser.add_argument("--json", type=Path, help="write questions and answers to this file")
     options = parser.parse_args(arguments)
-    wanted = options.scenarios or list(dict.fromkeys(asked.scenario for asked in QUESTIONS))
+    questions = (*QUESTIONS, *NAIVE)
+    wanted = options.scenarios or list(dict.fromkeys(asked.scenario for asked in questions))
     found: list[Outcome] = []
     for scenario in wanted:
-        for one in outcomes(scenario, [asked for asked in QUESTIONS if asked.scenario == scenario]):
+        for one in outcomes(scenario, [asked for asked in questions if asked.scenario == scenario]):
             found.append(one)
             print(f"{one.worth:15} {scenario} {one.asked.time:g} s: {one.asked.question}")
             print(f"{'':15} {one.response.text}", flush=True)
+    for name, some in (("questions", QUESTIONS), ("of those who do not know the grammar", NAIVE)):
+        counts = Counter(one.worth for one in found if one.asked in some)
+        told = f"{counts[RIGHT]} right, {counts[WRONG]} wrong, {counts[UNKNOWN]} not understood"
+        print(f"{counts.total()} {name}: {told}")
     counts = Counter(one.worth for one in found)
-    print(f"{len(found)} questions: {counts[RIGHT]} right, {counts[WRONG]} wrong, {counts[UNKNOWN]} not understood")
     if options.json:
         rows = [
             {"scenario": one.asked.scenario, "time": one.asked.time, "question": one.asked.question,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dsr.agent import Agent
+    from dsr.believing.distribution import Alternative, Whereabouts
     from dsr.clock import Clock, ManualClock, WallClock
     from dsr.connecting import connect
     from dsr.errors import (
@@ -60,6 +61,7 @@ __all__ = [
     "Access",
     "Agent",
     "AgentError",
+    "Alternative",
     "AttributeType",
     "Change",
     "Clock",
@@ -99,6 +101,7 @@ __all__ = [
     "UndeclaredError",
     "WallClock",
     "Watch",
+    "Whereabouts",
     "WireError",
     "WorldError",
     "WorldInfo",
@@ -111,6 +114,7 @@ __all__ = [
 
 _MODULES = {
     "dsr.agent": "Agent",
+    "dsr.believing.distribution": "Alternative Whereabouts",
     "dsr.clock": "Clock ManualClock WallClock",
     "dsr.connecting": "connect",
     "dsr.geometry.mesh": "Mesh",

@@ -15,11 +15,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
+from dsr.believing.distribution import Whereabouts, whereabouts_of
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
 from dsr.errors import AgentError, ClockDriftError, NoPathError, SchemaError, TransformError, TransportError
 from dsr.forking import leave_to_parent
-from dsr.frames.tree import Types
+from dsr.frames.tree import WORLD, Types
 from dsr.geometry.exchange import MeshExchange
 from dsr.graph.access import Guard, guard_in
 from dsr.graph.cycles import check_new_edge
@@ -305,6 +306,13 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             return self._frames.transform(target, source, at, types)
         except TransformError:
             return None
+
+    def belief(self, name: str) -> Whereabouts | None:
+        """Where a thing may be: alternatives with weights, poses with covariance, or that it is gone; see `samples`.
+
+        None if nothing is believed of it. Raises `NodeNotFoundError` for a name that nobody has.
+        """
+        return whereabouts_of(self.node(name), self.get_edge(WORLD, name, "Virtual_RT"))
 
     def transforms(
         self, target: str, sources: Sequence[str], *, at: float | None = None, types: Types = ("RT",)

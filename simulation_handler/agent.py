@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from dsr.agent import Access, Agent
+from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
+from dsr.believing.worlds import PREFIX
 from dsr.config.plugins import REASONERS, load
+from dsr.frames.tree import WORLD
+from dsr.graph.access import EVERYTHING
+from dsr.graph.schema import WORLD_RECORD
+from dsr.network.keys import BASE
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.vocabulary.calibration import CALIBRATION
 from dsr.vocabulary.intrinsics import INTRINSICS
@@ -25,7 +31,8 @@ class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
 
     Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`, what
-    human hands hold (`grasping`),
+    human hands hold (`grasping`), `whereabouts` of what may be in several ways, and the worlds `belief_1`, ... of the
+    leading alternatives,
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
     of an object each camera should see, and whether it will recognise it. Answers what-if questions
     (`dsr.vocabulary.what_if`) about the belief of its last tick. After a restart it goes on from what the graph says
@@ -45,13 +52,15 @@ class SimulationHandler(Agent):
         ),
     )
     writes = Access(
-        nodes=(*OBJECTS, *WRITTEN_NODES),
+        nodes=(*OBJECTS, *WRITTEN_NODES, WORLD_RECORD, WORLD),
         edges=("Virtual_RT", "on", "in", "sees", "grasping", *WRITTEN_EDGES),
         attributes=(
-            *("plausible", "source", "since", "grip", "held_at", *SEEN),
+            *("plausible", "source", "since", "grip", "held_at", "probability", *SEEN),
+            *(WHEREABOUTS, "weight", "things", "note"),
             *("present", "explanation", "score", "alternatives", "changes", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "in", "plausible", "present", "detectable", "covered_by"),
+        exclusive=("Virtual_RT", "on", "in", "plausible", "present", "detectable", "covered_by", WHEREABOUTS),
+        worlds=(BASE, f"{PREFIX}{EVERYTHING}"),
     )
     publishes = (KEY,)
     Config = BeliefConfig
@@ -89,6 +98,6 @@ class SimulationHandler(Agent):
 
     def teardown(self) -> None:
         """Free the simulations."""
-        for taken in (getattr(self, part, None) for part in ("_what_if", "_forms", "_belief")):
+        for taken in (getattr(self, part, None) for part in ("_writing", "_what_if", "_forms", "_belief")):
             if taken is not None:
                 taken.close()

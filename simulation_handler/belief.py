@@ -63,7 +63,9 @@ class Belief:
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
-        self._evidence = EvidenceReader(self._bodies, self._relations, self._containment, self._touching)
+        self._evidence = EvidenceReader(
+            self._bodies, self._relations, self._containment, self._touching, self._driving.lead
+        )
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = Following(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
@@ -252,10 +254,15 @@ class Belief:
         return {*self._explainer.missing(now), *(name for name, _ in self._containment.current())}
 
     def pose(self, name: str) -> Pose | None:
-        """world_from_object at the last step, with covariance; None while its place is unknown."""
+        """world_from_object at the last step, with covariance; None while its place is unknown.
+
+        Of what is on its way, that is where it is by now: its body follows a little late.
+        """
         if self._bodies.object(name).name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
+        lead = self._driving.lead(name)
+        position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
         known = self._worlds.pose(name)
         return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from dsr.agent import Access, Agent
+from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.errors import DsrError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.tolerance import PoseTolerance
+from dsr.math3d.transforms import Pose
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs
 from surprise.config import SurpriseConfig
 from surprise.evidence import EvidenceTrack, Reason
 from surprise.expectation import Expectations
+from surprise.improbability import ATTRIBUTE, ImprobabilityWriter, LatelySeen, improbability, jump, silence
 from surprise.suspicion import Suspicion
 
 _OLDEST = 1.0  # s, percepts older than that when they are found say nothing any more
@@ -23,7 +27,9 @@ _OLDEST = 1.0  # s, percepts older than that when they are found say nothing any
 class SurpriseDetector(Agent):
     """Compares percepts of each object with its belief, and says where they disagree.
 
-    Writes `surprising` and `surprise` (why, with figures) on objects and cameras. An object is surprising when
+    Writes `surprising` and `surprise` (why, with figures) on objects and cameras. Writes `nats` on objects, hands and
+    cameras, and for all together at the root: how improbable what is seen is under the whole belief. An object is
+    surprising when
 
     - several percepts disagree alike with its Virtual_RT, beyond noise and beyond a least extent,
     - a camera that delivers should see it (edge `sees`) and does not,
@@ -38,14 +44,14 @@ class SurpriseDetector(Agent):
     rate_hz = 20.0  # Hz, ticks
     shares_process = True
     reads = Access(
-        nodes=(*THINGS, "camera", "gripper", "world"),
+        nodes=(*THINGS, "camera", "gripper", "hand", "world"),
         edges=("RT", "Virtual_RT", "sees", "grasping"),
-        attributes=("surprising", "surprise", "present", "detectable", "covered_by"),
+        attributes=("surprising", "surprise", "present", "detectable", "covered_by", WHEREABOUTS, ATTRIBUTE),
     )
     writes = Access(
-        nodes=(*THINGS, "camera"),
-        attributes=("surprising", "surprise"),
-        exclusive=("surprising", "surprise"),
+        nodes=(*THINGS, "camera", "hand", "world"),
+        attributes=("surprising", "surprise", ATTRIBUTE),
+        exclusive=("surprising", "surprise", ATTRIBUTE),
     )
     Config = SurpriseConfig
     config: SurpriseConfig
@@ -64,6 +70,8 @@ class SurpriseDetector(Agent):
         self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}
         self._gone_since: dict[str, float] = {}
+        self._hands: dict[str, Pose] = {}
+        self._nats = ImprobabilityWriter(self.memory, WORLD)
         self._now: float | None = None
 
     def tick(self, now: float) -> None:
@@ -85,7 +93,35 @@ class SurpriseDetector(Agent):
                 self._judge_object(node, now, held)
             for camera in self.memory.nodes("camera"):
                 self._judge_camera(camera, now)
+            self._nats.update(self._improbabilities(objects, now, held))
         self._suspicions = {name: found for name, found in self._suspicions.items() if name in self.memory}
+
+    def _improbabilities(self, objects: list[Node], now: float, held: set[str]) -> Iterator[tuple[str, float]]:
+        """How improbable what is seen is, nats, of each thing, hand and camera."""
+        for node in objects:
+            where = self.memory.belief(node.name)
+            if where is not None:
+                tracks = [
+                    track for (_, name), track in self._tracks.items() if name == node.name and track.is_fresh(now)
+                ]
+                expected = 0 if node.name in held else self._expectations.missed(node.name)
+                hidden = node.name not in held and self._expectations.impossible(node.name) is not None
+                yield node.name, improbability(where, LatelySeen(tracks, expected, hidden), self.config)
+        for camera in self.memory.nodes("camera"):
+            yield camera.name, silence(*self._expectations.silence(camera.name, now))
+        for hand in self.memory.nodes("hand"):
+            yield hand.name, self._of_hand(hand.name)
+
+    def _of_hand(self, name: str) -> float:
+        """How improbable the last motion of a hand is, nats."""
+        edge = self.memory.get_edge(WORLD, name, "RT")
+        pose = None if edge is None else edge.get("pose")
+        before = self._hands.get(name)
+        if pose is not None:
+            self._hands[name] = pose
+        if before is None or pose is None or before.stamp >= pose.stamp:
+            return 0.0
+        return jump(before, pose, self.config.hand_speed, self.config.hand_noise)
 
     @property
     def skipped(self) -> Counter[str]:

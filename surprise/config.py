@@ -75,6 +75,11 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     camera_turn: Positive = 0.025
     """rad/s at which a camera turns: nothing is expected of it then"""
 
+    hand_speed: Positive = 0.7
+    """m/s, standard deviation of each part of the velocity of a hand"""
+    hand_noise: Positive = 0.015
+    """m, standard deviation of each coordinate of a percept of a hand"""
+
     calm_after: NotNegative = 0.5
     """s without contradiction, of an object that is not seen any more, after which it is not surprising"""
     fresh: Positive = 1.0

@@ -64,12 +64,16 @@ class EvidenceTrack:
         """Stamps (s) of the last percepts, the oldest first."""
         return [sighting.stamp for sighting in self._sightings]
 
+    def last(self, count: int) -> list[DeviationSighting]:
+        """The newest percepts, at most so many."""
+        return list(self._sightings)[-count:]
+
     def add(self, stamp: float, pose: Pose, eye: Vector3, beliefs: Sequence[Pose]) -> None:
         """Take in a percept (world_from_object, seen from `eye`); of several beliefs, the one it fits best counts."""
         self._contradictions.clear()
         deviation = self._least([compare(pose, eye, belief, self._config) for belief in beliefs])
         self._sightings.append(DeviationSighting(stamp, pose, eye, deviation))
-        if not disagrees(deviation, self._bias, self._config):
+        if not disagrees(deviation, self.bias, self._config):
             self._learned = min(self._learned + 1, self._config.learn_window)
             self._offset += (deviation.depth - self._offset) / self._learned
 
@@ -104,7 +108,7 @@ class EvidenceTrack:
         if len(last) < self._config.needed or not self.is_fresh(now):
             return False
         share = self._config.hysteresis
-        return not any(disagrees(sighting.deviation, self._bias, self._config, share) for sighting in last)
+        return not any(disagrees(sighting.deviation, self.bias, self._config, share) for sighting in last)
 
     def contradictions(self, *, held: bool = False) -> list[Reason]:
         """In which ways the last percepts contradict the belief; more of them must, of an object that is held."""
@@ -120,13 +124,13 @@ class EvidenceTrack:
         for way in WAYS:
             alike = self._alike(way, last)
             if len(alike) >= needed:
-                text = describe(way, alike, self._bias, self._camera)
-                found.append(Reason(way, text, extent(way, alike, self._bias)))
+                text = describe(way, alike, self.bias, self._camera)
+                found.append(Reason(way, text, extent(way, alike, self.bias)))
         return _essential(found)
 
     def _alike(self, way: Way, last: Sequence[Deviation]) -> list[Deviation]:
         """Those that disagree as the newest does; none if that one agrees."""
-        config, bias = self._config, self._bias
+        config, bias = self._config, self.bias
         if not last or not exceeds(way, last[-1], bias, config):
             return []
         newest = vector(way, last[-1], bias)
@@ -134,7 +138,7 @@ class EvidenceTrack:
         return [deviation for deviation in beyond if are_alike(vector(way, deviation, bias), newest, config)]
 
     @property
-    def _bias(self) -> float | None:
+    def bias(self) -> float | None:
         """m, the systematic error along the viewing ray; None until it is known."""
         return self._offset if self._learned >= self._config.learn_after else None
 

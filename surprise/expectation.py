@@ -18,6 +18,7 @@ from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
 
 _KEPT_STAMPS = 64  # stamps
+_LEAST_INTERVAL = 0.01  # s, between frames of the fastest camera
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
 
 
@@ -116,6 +117,26 @@ class Expectations:
             if len(frames) >= config.frames and frames[-1] - start >= config.unexpected_after:
                 return Reason("unseen", f"should be seen by {camera_name}, and is not")
         return None
+
+    def missed(self, name: str) -> int:
+        """Frames since its last percept in which a camera should have seen an object; of several, the most."""
+        last = self._last_percept.get(name, -math.inf)
+        counts = [
+            sum(stamp > max(since, last) for stamp in camera.frames)
+            for camera in self._cameras.values()
+            if (since := camera.outlook(name).seen_since) is not None
+        ]
+        return max(counts, default=0)
+
+    def silence(self, camera_name: str, now: float) -> tuple[float, float]:
+        """For how long (s) a camera that should see something shows nothing, and the time (s) between frames."""
+        camera = self._cameras.get(camera_name)
+        if camera is None or len(camera.frames) < self._config.frames:
+            return 0.0, 1.0
+        since = [outlook.seen_since for outlook in camera.outlooks.values() if outlook.seen_since is not None]
+        frames = list(camera.frames)
+        interval = (frames[-1] - frames[0]) / (len(frames) - 1)
+        return (now - max(min(since), camera.newest) if since else 0.0), max(interval, _LEAST_INTERVAL)
 
     def impossible(self, name: str) -> Reason | None:
         """Why it is surprising that a camera sees an object, if it cannot."""

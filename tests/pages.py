@@ -50,6 +50,7 @@ QUICK = re.compile(
     r"|days( --on (\w+|\"[^\"]+\")| --timezone [\w/]+| --json)*"
     r"|ask \"[^\"]+\"( --timezone [\w/]+)?( recording\.mcap)?( --at \d+| --evidence| --json)*"
     r"|tell( (--since|--about) ([\w-]+|\"[^\"]+\")| --json)*|tell recording\.mcap .*"
+    r"|where cube_\d( --json)?"
     r"|record (info|export) recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
     r"|save scene\.json|mission --list|bench --list|drivers list|new \w+"
@@ -59,8 +60,8 @@ QUICK = re.compile(
 )
 """Commands of `dsr` that end by themselves within about a second; all others are only parsed."""
 LOOKS = {
-    "ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "tell", "ask", "days", "what-if",
-    "stamps",
+    "ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "tell", "ask", "where", "days",
+    "what-if", "stamps",
 }  # fmt: skip
 """Quick commands that change nothing: running one of them once is enough."""
 ALONE = re.compile(r"(new|scenario|security|bench|drivers|robots)\b.*")

@@ -12,7 +12,7 @@ from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.grasping.grip import GripperControl
 from agents.arm_controller.grasping.holding import GraspEdges
-from agents.arm_controller.grasping.pressing import Fingers
+from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
 from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.motion.execution import MotionExecution
@@ -119,7 +119,7 @@ class ArmController(Agent):
         self._scene = ArmScene(self.memory)
         gripper_from_tool = self._model.palm_from_tool
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        self._fingers = Fingers(config.grip_limit, self._driver.move_gripper)
+        self._fingers = GentleFingers(config.grip_limit, self._driver.move_gripper)
         manipulator = self._make_manipulator()
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import msgspec
@@ -14,6 +15,10 @@ BURST = 20
 """Calls that may come at once: an assistant that begins reads some resources together"""
 MOST_CHARACTERS = 40_000
 """Characters of an answer as JSON: about ten thousand tokens, which fit into any assistant's context"""
+
+
+_SEPARATOR = 2
+"""Characters between two rows"""
 
 
 class RateLimit:
@@ -41,11 +46,16 @@ class RateLimit:
         return (1.0 - self._tokens) / self._per_second
 
 
+def as_json(data: Any) -> str:
+    """Data as JSON in ASCII: what no letter of text can break out of, and null for numbers that JSON does not have."""
+    return json.dumps(json.loads(msgspec.json.encode(data)))
+
+
 def trimmed(rows: list[Any], most: int = MOST_CHARACTERS) -> tuple[list[Any], int]:
     """The first rows that fit into so many characters as JSON, and how many are left out."""
     used = 0
     for number, row in enumerate(rows):
-        used += len(msgspec.json.encode(row))
+        used += len(as_json(row)) + _SEPARATOR
         if used > most:
             return rows[:number], len(rows) - number
     return rows, 0

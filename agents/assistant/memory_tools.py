@@ -32,6 +32,9 @@ from dsr.vocabulary.what_if import Question, Supposed, WhatIf
 _HISTORY = 600.0
 """s of the past that are told unless asked for otherwise: the ten minutes that a talk is about"""
 
+_MOST_BOXES = 100
+"""Boxes of which each is compared with each: that takes about a second"""
+
 
 class MemoryTools:
     """Answers the tools that only read.
@@ -71,6 +74,8 @@ class MemoryTools:
     def where_is(self, name: str, seconds_ago: float = 0.0, when: str = "") -> dict[str, Any]:
         """Tell where a thing is, or was so many seconds ago, or at a time such as `last Tuesday`."""
         moment = self.moment
+        if not 0.0 <= seconds_ago <= moment.now:
+            raise ConfigError(f"seconds_ago {seconds_ago:g}: expected 0 or more, or a time in words as `when`")
         if when or seconds_ago > 0.0:
             said = when or f"{seconds_ago:.3f} s ago"
             query = Query(kind="where", things=(name_of(moment, name.lower()),), when=said)
@@ -87,7 +92,13 @@ class MemoryTools:
             for edge in sorted(edges, key=lambda edge: (edge.type, edge.src, edge.dst))
         ]
         view = read_view(self._memory, viewpoint) if viewpoint else None
-        margins = read_scene(self._memory).margins(view=view)
+        scene = read_scene(self._memory)
+        if name:
+            margins = scene.margins(sources=name, view=view) | scene.margins(destinations=name, view=view)
+        elif len(scene.boxes) <= _MOST_BOXES:
+            margins = scene.margins(view=view)
+        else:
+            raise ConfigError(f"{len(scene.boxes)} boxes are too many to compare each with each: name one of them")
         found += [
             {"relation": fact.relation, "of": fact.source, "to": fact.destination, "margin_m": margin}
             for fact, margin in margins.items() if margin >= 0.0
@@ -110,6 +121,8 @@ class MemoryTools:
     def timeline(self, seconds: float = _HISTORY, participant: str = "", when: str = "") -> list[dict[str, Any]]:
         """List what happened in the last seconds, or at a time such as `yesterday`; also of days long past."""
         now = self._now()
+        if not 0.0 <= seconds <= now:
+            raise ConfigError(f"seconds {seconds:g}: expected 0 to {now:.0f}, or a time in words as `when`")
         span = time_span(when, now, self._zone) if when else TimeSpan(now - seconds, now, "")
         entries = recall(self._memory, since=span.begin, until=span.end, participants=participant or None)
         return [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
@@ -17,7 +16,7 @@ from mcp.shared.subscriptions import ResourceUpdated
 from mcp.types import ToolAnnotations
 
 from agents.assistant.acting import Acts
-from agents.assistant.limits import RateLimit, trimmed
+from agents.assistant.limits import RateLimit, as_json, trimmed
 from agents.assistant.memory_tools import MemoryTools
 from dsr.errors import DsrError
 from dsr.memory import Memory
@@ -39,6 +38,8 @@ NODE = "dsr://node/{name}"
 PERIOD = 0.5
 """s between two looks at what changed: streams of poses change fifty times a second, and nobody reads that fast"""
 _WHEN = "`when` (yesterday, last Tuesday, on 12 November, between 3 and 4 pm)"
+_LONGEST_ERROR = 1000
+"""Characters of an error: it may repeat an argument, of any length"""
 _MOST_CHANGED = 100  # nodes a period whose subscribers are told
 _LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
 _PROPOSES = ToolAnnotations(read_only_hint=False, destructive_hint=True, open_world_hint=False)
@@ -181,7 +182,7 @@ class ToolServer:
         if left and not rows:
             raise ToolError("the answer is too long; ask for a part of it")
         marked: dict[str, Any] = {"note": NOTE, "perceived_data": rows if isinstance(found, list) else rows[0]}
-        return json.dumps(marked | ({"left_out": left} if left else {}))
+        return as_json(marked | ({"left_out": left} if left else {}))
 
     async def _done(self, work: Callable[[], T]) -> T:
         """The result of some work in a thread, if the rate of calls allows it. Raises `ToolError` with the reason."""
@@ -190,7 +191,7 @@ class ToolServer:
         try:
             return await anyio.to_thread.run_sync(work)
         except DsrError as error:
-            raise ToolError(str(error)) from error
+            raise ToolError(str(error)[:_LONGEST_ERROR]) from error
 
     @asynccontextmanager
     async def _lifespan(self, server: MCPServer[None]) -> AsyncIterator[None]:

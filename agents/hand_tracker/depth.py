@@ -46,7 +46,7 @@ def depth_at(depth: Depth, pixel: Array, radius: float, mask: NDArray[np.bool_] 
             valid &= mask[window]
         found = values[valid]
         if found.size:
-            near = float(np.quantile(found, _NEAR_SHARE))
+            near = float(np.quantile(found, _NEAR_SHARE, method="lower"))  # of a pixel, not between two surfaces
             return float(np.median(found[np.abs(found - near) < _ALIKE]))
     return None
 

@@ -1,10 +1,12 @@
 """The real model as a finder of hands: its landmarks in the image, made points in space by the depth image.
 
 The model guesses where hidden fingertips are, and depth there is that of the hand before them. So fingertips that the
-outline of the skin shows near the model's are told beside these.
+outline of the skin shows near the model's are told beside these. A hand that the model loses goes on with its outline.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +14,21 @@ from numpy.typing import NDArray
 from agents.frame_images import Depth
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
+from agents.hand_tracker.going_on import GoingOn
 from agents.hand_tracker.model.found import FoundHand, Landmarker
-from agents.hand_tracker.sighting import LANDMARKS, TIPS, OutlinedTip, SeenHand, Side, Source, hand_of_landmarks
+from agents.hand_tracker.sighting import (
+    LANDMARKS,
+    SHAPE_TURN,
+    TIPS,
+    OutlinedTip,
+    SeenHand,
+    Side,
+    Source,
+    hand_of_landmarks,
+)
 from agents.hand_tracker.skin import SkinFinder
 from dsr.images.blobs import Frame
+from dsr.math3d import quaternions
 from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
@@ -26,6 +39,10 @@ _MOST_OFF = 0.03
 """m, how far the depth at a landmark may be from where the hand's shape says, for it to be that landmark's."""
 _WRIST, _MIDDLE_KNUCKLE = 0, 9
 """Landmarks between which the palm's length is measured"""
+_DEPTH_OFF = 0.01
+"""m, scale of the errors of the shape and of depth along the view"""
+_STEPS = 20  # of reweighting; ten do
+_STRAIGHT = 1e-9  # sine of the angle between a ray and the optical axis that count as one
 _SAME_TIP = 0.5
 """Of the palm's length in the image, how far a fingertip of the outline may be from all that the model has: 45 mm"""
 
@@ -44,6 +61,7 @@ class ModelFinder:
         self._config = config
         self._landmarker = landmarker
         self._skin = SkinFinder(config)
+        self._going_on = GoingOn()
         self._milliseconds = -1
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
@@ -52,15 +70,17 @@ class ModelFinder:
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         found = []
         hands = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
-        outlined = [tip for hand in self._skin.find(frame, table) for tip in hand.tips.values()] if hands else []
+        outlines = self._skin.find(frame, table) if hands or self._going_on.waits else []
+        outlined = [tip for outline in outlines for tip in outline.tips.values()]
         for hand in hands:
             pixels = hand.landmarks[:, :2] - 0.5
-            points, seen = self._in_space(pixels, hand.shape, depth, intrinsics)
-            there = hand_of_landmarks(points, seen, self._side(hand), SIGMA)
+            shape = _as_seen(hand.shape, pixels, intrinsics)
+            points, seen = self._in_space(pixels, shape, depth, intrinsics)
+            there = hand_of_landmarks(points, seen, self._side(hand), SIGMA, shape)
             if there is not None:
                 tips = _outlined(np.array(outlined), intrinsics, pixels) if outlined else ()
                 found.append(there._replace(outlined=tips))
-        return found
+        return found + self._going_on.update(found, outlines, frame.stamp)
 
     def close(self) -> None:
         """Release the model."""
@@ -76,8 +96,8 @@ class ModelFinder:
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Points (21, 3) m in the camera's frame, and which of them (21,) the depth image really shows.
 
-        Depths that contradict the shape which the model gives the hand (m, about its middle) are those of something in
-        front of it, or of what is seen between fingers.
+        Depths that contradict the shape which the model gives the hand (m, in axes of the camera), tilted as is likely,
+        are those of something in front of it, or of what is seen between fingers.
         """
         points, seen = np.zeros((LANDMARKS, 3)), np.zeros(LANDMARKS, bool)
         radii = np.full(LANDMARKS, self._config.palm_radius)
@@ -90,11 +110,10 @@ class ModelFinder:
             surface[k] = np.nan if there is None else there
         if not np.isfinite(surface).any():
             return points, seen
-        centre = float(np.nanmedian(surface + radii - shape[:, 2]))
+        missed = _missed(surface + radii, shape)
         for k in np.flatnonzero(np.isfinite(surface)):
             points[k] = behind_surface(pixels[k], float(surface[k]), float(radii[k]), intrinsics)
-            fits = abs(surface[k] + radii[k] - shape[k, 2] - centre) < _MOST_OFF
-            seen[k] = fits and np.isfinite(points[k]).all()
+            seen[k] = abs(missed[k]) < _MOST_OFF and np.isfinite(points[k]).all()
         return points, seen
 
     @staticmethod
@@ -103,6 +122,39 @@ class ModelFinder:
         in_image = np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).sum()
         in_space = np.linalg.norm(shape[:, :2] - shape[:, :2].mean(axis=0), axis=1).sum()
         return float(in_image / max(in_space, 1e-6))
+
+
+def _as_seen(shape: Array, pixels: Array, intrinsics: Intrinsics) -> Array:
+    """A shape (21, 3) m in axes of the camera.
+
+    The network sees a crop of the image, and tells how the hand is turned as if the camera looked straight at it. Where
+    the lens shows nothing, the shape stays as it is.
+    """
+    ray = intrinsics.rays(pixels.mean(axis=0)[None])[0]
+    if not np.isfinite(ray).all():
+        return shape
+    x, y, z = (ray / np.linalg.norm(ray)).tolist()
+    tilt = math.atan2(math.hypot(x, y), z) / max(math.hypot(x, y), _STRAIGHT)
+    turn = quaternions.to_matrix(quaternions.from_rotvec((-y * tilt, x * tilt, 0.0)))
+    return np.asarray(shape @ np.array(turn).T, dtype=np.float64)
+
+
+def _missed(depths: Array, shape: Array) -> Array:
+    """(21,) m, by which depths (21,) m miss a shape (21, 3) m, moved along the view and tilted; NaN where unknown.
+
+    The network tells the tilt of a hand about as well as `SHAPE_TURN`. Depths of other things than the hand hardly
+    count (Cauchy's distribution).
+    """
+    known = np.isfinite(depths)
+    by = np.stack([np.ones(LANDMARKS), shape[:, 1], -shape[:, 0]], axis=1)
+    off = depths - shape[:, 2]
+    prior = np.diag([0.0, *[(_DEPTH_OFF / SHAPE_TURN) ** 2] * 2])
+    found = np.array([np.median(off[known]), 0.0, 0.0])
+    for _ in range(_STEPS):
+        weights = 1.0 / (1.0 + ((off - by @ found)[known] / _DEPTH_OFF) ** 2)
+        weighted = by[known].T * weights
+        found = np.linalg.solve(weighted @ by[known] + prior, weighted @ off[known])
+    return np.asarray(off - by @ found, dtype=np.float64)
 
 
 def _outlined(tips: Array, intrinsics: Intrinsics, pixels: Array) -> tuple[OutlinedTip, ...]:

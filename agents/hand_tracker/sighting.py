@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -24,14 +25,19 @@ PALM = (0, 5, 9, 13, 17)
 """Landmarks whose mean is the palm's centre: the wrist and the knuckles of the four fingers."""
 LEAST_OF_PALM = 3
 """Landmarks of the palm without which there is no hand."""
+MOST_TURN = 1.0
+"""rad, standard deviation that stands for a rotation of which nothing is known"""
+SHAPE_TURN = 0.5
+"""rad, standard deviation of the rotation that a network tells with its shape of a hand: it is 7 to 45 degrees off"""
 
 _PALM_SHAPE = np.array([
     [0.0, 0.0, 0.0], [0.088, 0.025, 0.0], [0.090, 0.004, 0.0], [0.084, -0.016, 0.0], [0.075, -0.034, 0.0],
 ])  # fmt: skip
 """(5, 3) m, `PALM` of a right hand of common size; x towards the fingers, z out of the back of the hand."""
 _SHAPE = _PALM_SHAPE - _PALM_SHAPE.mean(axis=0)
+_LEAST_SIGMA = 1e-6  # m
 _LEAST_SPREAD = 1e-4  # m, below which landmarks do not tell an orientation
-_MOST_TURN = 1.0  # rad, standard deviation of a rotation of which nothing is known
+_STEPS = 5  # of Gauss-Newton; two or three do
 
 
 class OutlinedTip(NamedTuple):
@@ -41,6 +47,15 @@ class OutlinedTip(NamedTuple):
     """(3,) m, its centre"""
     across: Array
     """(5,) m, how far across the view it is from each finger's tip as the landmarks have it"""
+
+
+class Outline(NamedTuple):
+    """The outline of a hand in the image."""
+
+    middle: Array
+    """(3,) m, the middle of its widest place"""
+    area: float
+    """m^2, across the view"""
 
 
 class SeenHand(NamedTuple):
@@ -60,6 +75,10 @@ class SeenHand(NamedTuple):
     """m, standard deviation of each coordinate of the palm's centre, where that is more than landmarks would give it"""
     is_whole: bool = True
     """Whether this is a hand for certain, not perhaps a part of one that something cuts in two."""
+    outline: Outline | None = None
+    """That of its skin, if this was looked for, and nothing hides a part of it"""
+    begins: bool = True
+    """Whether this may be a hand that was not known before."""
     outlined: tuple[OutlinedTip, ...] = ()
     """Fingertips that were seen beside the labelled ones, and better: some of these may be hidden, and guessed"""
 
@@ -80,31 +99,71 @@ class Finder(Protocol):
         """Release what it holds."""
 
 
-def hand_of_landmarks(points: Array, seen: NDArray[np.bool_], side: Side, sigma: float) -> SeenHand | None:
+def hand_of_landmarks(
+    points: Array, seen: NDArray[np.bool_], side: Side, sigma: float, shape: Array | None = None
+) -> SeenHand | None:
     """A hand of landmarks (21, 3) m in the camera's frame, of which those `seen` (21,) count.
 
     None if too few of the palm are seen. Where all are, its centre is their mean; else the common shape of a palm is
     fitted (Umeyama 1991), so that the centre does not depend on which are seen.
+
+    Args:
+        points: (21, 3) m.
+        seen: (21,)
+        side: of the hand.
+        sigma: m, standard deviation of each coordinate.
+        shape: (21, 3) m about any origin, turned as the camera sees the hand, if a network tells that. Landmarks in a
+            line leave a rotation open, which the shape tells about as well as `SHAPE_TURN`. None if nothing does.
     """
     chosen = [k for k, landmark in enumerate(PALM) if seen[landmark]]
     if len(chosen) < LEAST_OF_PALM:
         return None
-    shape = _SHAPE * (1.0, -1.0, 1.0) if side == "left" else _SHAPE
+    palm = _SHAPE * (1.0, -1.0, 1.0) if side == "left" else _SHAPE
     there = points[[PALM[k] for k in chosen]]
-    centre, rotation = _fit(shape[chosen], there)
+    told = None if shape is None else _fit(palm, shape[list(PALM)])[1]
+    if told is None:
+        centre, rotation = _fit(palm[chosen], there)
+        covariance = _turn_covariance(there, sigma, MOST_TURN)
+    else:
+        centre, rotation, covariance = _turned(palm, told, chosen, there, sigma)
     if rotation is None:
         return None
     if len(chosen) == len(PALM):
         centre = there.mean(axis=0)
     tips = {finger: points[landmark] for finger, landmark in enumerate(TIPS) if seen[landmark]}
-    return SeenHand(Pose(centre, rotation), tips, True, side, sigma, _turn_covariance(there, sigma))
+    return SeenHand(Pose(centre, rotation), tips, True, side, sigma, covariance)
 
 
-def _turn_covariance(points: Array, sigma: float) -> Array:
-    """(3, 3) rad^2, of the rotation of points (n, 3) that are off by `sigma` m: great about a line on which all lie."""
+def _turned(
+    palm: Array, told: Quaternion, chosen: list[int], there: Array, sigma: float
+) -> tuple[Array, Quaternion, Array]:
+    """Centre, rotation and its covariance (3, 3) rad^2 of a palm (5, 3) of which the `chosen` are `there` (n, 3).
+
+    The most likely ones, if the rotation that was `told` is off by `SHAPE_TURN`, by Gauss-Newton steps.
+    """
+    middle, target = palm[chosen].mean(axis=0), there - there.mean(axis=0)
+    shape = palm - middle
+    shape = shape * math.sqrt(float((target**2).sum() / (shape[chosen] ** 2).sum()))
+    rotation = told
+    for _ in range(_STEPS):
+        now = shape[chosen] @ np.array(quaternions.to_matrix(rotation)).T
+        covariance = _turn_covariance(now, sigma, SHAPE_TURN)
+        apart = np.cross(now, target).sum(axis=0) / max(sigma, _LEAST_SIGMA) ** 2
+        turned = np.array(quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(told))))
+        x, y, z = (covariance @ (apart - turned / SHAPE_TURN**2)).tolist()
+        rotation = quaternions.product(quaternions.from_rotvec((x, y, z)), rotation)
+    offsets = shape @ np.array(quaternions.to_matrix(rotation)).T
+    return there.mean(axis=0) + offsets.mean(axis=0), rotation, covariance
+
+
+def _turn_covariance(points: Array, sigma: float, most: float) -> Array:
+    """(3, 3) rad^2, of the rotation of points (n, 3) that are off by `sigma` m: great about a line on which all lie.
+
+    `most` (rad) is the standard deviation of a rotation that no points tell.
+    """
     x, y, z = (points - points.mean(axis=0)).T
     arms = np.array([[y @ y + z @ z, -x @ y, -x @ z], [-x @ y, x @ x + z @ z, -y @ z], [-x @ z, -y @ z, x @ x + y @ y]])
-    information = arms / max(sigma, 1e-6) ** 2 + np.eye(3) / _MOST_TURN**2
+    information = arms / max(sigma, _LEAST_SIGMA) ** 2 + np.eye(3) / most**2
     return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 

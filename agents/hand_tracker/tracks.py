@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from agents.hand_tracker.config import HandTrackerConfig, Smoothing
-from agents.hand_tracker.sighting import SeenHand, Side, Source
+from agents.hand_tracker.sighting import MOST_TURN, SeenHand, Side, Source
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 
-_GOOD_TURN = 0.08  # rad, standard deviation of a sample of which half is taken
+_TURNS = 0.08
+"""rad, standard deviation of what a palm may have turned since the last frame, however well that told it"""
+_SURE = 1e-3  # rad, standard deviation of a sample whose one is unknown, and the least
 
 
 class PointFilter:
@@ -53,37 +55,55 @@ class PointFilter:
 
 
 class TurnFilter:
-    """A One-Euro filter of a rotation."""
+    """A One-Euro filter of a rotation that knows how sure it is: of a sample that tells less, it takes little.
 
-    def __init__(self, config: Smoothing, rotation: Quaternion, stamp: float) -> None:
+    A sample that tells much more than what is known so far is not smoothed with that, but takes its place. Errors of
+    samples repeat from frame to frame: many of them tell no more than the best.
+
+    Args:
+        config: of the smoothing.
+        rotation: the first sample.
+        stamp: s, of that.
+        covariance: (3, 3) rad^2 of that, in the frame of the parent; None if unknown: it counts as sure.
+    """
+
+    def __init__(self, config: Smoothing, rotation: Quaternion, stamp: float, covariance: Array | None = None) -> None:
         self._config = config
         self.rotation = rotation
         self._stamp = stamp
         self._speed = 0.0
+        self._known = _between(_information(covariance), 0.0, 1.0 / _TURNS**2)
 
     def update(self, rotation: Quaternion, stamp: float, covariance: Array | None = None) -> Quaternion:
         """The smoothed rotation after a new sample; one that is not newer changes nothing.
 
-        Of what the sample tells badly, by its `covariance` (3, 3) rad^2 in the frame of the parent, little is taken.
+        `covariance` (3, 3) rad^2 is that of the sample in the frame of the parent; None if unknown: it counts as sure.
         """
         interval = stamp - self._stamp
         if interval > 0.0:
-            rotation = self._told(rotation, covariance)
-            between = quaternions.product(quaternions.conjugate(self.rotation), rotation)
-            angle = math.hypot(*quaternions.to_rotvec(between))
-            self._speed += weight(self._config.speed_cutoff, interval) * (angle / interval - self._speed)
-            cutoff = self._config.cutoff + self._config.per_turn * self._speed
-            self.rotation = quaternions.slerp(self.rotation, rotation, weight(cutoff, interval))
+            told, known = _information(covariance), self._known
+            between = quaternions.product(rotation, quaternions.conjugate(self.rotation))
+            turn = np.linalg.pinv(known + told, hermitian=True) @ told @ np.array(quaternions.to_rotvec(between))
+            speed = float(np.linalg.norm(turn)) / interval
+            self._speed += weight(self._config.speed_cutoff, interval) * (speed - self._speed)
+            share = weight(self._config.cutoff + self._config.per_turn * self._speed, interval)
+            x, y, z = (turn - (1.0 - share) * _TURNS**2 * known @ turn).tolist()
+            self.rotation = quaternions.product(quaternions.from_rotvec((x, y, z)), self.rotation)
+            self._known = _between(known + _between(told - known, 0.0, math.inf), 0.0, 1.0 / _TURNS**2)
             self._stamp = stamp
         return self.rotation
 
-    def _told(self, rotation: Quaternion, covariance: Array | None) -> Quaternion:
-        """A sample moved towards the present rotation about axes that it tells badly."""
-        if covariance is None:
-            return rotation
-        turn = quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(self.rotation)))
-        x, y, z = np.linalg.solve(np.eye(3) + covariance / _GOOD_TURN**2, np.array(turn)).tolist()
-        return quaternions.product(quaternions.from_rotvec((x, y, z)), self.rotation)
+
+def _information(covariance: Array | None) -> Array:
+    """(3, 3) 1/rad^2, what a sample of that covariance (rad^2) tells; none along axes of which nothing is known."""
+    told = np.eye(3) / _SURE**2 if covariance is None else np.linalg.inv(covariance)
+    return _between(told - np.eye(3) / MOST_TURN**2, 0.0, 1.0 / _SURE**2)
+
+
+def _between(matrix: Array, least: float, most: float) -> Array:
+    """A symmetric matrix with its eigenvalues clipped."""
+    values, axes = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((axes * np.clip(values, least, most)) @ axes.T, dtype=np.float64)
 
 
 def weight(cutoff: float, interval: float) -> float:
@@ -99,7 +119,6 @@ _TIP_GATE = 0.05
 """m, that a fingertip may move in the palm's frame from frame to frame"""
 _CLOSEST, _LENGTH = 0.08, 0.18
 """m, between palms: nearer than the first no second hand appears, nor what may be a part nearer than the second"""
-_GUESSED = 0.9  # rad, standard deviation of a rotation of which an axis, or all, was guessed
 _NEVER = 1e6
 
 
@@ -125,9 +144,20 @@ class HandTrack:
         number: of the hand.
         config: of the tracker.
         palm: world_from_palm, and when.
+        side: of the hand.
+        source: of the palm.
+        turn_covariance: (3, 3) rad^2 of its rotation, in the world; None if unknown: it counts as sure.
     """
 
-    def __init__(self, number: int, config: HandTrackerConfig, palm: Pose, side: Side, source: Source | str) -> None:
+    def __init__(
+        self,
+        number: int,
+        config: HandTrackerConfig,
+        palm: Pose,
+        side: Side,
+        source: Source | str,
+        turn_covariance: Array | None = None,
+    ) -> None:
         self.number = number
         self.side = side
         self.source = source
@@ -143,7 +173,7 @@ class HandTrack:
         """By finger, 0 (thumb) to 4 (little finger)."""
         self._config = config
         self._point = PointFilter(config.smoothing, palm.translation, palm.stamp)
-        self._turn = TurnFilter(config.smoothing, palm.q, palm.stamp)
+        self._turn = TurnFilter(config.smoothing, palm.q, palm.stamp, turn_covariance)
 
     @property
     def palm(self) -> Pose:
@@ -165,7 +195,7 @@ class HandTrack:
         stamp = hand.palm.stamp
         if stamp - self.last_seen > self._config.max_age:  # it may have moved anywhere: no smoothing across that
             self._point = PointFilter(self._config.smoothing, hand.palm.translation, stamp)
-            self._turn = TurnFilter(self._config.smoothing, hand.palm.q, stamp)
+            self._turn = TurnFilter(self._config.smoothing, hand.palm.q, stamp, hand.turn_covariance)
             self.tips.clear()
         self._point.update(hand.palm.translation, stamp)
         self._update_turn(hand)
@@ -183,13 +213,10 @@ class HandTrack:
             self.tips[finger].outlined, self.tips[finger].outlined_at = point, stamp
 
     def _update_turn(self, hand: SeenHand) -> None:
-        """Take in how the palm is turned; the first sight that tells anything of that is not smoothed with guesses."""
+        """Take in how the palm is turned."""
         covariance = hand.turn_covariance
-        sigma = 0.0 if covariance is None else float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-        if self.turn_sigma >= _GUESSED and sigma < _GUESSED:
-            self._turn = TurnFilter(self._config.smoothing, hand.palm.q, hand.palm.stamp)
         self._turn.update(hand.palm.q, hand.palm.stamp, covariance)
-        self.turn_sigma = sigma
+        self.turn_sigma = 0.0 if covariance is None else float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
     def _update_tips(self, tips: dict[int, Array], stamp: float) -> None:
         palm = self.palm
@@ -287,11 +314,11 @@ class Tracks:
         return distance + (_GATE if other_side else 0.0)
 
     def _begin(self, hand: SeenHand, source: Source) -> int | None:
-        number = None if self._is_part(hand) else self._free_number(hand)
+        number = self._free_number(hand) if hand.begins and not self._is_part(hand) else None
         if number is None:
             self.ignored += 1
             return None
-        track = HandTrack(number, self._config, hand.palm, hand.side, source)
+        track = HandTrack(number, self._config, hand.palm, hand.side, source, hand.turn_covariance)
         track.update(hand, source)
         self.by_number[number] = track
         return number

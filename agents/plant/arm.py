@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agents.arm_controller.model.arm_model import ArmModel, load_arm
 from agents.joint_ramp import Ramp
+from agents.plant.linkage import bars_of
 from agents.plant.robot_file import load_body
 from agents.plant.world import STEP, World
 from agents.xacro_file import Value
@@ -24,6 +25,8 @@ CAMERA_LINK = "camera_wrist_link"
 GRIP_FORCE = 20.0
 """N, force of each finger while it closes"""
 
+_LINKAGE_FORCE = 10.0 * GRIP_FORCE  # N at the pads, with which a bar of a linkage follows: it hardly gives
+_LINKAGE_GAIN = 0.5  # share of its error that it makes good in a step
 _HOLD_FORCE = 5.0  # N, of each finger on what is held by the constraint already
 _HOLD_STRENGTH = 200.0  # N, of the constraint
 _TOUCH_STEPS = 6  # with both pads in contact before the gripper holds
@@ -85,6 +88,8 @@ class SimulatedArm:
         self._forces = [_given(joint.effort, _USUAL_EFFORT) for joint in chain.moving]
         self._fingers = [numbers[name] for name in gripper.names]
         self._finger_limits = _finger_limits(self.model)
+        self._driven = [(numbers[joint.name], self._finger_limits[joint.name][1]) for joint in gripper.driven]
+        self._bars = [(numbers[bar.joint], numbers[bar.above], bar) for bar in bars_of(self.model)]
         self._sides = [[self._links[link] for link in side] for side in sides]
         self._palm = self._links.get(self.model.palm, -1)
         start = self._within_limits(start)
@@ -125,9 +130,8 @@ class SimulatedArm:
     @property
     def pressing(self) -> float:
         """N with which the finger that presses hardest does so: the motor's force at the pads in the last step."""
-        states = self._bullet.getJointStates(self.body, self._fingers)
-        levers = [self._finger_limits[name][1] for name in self.model.gripper.names]
-        return max(abs(float(state[3])) / lever for state, lever in zip(states, levers, strict=True))
+        states = self._bullet.getJointStates(self.body, [number for number, _ in self._driven])
+        return max(abs(float(state[3])) / lever for state, (_, lever) in zip(states, self._driven, strict=True))
 
     @property
     def contact(self) -> bool:
@@ -187,6 +191,7 @@ class SimulatedArm:
             self._drive_joints()
         self._rests = resting
         self._drive_fingers()
+        self._drive_linkage()
         if self._held is None and self._may_hold and self._target_opening < self.opening:
             self._try_to_hold()
 
@@ -245,7 +250,10 @@ class SimulatedArm:
             return
         self._fingers_told = wanted
         positions = self.model.gripper.positions(wanted[0])
+        bars = [number for number, _, _ in self._bars]
         for finger, name in zip(self._fingers, self.model.gripper.names, strict=True):
+            if finger in bars:
+                continue
             speed, lever = self._finger_limits[name]
             self._bullet.setJointMotorControl2(
                 self.body,
@@ -254,6 +262,21 @@ class SimulatedArm:
                 targetPosition=positions[name],
                 force=wanted[1] * lever,
                 maxVelocity=speed,
+            )
+
+    def _drive_linkage(self) -> None:
+        """Have the bars of a linkage follow the joint above them, as it was measured."""
+        for number, above, bar in self._bars:
+            position, velocity = self._bullet.getJointState(self.body, above)[:2]
+            self._bullet.setJointMotorControl2(
+                self.body,
+                number,
+                pybullet.POSITION_CONTROL,
+                targetPosition=bar.factor * position + bar.offset,
+                targetVelocity=bar.factor * velocity,
+                positionGain=_LINKAGE_GAIN,
+                velocityGain=1.0,
+                force=_LINKAGE_FORCE * self._finger_limits[bar.joint][1],
             )
 
     def _touched(self, links: Sequence[int]) -> set[int]:

@@ -46,12 +46,11 @@ class Sharpener:
 
         How much white outshines black differs from place to place, so that the shift is as uncertain as it is large.
         """
-        centre = tag.corners.mean(axis=0)
         before = self._seen.get(tag.marker_id)
-        self._seen[tag.marker_id] = stamp, centre
+        self._seen[tag.marker_id] = stamp, tag.corners
         if self._blur == 0.0 or before is None or not 0.0 < stamp - before[0] <= _LOST_AFTER:
             return tag
-        return _drawn_out(tag, self._blur * (centre - before[1]) / (stamp - before[0]))
+        return _drawn_out(tag, self._blur * (tag.corners - before[1]) / (stamp - before[0]))
 
 
 class _Seen(NamedTuple):
@@ -106,19 +105,19 @@ def _cost(fit: TagFit, last: _Seen, stamp: float) -> float:
     return min(1.0, seconds / _ALIKE) * fit.cost + min(costs)
 
 
-def _drawn_out(tag: Tag, shift: Array) -> Tag:
-    """The tag with each edge moved out along its normal, as far as `shift` (2,) px goes along that; corners follow."""
-    corners, length = tag.corners, float(np.hypot(*shift))
+def _drawn_out(tag: Tag, shifts: Array) -> Tag:
+    """The tag with each edge moved out along its normal, as far as its ends' `shifts` (4, 2) px go along that."""
+    corners, by_edge = tag.corners, 0.5 * (shifts + np.roll(shifts, -1, axis=0))
     along = np.roll(corners, -1, axis=0) - corners
-    sides = np.linalg.norm(along, axis=1)
-    unsure = replace(tag, corner_std=math.hypot(tag.corner_std, length))
-    if sides.min() <= 2.0 * length:
+    sides, lengths = np.linalg.norm(along, axis=1), np.linalg.norm(by_edge, axis=1)
+    unsure = replace(tag, corner_std=math.hypot(tag.corner_std, float(lengths.mean())))
+    if sides.min() <= 2.0 * lengths.max():
         return unsure
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / sides[:, None]
     outward *= np.sign(np.einsum("ij,ij->i", outward, corners - corners.mean(axis=0)))[:, None]
-    by_edge = np.abs(outward @ shift)
+    out = np.abs(np.einsum("ij,ij->i", outward, by_edge))
     normals = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)  # of both edges at each corner
-    moves = np.stack([np.roll(by_edge, 1), by_edge], axis=1)
+    moves = np.stack([np.roll(out, 1), out], axis=1)
     try:
         return replace(unsure, corners=corners + np.linalg.solve(normals, moves[:, :, None])[:, :, 0])
     except np.linalg.LinAlgError:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import msgspec
 
 from dsr import Memory, Node, Pose
+from dsr.believing.distribution import are_at_one_place, whereabouts_of
+from dsr.believing.worlds import LEAST
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
@@ -41,6 +45,8 @@ class DrawnSolid(msgspec.Struct, frozen=True):
     """Whether a camera perceives the object now."""
     held: bool = False
     """Whether the gripper holds the object, as far as is known."""
+    opacity: float = 1.0
+    """1 for what is believed most; of an alternative, its probability."""
 
 
 class DrawnCamera(msgspec.Struct, frozen=True):
@@ -68,6 +74,8 @@ class DrawnScene(msgspec.Struct, frozen=True):
     ghosts: list[DrawnSolid]
     """Percepts of which the belief differs, or is missing"""
     beliefs: list[DrawnSolid]
+    alternatives: list[DrawnSolid]
+    """Where objects could be otherwise"""
     surprising: list[DrawnSolid]
     """Objects that are marked so, where they are believed to be, or perceived"""
     parts: list[DrawnSolid]
@@ -91,6 +99,7 @@ def read_scene(memory: Memory) -> DrawnScene:
         percepts=percepts,
         ghosts=[percept for percept in percepts if _differs(percept, known[percept.name])],
         beliefs=beliefs,
+        alternatives=[solid for node in objects for solid in _alternatives(memory, node)],
         surprising=[known[node.name] for node in objects if node.get("surprising", False) and node.name in known],
         parts=[part for node in nodes_by_name(memory, _BODY_TYPES) if (part := _part(memory, node))],
         frames=[place for node in nodes_by_name(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
@@ -114,9 +123,24 @@ def _solid(memory: Memory, node: Node, types: tuple[str, ...]) -> DrawnSolid | N
     place = _place(memory, node.name, types)
     if place is None:
         return None
-    x, y, z = node.get("size", _DEFAULT_SIZE.get(node.type, _OTHER_SIZE))
     held = bool(memory.edges("grasping", dst=node.name))
-    return DrawnSolid(node.name, node.type, place, (x, y, z), bool(node.get("perceived", True)), held)
+    return DrawnSolid(node.name, node.type, place, _size(node), bool(node.get("perceived", True)), held)
+
+
+def _size(node: Node) -> Vector:
+    x, y, z = node.get("size", _DEFAULT_SIZE.get(node.type, _OTHER_SIZE))
+    return x, y, z
+
+
+def _alternatives(memory: Memory, node: Node) -> Iterator[DrawnSolid]:
+    """Where else an object could be, by the weighted worlds of the belief."""
+    where = whereabouts_of(node, memory.get_edge(WORLD, node.name, "Virtual_RT"))
+    if where is None:
+        return
+    for one in where.alternatives[1:]:
+        if one.pose is not None and one.weight >= LEAST and not are_at_one_place(one, where.best):
+            opacity = round(one.weight, 2)
+            yield DrawnSolid(node.name, node.type, place_of(one.pose), _size(node), seen=False, opacity=opacity)
 
 
 def _differs(percept: DrawnSolid, known: DrawnSolid) -> bool:

@@ -11,6 +11,8 @@ PERCEPT: Color = (255, 176, 0)
 UNSEEN_PERCEPT: Color = (110, 90, 50)
 """The last percept of what is not perceived any more."""
 BELIEF: Color = (64, 156, 255)
+ALTERNATIVE: Color = (150, 120, 255)
+"""Colour of a place where something could be otherwise."""
 HELD: Color = (110, 230, 130)
 """A belief that the gripper holds."""
 SURPRISE: Color = (255, 64, 96)

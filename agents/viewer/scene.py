@@ -34,6 +34,7 @@ _FINGER_AHEAD = 0.1075
 _FRUSTUM = 0.12
 _ASIDE = (0.035, 0.055)  # along world x and y: to the right as the views look
 _LINGER = 1.5  # s for which a mark stays
+_FAINTEST, _STRONGEST = 0.15, 0.6  # opacity of alternatives
 _MARK = 1.35  # times the size of what is marked
 
 
@@ -60,6 +61,7 @@ class SceneView:
         self._update("robot/bounds", scene.parts, _parts)
         self._update("percepts", scene.ghosts, _percepts)
         self._update("beliefs", [solid for solid in scene.beliefs if solid.name not in meshed], _beliefs)
+        self._update("alternatives", scene.alternatives, _alternatives)
         self._update("surprising", self._marked(scene, now), _surprising)
         self._update(NAMES, list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
         for camera in scene.cameras:
@@ -118,6 +120,19 @@ def _percepts(percepts: list[DrawnSolid]) -> rr.Boxes3D:
 def _beliefs(beliefs: list[DrawnSolid]) -> rr.Boxes3D:
     colors = [palette.HELD if solid.held else palette.BELIEF for solid in beliefs]
     return _boxes(beliefs, colors=colors, fill_mode="solid")
+
+
+def _alternatives(solids: list[DrawnSolid]) -> rr.Boxes3D:
+    """Where things could be otherwise: the less probable, the fainter, with the probability beside them."""
+    return _boxes(
+        solids, colors=[(*palette.ALTERNATIVE, _alpha(solid.opacity)) for solid in solids], fill_mode="solid",
+        labels=[f"{solid.name} {100.0 * solid.opacity:.0f} %" for solid in solids], show_labels=True,
+    )  # fmt: skip
+
+
+def _alpha(probability: float) -> int:
+    """How much of what is behind an alternative it hides, 0 to 255; even an improbable one can be made out."""
+    return round(255.0 * (_FAINTEST + (_STRONGEST - _FAINTEST) * probability))
 
 
 def _surprising(solids: list[DrawnSolid]) -> rr.Boxes3D:

@@ -2,9 +2,11 @@
 
     python -m benchmarks.learning record --folder runs/learning --families hands pouring --seeds 100-104
     python -m benchmarks.learning fit --folder runs/learning
+    python -m benchmarks.learning judge --folder runs/judging
 
-`record` plays episodes in lockstep and keeps evidence and truth; `fit` maximises the likelihood of the truth.
-docs/explanation/worlds.md tells what the parameters mean. Episodes for judging are refused.
+`record` plays episodes in lockstep and keeps evidence and truth. `fit` maximises the likelihood of the truth, without
+episodes for judging. `judge` compares weighted worlds with the one simulated world, of all episodes of a folder.
+docs/explanation/worlds.md tells what the parameters mean.
 """
 
 from __future__ import annotations
@@ -15,11 +17,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from agents.scenario.generate.registry import FAMILIES, is_for_tuning
+from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED
 from agents.scenario.options import parse_seeds
-from benchmarks.learning.learn import learn_parameters
+from benchmarks.learning.judging import judge_episodes, table_of
+from benchmarks.learning.learn import learn_parameters, load_episodes
 from benchmarks.learning.recorded import record_episode
-from simulation_handler.worlds.parameters import FILE
+from simulation_handler.worlds.parameters import FILE, learned_parameters
 
 TUNING = [name for name, family in FAMILIES.items() if family.purpose == "tuning"]
 
@@ -29,17 +32,18 @@ def main() -> None:
     options = _parser().parse_args()
     if options.command == "record":
         record(options.folder, options.families, parse_seeds(options.seeds))
+    elif options.command == "judge":
+        Console().print(table_of(judge_episodes(load_episodes(options.folder), learned_parameters())))
     else:
         options.output.write_text(learn_parameters(options.folder, Console(stderr=True).print), encoding="utf-8")
 
 
 def record(folder: Path, families: list[str], seeds: list[int]) -> None:
-    """Record the episodes that are not in the folder yet."""
+    """Record the episodes that are not in the folder yet. Nobody looks at seeds for judging alone."""
+    if refused := [seed for seed in seeds if seed >= FIRST_JUDGING_SEED]:
+        raise SystemExit(f"seeds {refused}: for judging alone; expected less than {FIRST_JUDGING_SEED}")
     folder.mkdir(parents=True, exist_ok=True)
     jobs = [(family, seed, folder / f"{family}-{seed}.pickle") for seed in seeds for family in families]
-    refused = [f"{family}:{seed}" for family, seed, _ in jobs if not is_for_tuning(family, seed)]
-    if refused:
-        raise SystemExit(f"{', '.join(refused)}: for judging; nothing may be learned by them")
     todo = [job for job in jobs if not job[2].exists()]
     for family, seed, file in track(todo, "recording", console=Console(stderr=True)):
         record_episode(family, seed, "poses", file)
@@ -49,11 +53,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.learning", description=__doc__.partition("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record", help="play episodes and keep evidence and truth")
-    recording.add_argument("--families", nargs="+", choices=TUNING, default=TUNING, help="default: all for tuning")
+    recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
     fitting = commands.add_parser("fit", help="learn by what was recorded")
     fitting.add_argument("--output", type=Path, default=FILE, help=f"default: {FILE.name} of the package")
-    for command in (recording, fitting):
+    judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
+    for command in (recording, fitting, judging):
         command.add_argument("--folder", type=Path, required=True, help="of the recorded episodes")
     return parser
 

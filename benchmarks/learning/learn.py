@@ -18,15 +18,15 @@ from simulation_handler.worlds.circumstances import CIRCUMSTANCES
 from simulation_handler.worlds.parameters import Noise, WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
-_MOST_MOMENTS = 2000  # of one circumstance that are used, evenly chosen
-_RESAMPLINGS = 8  # of episodes, by which standard errors of noise are found
+_MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
+_RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
 
 Deviations = Mapping[str, Mapping[str, float]]
 
 
 def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     """Learn by the recorded episodes of a folder; the TOML file. Those for judging are left out."""
-    episodes = list(load_episodes(folder, for_tuning=True))
+    episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
     tell(f"{len(episodes)} episodes")
     begun = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, ELSEWHERE, WITHIN)
     noise, deviations = _learn_noise(episodes, begun, tell)
@@ -36,13 +36,16 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     return toml_of(parameters, deviations, errors, [episode.name for episode in episodes])
 
 
-def load_episodes(folder: Path, *, for_tuning: bool) -> Iterator[Episode]:
-    """Recorded episodes by name; those for tuning alone, or all others alone."""
+def load_episodes(folder: Path) -> Iterator[Episode]:
+    """Recorded episodes by name, every other moment."""
     for file in sorted(folder.glob("*-*.pickle")):
-        family, _, seed = file.stem.partition("-")
-        if is_for_tuning(family, int(seed)) == for_tuning:
-            settle, moments = pickle.loads(file.read_bytes())
-            yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0], RememberedShares())
+        settle, moments = pickle.loads(file.read_bytes())
+        yield Episode(file.stem, settle, [one for one in moments if one.time >= 0.0][::2], RememberedShares())
+
+
+def _is_for_tuning(episode: Episode) -> bool:
+    family, _, seed = episode.name.partition("-")
+    return is_for_tuning(family, int(seed))
 
 
 def _learn_noise(

@@ -25,9 +25,9 @@ START = Noise(scale=1.0, level=0.003, height=0.002, growth=0.003, path=0.1, upwa
 """Where the search begins, and to which little evidence is drawn."""
 _SHARES = ("upwards", "wrong")
 _PRIOR = 2.0  # 1, standard deviation of the logarithm (or logit) of each value around its start
-_MOMENTS = 15.0  # moments of an episode that say as much as one: neighbours in time have nearly the same error
+_MOMENTS = 7.0  # moments of an episode that say as much as one: neighbours in time have nearly the same error
 _INDEPENDENT = 20.0  # moments of one episode that count as independent, at most
-_FEWEST = 30  # moments, below which a circumstance is not learned
+_FEWEST = 8  # moments, below which a circumstance is not learned
 
 
 @dataclass(frozen=True)

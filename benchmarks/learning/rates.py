@@ -15,15 +15,15 @@ Array = NDArray[np.float64]
 
 RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed=0.002, stayed=1.0, kept=0.1,
               entered=0.2, missed=0.5)  # fmt: skip
-ABSENCE = Absence(rate=3.0, power=2.0, blind=0.02)
+ABSENCE = Absence(rate=3.0, power=2.0, blind=0.002)
 ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
 WITHIN = Within(level=0.25)
 """Where the search begins, and to which little evidence is drawn"""
 SHARES = {("rates", "kept"), ("rates", "entered"), ("rates", "missed"), ("absence", "blind"), ("elsewhere", "hidden")}
 """Values that are probabilities"""
 _PRIOR = 1.5  # 1, standard deviation of the logarithm (or logit) of each value around its start
-_MOMENTS = 10.0  # moments of one object that say as much as one
-_STEPS = (1.0, 0.6, 0.4)  # of the logarithm (or logit), one pass over all values with each
+_MOMENTS = 5.0  # moments of one object that say as much as one; every other one is judged
+_STEPS = (1.0, 0.5)  # of the logarithm (or logit), one pass over all values with each
 
 
 Key = tuple[str, str]

@@ -14,7 +14,7 @@ EXTRAS = {
     "zstandard": "cli",
     "collada": "sim", "cv2": "sim", "psutil": "sim", "pybullet": "sim", "pybullet_data": "sim", "scipy": "sim",
     "ruckig": "sim", "trimesh": "sim",
-    "mcp": "assist", "anyio": "assist",
+    "mcp": "assist", "anyio": "assist", "uvicorn": "assist",
     "dynamixel_sdk": "dynamixel",
     "rerun": "view",
     "up_fast_downward": "planning",

@@ -7,6 +7,7 @@ Questions are answered by `dsr.narration.answers`, which needs the extra `cli` f
 """
 
 from dsr.narration.account import LATELY, account, chapters, check_names
+from dsr.narration.chances import chances, chances_of_thing
 from dsr.narration.happenings import entry_statements, happening_statements
 from dsr.narration.persons import person_account, world_of
 from dsr.narration.places import place_of_thing, place_statements
@@ -20,6 +21,8 @@ __all__ = [
     "Statement",
     "Subject",
     "account",
+    "chances",
+    "chances_of_thing",
     "chapters",
     "check_names",
     "entry_statements",

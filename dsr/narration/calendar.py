@@ -136,6 +136,8 @@ def time_span(text: str, now: float, zone: tzinfo | None = None) -> TimeSpan:
         begin, end = _resolved(read[0], now, zone)
     except (ValueError, OverflowError, OSError) as error:
         raise ConfigError(f"time {text!r}: {error}") from error
+    if not begin >= 0.0:
+        raise ConfigError(f"time {text!r} is before all that anybody remembers")
     if begin > now:
         raise ConfigError(f"time {text!r} lies in the future")
     return TimeSpan(begin, now if read[0].since else min(end, now), text)

@@ -113,13 +113,15 @@ def counted_deeds(moment: Moment, entries: list[Entry]) -> list[Statement]:
 
 
 def _shortened(told: list[Statement]) -> str:
-    """The sentences, of many only what was surprising, and how many more there are."""
+    """The sentences; of many the newest, half of them of what was surprising if there is so much, and who else."""
     if len(told) <= _MOST_SENTENCES:
         return joined(told)
-    shown = [one for one in told if one.evidence.get("kind") in SURPRISES][-_MOST_SENTENCES:]
-    names = sorted({one.names[0] for one in told if one.names})
-    rest = f"{len(told) - len(shown)} more things happened, with {listed(names[:_MOST_SENTENCES])}."
-    return f"{joined(shown)} {rest}".strip()
+    surprising = [one for one in told if one.evidence.get("kind") in SURPRISES][-_MOST_SENTENCES // 2 :]
+    others = [one for one in told if one not in surprising][len(surprising) - _MOST_SENTENCES :]
+    shown = [one for one in told if one in surprising or one in others]
+    left = [one for one in told if one not in shown]
+    names = sorted({one.names[0] for one in left if one.names})[:_MOST_SENTENCES]
+    return f"{joined(shown)} Before and between, {len(left)} more things happened, with {listed(names)}."
 
 
 def _ended(text: str, moment: Moment, span: TimeSpan | None, told: list[Statement]) -> str:

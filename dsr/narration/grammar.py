@@ -71,7 +71,7 @@ why_waits: WHY DO thing (WAIT | STOP | NOT MOVE) | WHY BE thing (WAIT | STOP | N
     | WHY (BE | DO) (NOT thing | thing NOT) (DOING | DO) ANY | WHY BE NOT thing MOVE
 why_moved: WHY DO thing (MOVE | FALL) | WHY BE thing did
 happened: WHAT HAS? (HAPPEN | CHANGE) (TO thing | ABOUT thing)? | (HAS | DO) ANY (HAPPEN | CHANGE) (TO thing)?
-surprises: WHAT (BE | HAS)? SURPRISING thing? | (BE | HAS | DO) ANY SURPRISING thing?
+surprises: WHAT (BE | HAS)? SURPRISING thing? | (BE | HAS | DO) (ANY | thing) SURPRISING thing?
 who_did: WHO (HAS | BE)? did_what thing (UP | DOWN | AWAY | THERE)?
     | DO ANY did_what thing (UP | DOWN | AWAY | THERE)? -> did_any
     | HAS ANY did_what thing (UP | DOWN | AWAY | THERE)? -> did_any

@@ -7,6 +7,7 @@ from typing import Any
 
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
+from dsr.narration.chances import chances_of_thing
 from dsr.narration.statements import (
     Basis,
     Moment,
@@ -34,10 +35,12 @@ _DETECTABLE = 0.5
 
 
 def place_statements(moment: Moment) -> list[Statement]:
-    """One statement for each thing about its place, and one for each that is surprising, by name."""
+    """Statements about the place of each thing, where else it could be, and whether it is surprising, by name."""
     found: list[Statement] = []
     for node in nodes_by_name(moment.memory, THING_TYPES):
         found.append(place_of_thing(moment, node))
+        if (chances := chances_of_thing(moment, node)) is not None:
+            found.append(chances)
         if node.get("surprising") is True:
             found.append(surprise_of(node))
     return found

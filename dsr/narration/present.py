@@ -7,6 +7,7 @@ from dsr.graph.elements import Edge, Node
 from dsr.narration.answer import Response, joined, understood
 from dsr.narration.asked import span_asked
 from dsr.narration.calendar import TimeSpan
+from dsr.narration.chances import chances_of_thing
 from dsr.narration.doings import holding_statements, sight_of, wish_statements
 from dsr.narration.naming import is_robot, node_of, nodes_called
 from dsr.narration.past import contents_during, limits_of_memory, told_during
@@ -37,10 +38,7 @@ def where(moment: Moment, query: Query) -> Response:
     """Where a thing, a person or a part of the robot is."""
     node = node_of(moment, query.things[0])
     if node.type in THINGS:
-        told = place_of_thing(moment, node)
-        supports, contents, holders = relations_of(moment, node.name)
-        names = [edge.dst for edge in (*contents, *supports)] or [edge.src for edge in holders]
-        return understood(told.text, [told], names=names)
+        return _where_thing(moment, node)
     pose = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
     if pose is None:
         return understood(f"Nobody knows where {node.name} is.")
@@ -52,6 +50,16 @@ def where(moment: Moment, query: Query) -> Response:
         evidence=percept_evidence(moment, node.name),
     )  # fmt: skip
     return understood(text, [told])
+
+
+def _where_thing(moment: Moment, node: Node) -> Response:
+    """Where a thing is believed to be, and where else it could be."""
+    told = [place_of_thing(moment, node)]
+    if (chances := chances_of_thing(moment, node)) is not None:
+        told.append(chances)
+    supports, contents, holders = relations_of(moment, node.name)
+    names = [edge.dst for edge in (*contents, *supports)] or [edge.src for edge in holders]
+    return understood(joined(told), told, names=names)
 
 
 def where_by(moment: Moment, query: Query) -> Response:

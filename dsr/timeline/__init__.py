@@ -19,8 +19,9 @@ from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, TIMELINE, Entry, e
 from dsr.timeline.kinds import ACTION, AGENT, DERIVED, FORBIDDEN, INTENTION, OBJECTS, PRESENT, RELATIONS, SURPRISING
 from dsr.timeline.queries import query
 from dsr.timeline.recall import SUMMARY, StoredSummary, read_summary, recall, stored_summaries
+from dsr.timeline.remembered import PeriodSummary, Remembered
 from dsr.timeline.retention import Retention
-from dsr.timeline.summaries import SURPRISES, Remembered, Summary
+from dsr.timeline.summaries import SURPRISES
 from dsr.timeline.telling import Event, tell
 
 __all__ = [
@@ -53,10 +54,10 @@ __all__ = [
     "Entry",
     "Event",
     "Interval",
+    "PeriodSummary",
     "Remembered",
     "Retention",
     "StoredSummary",
-    "Summary",
     "Timeline",
     "explanations",
     "holds",

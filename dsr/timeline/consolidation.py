@@ -14,18 +14,9 @@ from collections.abc import Iterable
 from dsr.memory import Memory
 from dsr.timeline.entries import TIMELINE, Entry
 from dsr.timeline.recall import SUMMARY, StoredSummary, period_of, read_summary
+from dsr.timeline.remembered import PeriodSummary, Remembered, encoded_summary
 from dsr.timeline.retention import read_all
-from dsr.timeline.summaries import (
-    DAY,
-    HOUR,
-    LEVELS,
-    Level,
-    Remembered,
-    Summary,
-    encoded_summary,
-    merged,
-    remembered,
-)
+from dsr.timeline.summaries import DAY, HOUR, LEVELS, Level, merged, remembered
 
 SUMMARY_NODES = (SUMMARY,)
 """Node types that an agent with a `Consolidator` declares to write, besides those of a `Chronicle`."""
@@ -95,7 +86,7 @@ class Consolidator:
             _log.warning("summary %s cannot be read, and is left alone", name)
         return stored
 
-    def _put(self, name: str, level: Level, index: int, summary: Summary) -> None:
+    def _put(self, name: str, level: Level, index: int, summary: PeriodSummary) -> None:
         memory = self._memory
         values = {
             "kind": level.name, "order": index, "content": encoded_summary(summary),

@@ -11,7 +11,8 @@ from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.timeline.entries import Entry
 from dsr.timeline.queries import TimelineQuestion, query
-from dsr.timeline.summaries import LEVELS, Level, Summary, decoded_summary
+from dsr.timeline.remembered import PeriodSummary, decoded_summary
+from dsr.timeline.summaries import LEVELS, Level
 
 SUMMARY = "summary"
 """Node type of a summary; it hangs from `timeline`."""
@@ -25,7 +26,7 @@ class StoredSummary(NamedTuple):
     level: Level
     number: int
     """Number of the period since 1970, in UTC"""
-    summary: Summary
+    summary: PeriodSummary
 
     @property
     def begin(self) -> float:

@@ -24,6 +24,7 @@ from dsr.vocabulary.explained import (
     WITH_SUPPORTS,
     ExplainedChange,
 )
+from simulation_handler.contact.placement import find_support
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
@@ -82,6 +83,8 @@ def _move(situation: Situation, move: Move, candidate: Candidate) -> ExplainedCh
 
 
 def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedChange:
+    if _has_fallen(situation, name, candidate):
+        return ExplainedChange(FELL, ((name,),))
     before = set(situation.beneath.get(name, ())) - set(situation.fixtures)
     placement = candidate.drafted.placements.get(name)
     after = set(placement.supports if placement else ()) - set(situation.fixtures)
@@ -91,6 +94,15 @@ def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedCh
         return ExplainedChange(RELATION_ENDED, ((name, *sorted(before - after)),))
     moved = math.dist(situation.believed[name].position[:2], situation.seen[name].percept.position[:2])
     return ExplainedChange(MOVED if moved > _ASIDE else TURNED, ((name,),))
+
+
+def _has_fallen(situation: Situation, name: str, candidate: Candidate) -> bool:
+    """Whether an object is lower now, and nothing would carry it any more where it was."""
+    before, reach = situation.believed[name], situation.config.hover_tolerance
+    if candidate.settled[name].bottom > before.bottom - reach:
+        return False
+    others = [solid for other, solid in candidate.settled.items() if other != name]
+    return not find_support(before, before.bottom, [*situation.fixtures.values(), *others], reach)[0]
 
 
 def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> list[tuple[str, str]]:

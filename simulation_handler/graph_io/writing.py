@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
@@ -14,13 +15,17 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
+from simulation_handler.graph_io.alternatives import AlternativesWriter
 from simulation_handler.graph_io.events import Events
 from simulation_handler.graph_io.recalling import SOURCES
 from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
+from simulation_handler.worlds.model import Island, probability
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SAME = PoseTolerance(5e-5, 5e-4)  # m, rad that a body may move before its pose is written again
+_PERIOD = 0.2  # s, between two looks at the weighted worlds: people and plans do not follow faster
+_SAME_PROBABILITY = 0.05  # 1, by which a probability may change before it is written again
 _SAME_GRASP = PoseTolerance(0.005, 0.1)  # m, rad that an object may move in a hand before that is written again
 
 
@@ -32,6 +37,14 @@ class Writing:
         self._belief = belief
         self._written: dict[str, Pose] = {}
         self._events = Events(memory, belief.config.policy, log)
+        self._alternatives = AlternativesWriter(memory, belief.config.worlds)
+        self._islands: Sequence[Island] = ()
+        self._due = -math.inf
+        self._related: set[tuple[str, Relation]] = set()
+
+    def close(self) -> None:
+        """Delete the worlds of alternatives."""
+        self._alternatives.close()
 
     def update(self, now: float) -> None:
         """Write the changes up to time `now` (s). A node that is gone meanwhile is left out."""
@@ -43,11 +56,21 @@ class Writing:
                 self._write_pose(name, now)
                 self._write_plausible(name)
                 self._write_present(name)
+        self._look_at_worlds(now)
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
         self._write_grasps()
         for time, explanation in self._belief.explanations():
             self._events.record(time, explanation)
+
+    def _look_at_worlds(self, now: float) -> None:
+        """Take the weighted worlds of now, if the last ones are old, or relations have changed since."""
+        kinds = (("on", self._belief.supports()), ("in", self._belief.contents()), ("grasping", self._belief.grasps()))
+        related = {(kind, relation) for kind, relations in kinds for relation in relations}
+        if self._due - _PERIOD <= now < self._due and related == self._related:
+            return
+        self._due, self._related, self._islands = now + _PERIOD, related, self._belief.islands()
+        self._alternatives.update(self._islands)
 
     def _write_pose(self, name: str, now: float) -> None:
         pose = self._belief.pose(name)
@@ -84,10 +107,20 @@ class Writing:
         for (hand, name), grasp in grasps.items():
             written = self._memory.get_edge(hand, name, "grasping")
             values = {"source": EXPLANATION if grasp.covered else CONTACT, "since": grasp.since, "grip": grasp.grip}
-            told = () if written is None else (written.get("grip"), written.get("source"))
-            if told != (values["grip"], values["source"]) or (written and _is_regrasped(written, grasp)):
+            values["probability"] = self._probability("grasping", (hand, name), written)
+            told = () if written is None else tuple(map(written.get, ("grip", "source", "probability")))
+            now_told = (values["grip"], values["source"], values["probability"])
+            if told != now_told or (written and _is_regrasped(written, grasp)):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
+
+    def _probability(self, kind: str, relation: Relation, written: Edge | None) -> float:
+        """That a relation holds, by the weighted worlds; what is written, if that says so within the tolerance."""
+        known = None if written is None else written.get("probability")
+        now = probability(self._islands, kind, relation)
+        if known is not None and abs(known - now) <= _SAME_PROBABILITY:
+            return float(known)
+        return round(now, 2)
 
     def _write_relations(self, kind: str, relations: Mapping[Relation, float]) -> None:
         """Let the edges of a kind that the belief wrote be those that it has."""
@@ -95,8 +128,9 @@ class Writing:
             if edge.get("source") in SOURCES and (edge.src, edge.dst) not in relations:
                 self._memory.remove_edge(edge.src, edge.dst, kind)
         for relation, since in relations.items():
-            values = {"source": self._belief.source(relation), "since": since}
             written = self._memory.get_edge(*relation, kind)
+            values = {"source": self._belief.source(relation), "since": since}
+            values["probability"] = self._probability(kind, relation, written)
             if written is None or any(written.get(name) != value for name, value in values.items()):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(*relation, kind, **values)

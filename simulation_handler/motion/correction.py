@@ -12,7 +12,7 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.tolerance import PoseTolerance
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
-from simulation_handler.contact.placement import Placement, place, separate
+from simulation_handler.contact.placement import Placement, given_height, place, separate
 from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning
@@ -143,8 +143,17 @@ class Correction:
         return likeliest_stance(percept, covariance, item.turning(), others, self._config)
 
     def _around(self, item: BelievedObject, scene: Scene) -> Scene:
-        """The scene without an object, but with what is to be reconsidered after it, where that is believed now."""
-        return self._bodies.scene(leaving_out={item.name}) | scene
+        """The scene without an object, but with what is to be reconsidered after it; all where it is perceived.
+
+        What had to give way to the object is where it would be without that.
+        """
+        around = self._bodies.scene(leaving_out={item.name}) | scene
+        for name in around.keys() & self._bodies.objects.keys():
+            other, solid = self._bodies.objects[name], around[name]
+            if other.track.estimate is not None and not other.holder:
+                covariance = other.percept_covariance(self._config)
+                around[name] = solid.moved(given_height(other.percept().position, covariance, solid.position[2]))
+        return around
 
     def _without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
         """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.

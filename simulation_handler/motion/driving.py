@@ -10,28 +10,39 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
-from itertools import combinations, pairwise
+from collections.abc import Mapping, Set
+from itertools import combinations
 
 import msgspec
 import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.placement import Placement, place
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.contact.stances import likeliest_stance
+from simulation_handler.contact.stances import likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.bumps import seem_bumped
-from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, Twist, only_base
-from simulation_handler.perception.paths import Path, between, turn_between
+from simulation_handler.motion.drives import (
+    ASTRAY_BOTH,
+    Drive,
+    goes_with_hand,
+    is_lifted,
+    seen_speed,
+    stands_or_leans,
+    towards,
+    velocity_of,
+)
+from simulation_handler.motion.rolling import rolling
+from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, only_base
 from simulation_handler.perception.percepts import Array
+from simulation_handler.physics.rollouts.scene import STILL
 from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -43,9 +54,6 @@ HURRY = 2.0
 _HAS_LEFT = 0.020  # m from where it was believed to be, from which an object has left there
 _CATCHING_UP = 0.25  # m/s by which a body is faster than what it follows at most: what is in it is not thrown up
 _CAUGHT_UP = 0.15  # s in which it catches up what is more than that
-_REACTION = 0.03  # s in which a body makes up for being off its way
-_FASTEST_BODY = 1.5  # m/s
-_FASTEST_TURN = 8.0  # rad/s
 _STILL_SECONDS = 0.6  # s that an object must be seen to stay where it is
 _SURE_REST = 0.25  # s of that, at the end, in which it surely was where it is
 _SHORTEST = 0.3  # s of a drive: what sets out slowly has been seen to stay for a while
@@ -54,49 +62,14 @@ _STILL_RADIANS = 0.2  # rad that percepts of an object at rest may be turned aga
 _ASTRAY_METRES = 0.012  # m from where it was, and
 _SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
 _LIKELY = 1.5  # times the noise, from which three tell that, each of which is farther away
-_ASTRAY_BOTH = 0.008  # m, likewise, from which an object and the hand that holds it tell that
-_THE_SAME_WAY = 0.7  # cosine
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
-_NEARER = 0.015  # m that a stand must be nearer to what is seen than a lean that a hand tells, to be believed
 _OTHER_MOTION = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
 _SHARED_HEIGHT = 0.02  # m of height that both bodies share, from which neither stands on the other
-_LATELY = 0.3  # s in which the speed of what is seen is measured
 _JUST = 0.15  # s for which a percept tells where what moves is
 _RIDES_NO_MORE = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
-
-
-@dataclass
-class _Drive:
-    """How far a body is on its way."""
-
-    begun: float
-    """s"""
-    played: float
-    """s, up to which it has followed the way"""
-    begin: Pose
-    """World_from_object where this step of the belief begins"""
-    end: Pose
-    """Likewise where it ends"""
-    origin: Pose
-    """Likewise where it has set out"""
-    supports: tuple[str, ...] | None = None
-    """What carries it there; None while that is not known"""
-    by_hand: bool = False
-    """A hand has held it since it rested"""
-    still_since: float | None = None
-    """s"""
-    velocity: Twist = HALTED
-    """m/s and rad/s, in the last step of physics"""
-    speed: float = 0.0
-    """m/s, as it was seen to move lately; what it pushes is not faster"""
-
-    @property
-    def rests(self) -> bool:
-        """Whether something carries it there, as far as that is known."""
-        return self.supports is None or bool(self.supports)
 
 
 class Driving:
@@ -108,8 +81,9 @@ class Driving:
         self._bodies = bodies
         self._supported = SupportedObjects(bodies, relations, containment)
         self._config = config
-        self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
-        self._drives: dict[str, _Drive] = {}
+        self._lifted = msgspec.structs.replace(config, hover_tolerance=min(ASTRAY_BOTH, config.hover_tolerance))
+        self._drives: dict[str, Drive] = {}
+        self._leaders: dict[str, str] = {}  # driven object on or in which each other one is
         self._now = -math.inf
 
     def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
@@ -136,6 +110,7 @@ class Driving:
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
         supported = self._supported.supported(self._drives)
+        self._leaders = {load: name for name in sorted(self._drives) for load in self._supported.supported([name])}
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in supported and not self._is_lost(item, now)
@@ -201,9 +176,10 @@ class Driving:
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
-        names = sorted(self._drives.keys() | {name for name in seen if name in sim})
+        led = {name for name, drive in self._drives.items() if not drive.runs}
+        names = sorted(led | {name for name in seen if name in sim})
         supported = {name: self._supported.supported([name]) for name in names}
-        pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
+        pairs = [pair for pair in combinations(names, 2) if not led.isdisjoint(pair)]
         sim.let_pass(
             {(a, b) for a, b in pairs if b not in supported[a] and a not in supported[b] and self._beside(a, b)}
         )
@@ -222,12 +198,13 @@ class Driving:
         if not self._drives:
             sim.step(count)
             return
-        loads = self._supported.standing(self._drives.keys())
-        pushed = self._supported.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
+        led = {name: drive for name, drive in self._drives.items() if not drive.runs}
+        loads = self._supported.standing(led.keys())
+        pushed = self._supported.pushed({name: drive.speed for name, drive in led.items()}, loads)
         for k in range(1, count + 1):
-            for name, drive in self._drives.items():
+            for name, drive in led.items():
                 here = Pose.unchecked(*sim.pose(name))
-                before, drive.velocity = drive.velocity, _velocity(here, drive, k / count, count * TIME_STEP)
+                before, drive.velocity = drive.velocity, velocity_of(here, drive, k / count, count * TIME_STEP)
                 (x, y, z), spin = drive.velocity
                 sim.set_velocity(name, (x, y, z + GRAVITY * TIME_STEP), spin)
                 for load in loads.get(name, ()):
@@ -241,6 +218,19 @@ class Driving:
         """Pairs (object, support) of the driven objects that slide or stand on something, which they hardly touch."""
         drives = self._drives.items()
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
+
+    def lead(self, name: str) -> Vector3:
+        """(3,) m that an object has moved on, by what was seen of its way, beyond its body, which is late.
+
+        That of what is on or in a driven object is the same.
+        """
+        leader = name if name in self._drives else self._leaders.get(name, "")
+        drive, item = self._drives.get(leader), self._bodies.objects.get(leader)
+        if drive is None or item is None or drive.runs:
+            return STILL
+        late = min(self._now - drive.played, _BODY_LAG)
+        x, y, z = (late * speed for speed in item.path.steady_velocity)
+        return x, y, 0.0 if drive.rests else z
 
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and the object does not move any more."""
@@ -258,12 +248,25 @@ class Driving:
             return item.path.newest if item.hand else None
         solid = self._bodies.solid(item.name)
         strays = self._strays(item, solid.pose)
-        if item.hand and (strays or _goes_with_hand(item, solid.position)):
+        if item.hand and (strays or goes_with_hand(item, solid.position)):
             return item.path.newest
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
         start = item.path.start(solid.pose, _HAS_LEFT)
-        return item.path.newest if start is None and item.hand else start
+        if start is None and not item.hand:
+            return self._start_in_sight(item)
+        return item.path.newest if start is None else start
+
+    def _start_in_sight(self, item: BelievedObject) -> float | None:
+        """From when (s) on an object is seen on its way that set out unseen: its body is put where that was seen first.
+
+        None if it does not move, or something may have come along with it: that is to be explained.
+        """
+        first = item.path.reappeared(_HAS_LEFT)
+        if first is None or self._supported.supported([item.name]):
+            return None
+        self._bodies.put(item, first.t, self._bodies.pose(item.name).q)
+        return first.stamp
 
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
@@ -274,18 +277,23 @@ class Driving:
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_static(item, False)
         here = self._bodies.pose(item.name)
-        self._drives[item.name] = _Drive(self._now, start, here, here, here)
+        self._drives[item.name] = Drive(self._now, start, here, here, here)
 
-    def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
+    def _go_on(self, item: BelievedObject, drive: Drive, now: float, seconds: float) -> None:
+        if not item.hand and self._is_out_of_sight(item, drive, now):
+            self._let_run(item, drive, now)
+            return
+        if drive.runs:
+            drive.runs, drive.played, drive.end = False, item.path.newest, self._bodies.pose(item.name)
         before, late = item.path.at(drive.played), now - _BODY_LAG - drive.played
         drive.played += min(late, HURRY * seconds) if late > 0.0 else 0.0
         drive.begin = drive.end
         drive.by_hand = bool(item.hand) or (drive.by_hand and not drive.rests)
         self._aim(item, drive)
-        drive.speed = _speed(item.path, drive.played)
+        drive.speed = seen_speed(item.path, drive.played)
         passed = math.dist(before.t, item.path.at(drive.played).t)
         behind = math.dist(drive.begin.t, drive.end.t)
-        drive.end = _towards(drive.begin, drive.end, passed + seconds * max(_CATCHING_UP, behind / _CAUGHT_UP))
+        drive.end = towards(drive.begin, drive.end, passed + seconds * max(_CATCHING_UP, behind / _CAUGHT_UP))
         if item.estimate_at(now) is None:
             if not item.hand:
                 self._end(item, drive)
@@ -299,31 +307,57 @@ class Driving:
         else:
             drive.still_since = None
 
-    def _is_still(self, item: BelievedObject, drive: _Drive) -> bool:
+    def _is_out_of_sight(self, item: BelievedObject, drive: Drive, now: float) -> bool:
+        """Whether an object on its way is not seen any more, and nobody has lifted it, who may hold it in the air."""
+        if now - item.track.last_stamp <= _JUST:
+            return False
+        was_raised = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
+        return drive.runs or (any(item.path.velocity) and (item.path.is_falling or not was_raised))
+
+    def _let_run(self, item: BelievedObject, drive: Drive, now: float) -> None:
+        """Leave the body to physics, as fast as it was seen to move last; for good, once it is unseen."""
+        if not drive.runs:
+            velocity = item.path.velocity
+            rotation, spin = rolling(self._bodies.solid(item.name), velocity, free=not item.shows_rotation)
+            self._bodies.put(item, self._bodies.sim.position(item.name), rotation)
+            self._bodies.sim.set_velocity(item.name, velocity, spin if drive.rests else STILL)
+            drive.runs, drive.supports = True, None
+        if item.estimate_at(now) is None:
+            del self._drives[item.name]
+            item.leave_to_physics()
+
+    def _is_still(self, item: BelievedObject, drive: Drive) -> bool:
         was_played = drive.played >= item.path.newest - _STILL_SECONDS
         return was_played and item.path.is_still(_STILL_SECONDS, _STILL_METRES, _STILL_RADIANS)
 
-    def _aim(self, item: BelievedObject, drive: _Drive) -> None:
+    def _aim(self, item: BelievedObject, drive: Drive) -> None:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
         above = self._bodies.above(item, pose.t)
         scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.supported([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
-        config = self._lifted if _is_lifted(item, drive) else self._config
+        config = self._lifted if is_lifted(item, drive) else self._config
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
-        if not (item.hand or item.shows_stance) and item.track.estimate is not None:
-            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
         placement = place(seen, covariance, others, config)
+        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
+            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
+            placement = place(seen, covariance, others, config)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
             as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)
             fallen = place(seen.face_down()[0], covariance, others, config)
             is_upright = as_before.solid.face_down()[1] < self._config.tilt_tolerance
             stands = [as_before] * is_upright + [fallen] * fallen.rests
-            placement = _stands_or_leans(seen, placement, stands)
+            placement = stands_or_leans(seen, placement, stands)
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
-    def _end(self, item: BelievedObject, drive: _Drive) -> None:
+    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, covariance: Array) -> bool:
+        """Whether an object is seen where it cannot be, turned as it is believed to be."""
+        if item.track.estimate is None:
+            return False
+        return misfit(placement.solid, seen, covariance, item.turning()) > nats.SURPRISING
+
+    def _end(self, item: BelievedObject, drive: Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
         for load in self._supported.standing(self._drives.keys()).get(item.name, ()):
             self._supported.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
@@ -341,61 +375,3 @@ class Driving:
         if now - item.track.last_stamp > _JUST or item.estimate_at(now) is None or item.name not in self._bodies.sim:
             return False
         return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _RIDES_NO_MORE
-
-
-def _goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
-    """Whether an object and the hand that holds it are both seen to have moved it from `position`, the same way."""
-    if item.place_by_hand is None:
-        return False
-    by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
-    ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
-    return min(ways) > _ASTRAY_BOTH and float(by_hand @ by_itself) > _THE_SAME_WAY * math.prod(ways)
-
-
-def _stands_or_leans(seen: Solid, leaning: Placement, stands: Sequence[Placement]) -> Placement:
-    """The stand nearest to what is seen, unless the lean that a hand tells is as near and does not reach below it."""
-    upright = min(stands, key=lambda stand: _shift(seen, stand), default=leaning)
-    sunk = max(upright.solid.bottom - leaning.solid.bottom, 0.0)
-    return upright if _shift(seen, upright) + _NEARER < _shift(seen, leaning) + sunk else leaning
-
-
-def _shift(seen: Solid, placement: Placement) -> float:
-    """Metres between where something is seen and where it can be."""
-    return math.dist(seen.position, placement.solid.position)
-
-
-def _is_lifted(item: BelievedObject, drive: _Drive) -> bool:
-    """Whether an object is off what carried it by far less than percepts may be, because its hand is, too."""
-    if item.place_by_hand is None or item.bias is None:
-        return False
-    height = min(item.place_by_hand[2], item.path.last.t[2]) - drive.begin.t[2]
-    return not drive.rests or height > _ASTRAY_BOTH
-
-
-def _speed(path: Path, time: float) -> float:
-    """m/s at which something was seen to move up to that time (s), or a moment before."""
-    places = [path.at(time - k * _LATELY).t for k in range(3)]  # count of places: now and twice before
-    return max(math.dist(a, b) for a, b in pairwise(places)) / _LATELY
-
-
-def _towards(a: Pose, b: Pose, metres: float) -> Pose:
-    """On the way from a to b, as far as that."""
-    distance = math.dist(a.t, b.t)
-    return b if distance <= metres else between(a, b, metres / distance)
-
-
-def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> Twist:
-    """m/s and rad/s at which a body gets to where it should be after a share of a step of the belief."""
-    there = between(drive.begin, drive.end, share)
-    steady = [(b - a) / seconds for a, b in zip(drive.begin.t, drive.end.t, strict=True)]
-    turning = [angle / seconds for angle in turn_between(drive.begin.q, drive.end.q)]
-    off = [(b - a) / _REACTION for a, b in zip(here.t, there.t, strict=True)]
-    askew = [angle / _REACTION for angle in turn_between(here.q, there.q)]
-    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST_BODY)
-    return linear, _limited([a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN)
-
-
-def _limited(vector: list[float], most: float) -> Vector3:
-    length = math.hypot(*vector)
-    x, y, z = vector if length <= most else [most / length * a for a in vector]
-    return x, y, z

@@ -22,8 +22,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import SLOW, Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_TIPS = 8  # count of tilts between upright and lying, at which contact with a neighbour is looked for
-_HALVINGS = 8  # count: of the interval between two of those, to 1 mrad
+_TIPS = 8  # count of tilts up to lying at which a neighbour may be met, and of halvings between two of them, to 1 mrad
 _UP: Array = np.array((0.0, 0.0, 1.0))
 
 
@@ -69,7 +68,9 @@ class Leaning:
         What is believed stays so while the other explains what is perceived only as well.
         """
         around = {name: other for name, other in scene.items() if _is_beside(other, flat)}
-        if not around or not flat.rests or percept.kind == "sphere":
+        is_held = not flat.rests  # by something unknown, unless it leans
+        is_upright = percept.face_down()[1] <= self._config.tilt_tolerance
+        if not around or percept.kind == "sphere" or (is_held and is_upright):
             return None
         known = self._found.get(item.name)
         if known is None or not self._holds(known, flat, around):
@@ -78,7 +79,7 @@ class Leaning:
             known = self._found[item.name] = _Found(flat, around, tuple(leans))
         turning = item.turning()
         as_believed = -nats.AS_GOOD if item.placement is None or self._is_flat(item.placement.solid) else nats.AS_GOOD
-        least, best = misfit(flat.solid, percept, covariance, turning) + as_believed, None
+        least, best = misfit(flat.solid, percept, covariance, turning) + as_believed + is_held * nats.HELD, None
         for solid, supports in known.leans:
             cost = misfit(solid, percept, covariance, turning)
             if cost < least:
@@ -154,7 +155,7 @@ def _tipped(percept: Solid, covariance: Array, flat: Placement, around: Sequence
         if first == 0:
             continue
         free, stopped = angles[first - 1], angles[first]
-        for _ in range(_HALVINGS):
+        for _ in range(_TIPS):
             middle = 0.5 * (free + stopped)
             free, stopped = (free, middle) if is_stopped(tipped(middle)) else (middle, stopped)
         yield tipped(free)

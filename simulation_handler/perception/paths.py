@@ -71,6 +71,18 @@ class Path:
             return None
         return poses[near[-1]].stamp
 
+    def reappeared(self, distance: float) -> Pose | None:
+        """Where the object was first seen after a break, if it has been seen to move on by `distance` m since.
+
+        None if there was no break, or it does not move.
+        """
+        poses = list(self._poses)
+        breaks = [k for k, (a, b) in enumerate(pairwise(poses), start=1) if _is_break(a, b)]
+        if not breaks or len(poses) - breaks[-1] < 3 or not any(self.velocity):  # count: a single one shows no motion
+            return None
+        first = poses[breaks[-1]]
+        return first if math.dist(first.t, poses[-1].t) > distance else None
+
     def at(self, stamp: float) -> Pose:
         """Where it was at a time (s) between two percepts, smoothed; before all of them, where it was first; after
         them, where it is going, at most 0.1 s ahead.
@@ -104,14 +116,34 @@ class Path:
         apart = [math.dist(one.t, pose.t) for one in list(self._poses)[-3:]]
         return len(apart) == 3 and metres < apart[0] < apart[1] < apart[2]
 
+    @property
+    def velocity(self) -> Vector3:
+        """(3,) m/s, as it was seen to move last; 0 if it was not on its way."""
+        return self._velocity(_PERIODS)
+
+    @property
+    def steady_velocity(self) -> Vector3:
+        """(3,) m/s at which it goes on surely: what jumped, turned or has stopped does not go on as before."""
+        before, last = self._velocity(_PERIODS), self._velocity(1)
+        if sum(a * b for a, b in zip(before, last, strict=True)) <= 0.0:
+            return 0.0, 0.0, 0.0
+        return min(before, last, key=lambda velocity: math.hypot(*velocity))
+
+    def _velocity(self, periods: int) -> Vector3:
+        """(3,) m/s, the mean over the last periods between percepts."""
+        if not self._poses:
+            return 0.0, 0.0, 0.0
+        last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - periods, 0)]
+        passed = last.stamp - before.stamp
+        if not 0.0 < passed <= _LONGEST_GAP * periods or math.dist(last.t, before.t) < _SLOWEST * passed:
+            return 0.0, 0.0, 0.0
+        x, y, z = ((a - b) / passed for a, b in zip(last.t, before.t, strict=True))
+        return x, y, z
+
     def _ahead(self, seconds: float) -> Pose:
         """Where it is some time after the last percept, if it goes on as it did."""
-        last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]
-        passed = last.stamp - before.stamp
-        moved = math.dist(last.t, before.t)
-        if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or moved < _SLOWEST * passed:
-            return last
-        x, y, z = (a + (a - b) * seconds / passed for a, b in zip(last.t, before.t, strict=True))
+        last = self._poses[-1]
+        x, y, z = (a + seconds * speed for a, speed in zip(last.t, self.velocity, strict=True))
         return Pose.unchecked((x, y, z), last.q, last.stamp)
 
     def _smooth(self, index: int) -> Pose:

@@ -31,7 +31,8 @@ IN_HAND, INSIDE_OF = "in ", "inside "
 
 _REACH = 0.15  # m from a palm to the centre of an object that its hand may take
 _BESIDE = 0.05  # m from a container within which what vanishes may be in it
-_LEAST = 1e-4  # 1, weight below which a mode is dropped
+_LEAST = 1e-9  # 1, weight below which a mode is dropped
+_WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
 
 
 @dataclass
@@ -76,6 +77,8 @@ class Alternatives:
         """world_from_object when it was recognised last"""
         self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now)}
         self._container = thing.container
+        self.looked = now
+        """s, when it was last worked out what cameras should see of it"""
         self._now = now
         self._told_gone = False
         self._is_new = True
@@ -87,8 +90,8 @@ class Alternatives:
         assert pose is not None
         return math.dist(pose.t, self.left.t)
 
-    def step(self, name: str, evidence: Evidence) -> None:
-        """Bring the modes of the object of that name to the time of the evidence."""
+    def step(self, name: str, evidence: Evidence, *, look: bool) -> None:
+        """Bring the modes of the object of that name to the time of the evidence; `look` whether it should be seen."""
         thing, step = evidence.objects[name], evidence.now - self._now
         self._now = evidence.now
         self._go_along(thing, evidence)
@@ -97,11 +100,13 @@ class Alternatives:
         if self._is_new:
             self._enter(name, evidence)
             self._is_new = False
-        self._miss(name, evidence, step)
+        if look:
+            self._miss(name, evidence, evidence.now - self.looked)
+            self.looked = evidence.now
         total = sum(mode.weight for mode in self.modes.values())
         for key, mode in list(self.modes.items()):
             mode.weight /= total
-            if mode.weight < _LEAST and key != FOLLOWED:
+            if 0.0 < mode.weight < _LEAST and key != FOLLOWED:
                 del self.modes[key]
 
     def _go_along(self, thing: ObjectEvidence, evidence: Evidence) -> None:
@@ -205,12 +210,13 @@ class Alternatives:
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         if not any(evidence.now - other.seen_at < _WATCHING for other in evidence.objects.values()):
             return  # cameras see nothing at all: they may be blind
-        placed = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
+        modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
+        placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
         shares = self._shares(evidence, name, [_placed(mode.pose) for _, mode in placed])
         for (_, mode), share in zip(placed, shares, strict=True):
-            before = unseen_likelihood(mode.missed, absence)
-            mode.missed += absence.rate * share**absence.power * step
-            mode.weight *= unseen_likelihood(mode.missed, absence) / before
+            missed = missed_after(mode.missed, share, step, absence)
+            mode.weight *= math.exp(mode.missed - missed)
+            mode.missed = missed
         away = self.modes.get(ELSEWHERE)
         if away is not None:
             before = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
@@ -222,9 +228,15 @@ class Alternatives:
 _WATCHING = 0.3  # s since the newest percept of anything, up to which cameras count as seeing
 
 
-def unseen_likelihood(missed: float, absence: Absence) -> float:
-    """Probability that an object is not recognised at a place where it should have been `missed` times."""
-    return absence.blind + (1.0 - absence.blind) * math.exp(-missed)
+def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:
+    """How often an object should have been recognised, after `step` s more in which a share of it was to be seen.
+
+    It is never more than the share can tell, for what cameras should see is only a model: probability
+    `absence.blind` of no recognition is left where all is to be seen, and its power by the share where a part is.
+    """
+    most = -math.log(absence.blind) * share
+    more: float = absence.rate * share**absence.power * step
+    return max(missed, min(missed + more, most))
 
 
 def mode_circumstance(mode: Mode, evidence: Evidence) -> str:

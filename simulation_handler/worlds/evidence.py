@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.containment import Containment
@@ -44,7 +43,7 @@ class ObjectEvidence:
     velocity: Vector3
     """(3,) m/s of its body in the simulation"""
     percept: Pose | None
-    """world_from_object of the newest percept, with covariance and stamp (s); None if it was never seen"""
+    """world_from_object of the newest percept, with stamp (s); None if it was never seen"""
     is_recognised: bool
     """Whether that percept is recent."""
     agreeing: int
@@ -100,12 +99,26 @@ class Evidence:
 
 
 class EvidenceReader:
-    """Takes the evidence from the parts of a belief."""
+    """Takes the evidence from the parts of a belief.
+
+    Args:
+        bodies: of the simulation.
+        relations: by contact.
+        containment: what is in what.
+        touching: what hands do.
+        lead: gives (3,) m that an object is beyond its body, by name.
+    """
 
     def __init__(
-        self, bodies: Bodies, relations: ContactRelations, containment: Containment, touching: Touching
+        self,
+        bodies: Bodies,
+        relations: ContactRelations,
+        containment: Containment,
+        touching: Touching,
+        lead: Callable[[str], Vector3],
     ) -> None:
         self._bodies = bodies
+        self._lead = lead
         self._relations = relations
         self._containment = containment
         self._touching = touching
@@ -145,7 +158,7 @@ class EvidenceReader:
         trail = item.track.trail
         return ObjectEvidence(
             solid=None if pose is None else item.solid(pose.t, pose.q),
-            believed=None if pose is None else Pose(pose.t, pose.q, now, item.covariance(pose.q)),
+            believed=None if pose is None else self._believed(item, pose, now),
             velocity=sim.velocity(name)[0] if has_place and not item.static else (0.0, 0.0, 0.0),
             percept=_pose_of(trail[-1], item) if trail else None,
             is_recognised=item.track.is_fresh(now),
@@ -163,15 +176,19 @@ class EvidenceReader:
             let_go_at=item.let_go_at,
         )
 
+    def _believed(self, item: BelievedObject, pose: Pose, now: float) -> Pose:
+        """world_from_object, with the covariance of perception: the pose of its body and how far it is beyond that."""
+        lead = self._lead(item.name)
+        position = pose.t[0] + lead[0], pose.t[1] + lead[1], pose.t[2] + lead[2]
+        covariance = item.covariance(pose.q)
+        flat = None if covariance is None else tuple(covariance.ravel().tolist())
+        return Pose.unchecked(position, pose.q, now, flat)
+
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
-    """A percept without its known systematic error, with its covariance in the frame of the object."""
-    turn = np.array(quaternions.to_matrix(percept.rotation)).T
-    covariance = np.zeros((6, 6))
-    covariance[:3, :3] = turn @ percept.position_covariance @ turn.T
-    covariance[3:, 3:] = turn @ percept.rotation_covariance @ turn.T
+    """A percept without its known systematic error."""
     x, y, z = (percept.position - (item.bias or 0.0) * percept.ray).tolist()
-    return Pose((x, y, z), percept.rotation, percept.stamp, 0.5 * (covariance + covariance.T))
+    return Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
 
 
 SharesQuery = Callable[[Evidence, str, list[Pose]], list[float]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,6 +31,8 @@ from simulation_handler.worlds.spread import scaled, with_spread, with_world_cov
 
 WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
+LOOK_PERIOD = 0.2
+"""s between two times at which it is worked out what cameras should see of an unseen object"""
 _CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
 _SPEED_TIME = 0.2  # s over which the speed of a believed object is measured
 
@@ -99,8 +101,9 @@ class WeightedWorlds:
 
     def update(self, evidence: Evidence, names: Collection[str] | None = None) -> None:
         """Take in the evidence of a moment that is not before the last one, of the objects `names`, or of all."""
-        self._evidence = evidence
+        before, self._evidence = self._evidence, evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
+        unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
                 continue
@@ -114,7 +117,18 @@ class WeightedWorlds:
                     watched.alternatives = Alternatives(
                         self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares
                     )
-                watched.alternatives.step(name, evidence)
+                unseen_names.append(name)
+        looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
+        for name in unseen_names:
+            alternatives = self._watched[name].alternatives
+            assert alternatives is not None
+            alternatives.step(name, evidence, look=name in looking)
+
+    def _looking(self, names: Sequence[str], step: float) -> Collection[str]:
+        """Names of the unseen objects whose visibility is worked out now, in turn: that takes most of the time."""
+        most = math.ceil(len(names) * step / LOOK_PERIOD)
+        waiting = [(found.looked, name) for name in names if (found := self._watched[name].alternatives) is not None]
+        return {name for _, name in sorted(waiting)[:most]}
 
     def islands(self) -> list[Island]:
         """All objects that were ever seen, at the time of the last evidence."""

@@ -265,6 +265,7 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "tree": _call("tree"),
     "relations": _call("relations"),
     "visibility": _call("visibility", "--all"),
+    "where": _call("where", CUBE),
     "worlds": _call("worlds"),
     "topology": _topology,
     "top": _top,

@@ -68,12 +68,14 @@ MODULES = {
 
 def test_public_names() -> None:
     assert set(dsr.__all__) == {
-        "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
+        "Access", "Agent", "AgentError", "Alternative", "AttributeType", "Change", "Clock", "ClockDriftError",
+        "ConfigError",
         "CycleError", "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader",
         "GoalError", "GraphContent", "GraphError", "ImaginationError", "ListenError", "LocalNetwork", "ManualClock",
         "Memory", "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",
         "NodeNotFoundError", "NodeTypeError", "Pose", "RegistrationError", "Schema", "SchemaError", "StateKeeper",
-        "Statistics", "TransformError", "TransportError", "UndeclaredError", "WallClock", "Watch", "WireError",
+        "Statistics", "TransformError", "TransportError", "UndeclaredError", "WallClock", "Watch", "Whereabouts",
+        "WireError",
         "WorldError", "WorldInfo", "WorldNotFoundError", "connect", "main", "read_graph", "write_graph",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)

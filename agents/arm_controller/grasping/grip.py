@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from agents.arm_controller.config import ArmControllerConfig
-from agents.arm_controller.grasping.pressing import Fingers
+from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.report import (
     ACTING,
@@ -43,7 +43,7 @@ class GripperControl:
         memory: Memory,
         config: ArmControllerConfig,
         widest: float,
-        fingers: Fingers,
+        fingers: GentleFingers,
         *,
         log: logging.Logger,
     ) -> None:

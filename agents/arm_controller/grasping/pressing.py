@@ -23,7 +23,7 @@ SETTLES = 0.3
 """s in which fingers press again after they were stopped: eight changes. Till then what they met counts as touched"""
 
 
-class Fingers:
+class GentleFingers:
     """Moves the fingers of one gripper.
 
     Args:

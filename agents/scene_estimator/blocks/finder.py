@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.blocks.block import Block
 from agents.scene_estimator.blocks.clusters import LEVEL, Cluster, Relief, Support
-from agents.scene_estimator.blocks.problem import EXTENTS, SUNK, SURFACE, TAILS, BlockProblem, Guess, Solved
+from agents.scene_estimator.blocks.problem import EXTENTS, SUNK, SURFACE, TAILS, BlockPrior, BlockProblem, Solved
 from agents.scene_estimator.blocks.splitting import cut, upright_box
 from agents.scene_estimator.blocks.touching import parted
 from agents.scene_estimator.colored import LEANING
@@ -100,10 +100,10 @@ class BlockFinder:
         seen, on = upright_box(cluster), (cluster.base, LEVEL)
         if known is None:
             kinds = [seen._replace(kind=kind) for kind in EXTENTS]
-            fits = [self._solved(view, cluster, [Guess(one)], [[one]], on) for one in kinds]
+            fits = [self._solved(view, cluster, [BlockPrior(one)], [[one]], on) for one in kinds]
             return _best(cluster, fits, measured=True)
         unchanged = cluster.hidden > MOSTLY_SEEN
-        guess = _guess(known, seen) if unchanged else Guess(seen._replace(kind=known.block.kind))
+        guess = _guess(known, seen) if unchanged else BlockPrior(seen._replace(kind=known.block.kind))
         fit = self._solved(view, cluster, [guess], [[seen], [known.block]], on, TAILS[-1:])
         return _best(cluster, [fit], measured=not unchanged)
 
@@ -128,31 +128,50 @@ class BlockFinder:
     def fit_two(self, view: FrameView, cluster: Cluster) -> tuple[BlockSighting, BlockSighting] | None:
         """The most likely two blocks that touch and are one piece; None if nothing speaks for two.
 
-        The first guess is the cut of the piece by which the smallest boxes around its points have least volume. Each
-        part then tells what kind of block it is.
+        The first guess is the cut of the piece by which the smallest boxes around its points have least volume. Then
+        each is also taken for a cube and a cylinder, as far as there is more evidence for that.
 
         Args:
             view: depth and camera.
             cluster: a piece of it.
         """
         halves = cut(cluster) if len(cluster.contour) >= _LEAST_EDGE else None
-        parts = None if halves is None else parted(view, cluster, halves)
-        if halves is None or parts is None:
+        if halves is None:
             return None
-        single = [self.fit(view, part) for part in parts]
-        starts = [half if one is None else one.block for half, one in zip(halves, single, strict=True)]
-        guesses = [Guess(half._replace(kind=one.kind)) for half, one in zip(halves, starts, strict=True)]
-        fit = self._solved(view, cluster, guesses, [starts, halves], (cluster.base, LEVEL))
-        if fit is None:
+        fit = self._solved_two(view, cluster, halves, halves)
+        for k in range(2):
+            for kind in EXTENTS:
+                start = list(halves if fit is None else fit.blocks)
+                start[k] = start[k]._replace(kind=kind)
+                other = self._solved_two(view, cluster, halves, start) if kind != "box" else None
+                fit = min((one for one in (fit, other) if one is not None), key=lambda one: one.cost, default=None)
+        shares = None if fit is None else parted(view, cluster, fit.blocks)
+        if fit is None or shares is None or fit.strained:
             return None
-        shares = parted(view, cluster, fit.blocks) or parts
-        first, second = (
-            _sighting(fit, k, part._replace(color=cluster.color), measured=True) for k, part in enumerate(shares)
-        )
+        first, second = (_sighting(fit, k, part, measured=True) for k, part in enumerate(shares))
         return first, second
 
+    def _solved_two(
+        self, view: FrameView, cluster: Cluster, halves: Sequence[Block], start: Sequence[Block]
+    ) -> Solved | None:
+        guesses = [BlockPrior(half._replace(kind=one.kind)) for half, one in zip(halves, start, strict=True)]
+        return self._solved(view, cluster, guesses, [start], (cluster.base, LEVEL))
+
+    def most_likely(self, view: FrameView, cluster: Cluster, known: Sequence[KnownBlock] = ()) -> list[BlockSighting]:
+        """What has most evidence: a new block, two of them, or a known one anywhere; empty if it is none of these.
+
+        Args:
+            view: depth and camera.
+            cluster: a piece of it.
+            known: blocks of its colour.
+        """
+        fits = [self.fit(view, cluster), *(self.fit_unchanged(view, cluster, one) for one in known)]
+        possible = [[sighting] for sighting in fits if sighting is not None]
+        two = self.fit_two(view, cluster)
+        return min([*possible, *([] if two is None else [[*two]])], key=lambda several: several[0].cost, default=[])
+
     def _solved(
-        self, view: FrameView, cluster: Cluster, guesses: Sequence[Guess], starts: Sequence[Sequence[Block]],
+        self, view: FrameView, cluster: Cluster, guesses: Sequence[BlockPrior], starts: Sequence[Sequence[Block]],
         base: tuple[float, float], tails: Sequence[float] = TAILS,
     ) -> Solved | None:  # fmt: skip
         return BlockProblem(view, cluster, self._noise, guesses, starts, base=base, tails=tails).solve()
@@ -164,9 +183,9 @@ def _best(cluster: Cluster, fits: Iterable[Solved | None], *, measured: bool) ->
     return None if best is None else _sighting(best, 0, cluster, measured=measured)
 
 
-def _guess(known: KnownBlock, seen: Block) -> Guess:
+def _guess(known: KnownBlock, seen: Block) -> BlockPrior:
     """A known block near where something is seen."""
-    return Guess(known.block._replace(x=seen.x, y=seen.y), known.sigma)
+    return BlockPrior(known.block._replace(x=seen.x, y=seen.y), known.sigma)
 
 
 def _sighting(fit: Solved, index: int, cluster: Cluster, *, measured: bool) -> BlockSighting:

@@ -128,12 +128,7 @@ class UntaggedObjects:
             sighting = self._finder.fit(view, cluster, track.known)
             if sighting is not None and not sighting.strained and assigned([track], [sighting])[0] is track:
                 return [sighting]
-        fits = [self._finder.fit(view, cluster)]
-        fits += [self._finder.fit_unchanged(view, cluster, track.known) for track in self._alike(cluster)]
-        possible = [[sighting] for sighting in fits if sighting is not None]
-        if (two := self._finder.fit_two(view, cluster)) is not None:
-            possible.append(list(two))
-        return min(possible, key=lambda several: several[0].cost, default=[])
+        return self._finder.most_likely(view, cluster, [track.known for track in self._alike(cluster)])
 
     def consider(self, camera: str, seen: SeenBlocks, stamp: float) -> list[tuple[str, Pose]]:
         """Tell which objects were seen by a camera, and where: camera_from_object with covariance.

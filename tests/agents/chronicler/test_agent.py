@@ -10,9 +10,10 @@ import pytest
 from agents.chronicler import Chronicler
 from dsr import ConfigError
 from dsr.agent import Access, Agent
+from dsr.network.keys import agent_of
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.timeline import EVENT, FORBIDDEN, SITUATION, Entry, kept_by, query, tell
+from dsr.timeline import EVENT, FORBIDDEN, SITUATION, SUMMARY, Entry, kept_by, query, recall, stored_summaries, tell
 from dsr.vocabulary.halting import HaltOrder, write_order
 
 
@@ -304,3 +305,20 @@ def test_an_emergency_stop_is_a_situation_that_says_who_halted_and_who_released(
         ("halted", "halt", "halted by anna: a hand is in the way"),
         ("released", "halt", "released by ben"),
     ]
+
+
+def test_what_is_over_goes_into_summaries_by_the_one_that_keeps_the_timeline() -> None:
+    stage = Stage("first", "second")
+    with stage.lockstep:
+        stage.memory.add_node("a", "cube")
+        stage.memory.add_edge("a", "table", "on", since=stage.start - 2.0, source="contact")
+        stage.run(1.0)
+        stage.memory.remove_edge("a", "table", "on")
+        stage.run(35.0)
+        [entry] = recall(stage.memory, kind="on")
+        keeper = kept_by(stage.memory)
+        summaries = list(stored_summaries(stage.memory))
+        assert keeper and {agent_of(node.created[0][0]) for node in stage.memory.nodes(SUMMARY)} == {keeper}
+        told = [item for stored in summaries for item in stored.summary.items if item.kind == "on"]
+        assert [item.participants for item in told] == [entry.participants] == [("a", "table")]
+        assert told[0].begin == pytest.approx(stage.start - 2.0, abs=0.06)

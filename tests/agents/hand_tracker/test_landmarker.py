@@ -16,6 +16,7 @@ import pytest
 
 from agents.hand_tracker import HandTrackerConfig
 from agents.hand_tracker import agent as tracker_agent
+from agents.hand_tracker.depth import depth_at
 from agents.hand_tracker.landmarker import ModelFinder
 from agents.hand_tracker.model.files import SHA256
 from agents.hand_tracker.model.loading import load_landmarker
@@ -53,6 +54,13 @@ def test_a_fingertip_behind_something_is_not_measured() -> None:
     image.arrays["depth"][v - 15 : v + 16, u - 15 : u + 16] = z - 0.1
     (hand,) = finder(frame).find(image, None)
     assert 1 not in hand.tips and 2 in hand.tips
+
+
+def test_the_depth_at_an_edge_is_that_of_one_of_both_surfaces() -> None:
+    for near in range(1, 9):
+        depth = np.full((3, 3), 1.0, np.float32)
+        depth.flat[:near] = 0.5
+        assert depth_at(depth, np.array([1.0, 1.0]), 1.0) in (0.5, 1.0)
 
 
 def test_unsure_sides_are_left_open_and_sides_can_be_swapped() -> None:

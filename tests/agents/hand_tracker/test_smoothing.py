@@ -67,5 +67,47 @@ def test_landmarks_on_a_line_tell_no_turn_about_it() -> None:
     assert deviations[[0, 2]].max() < 0.15
 
 
+def test_a_shape_turns_landmarks_on_a_line_about_it() -> None:
+    """A palm that is inclined by 0.6 rad about its knuckles, of which a network tells 0.3."""
+    palm = np.array([[-0.068, 0.004, 0.0], [0.02, 0.028, 0.0], [0.022, 0.008, 0.0], [0.016, -0.013, 0.0]])
+    seen, points, shape = np.zeros(21, dtype=bool), np.zeros((21, 3)), np.zeros((21, 3))
+    landmarks = [0, 5, 9, 13]
+    for angle, into in ((0.6, points), (0.3, shape)):
+        into[landmarks] = palm @ np.array(quaternions.to_matrix(quaternions.from_rotvec((0.0, angle, 0.0)))).T
+        into[17] = into[13] + (into[13] - into[9])
+    points[:, 2] += 0.5
+    truth = quaternions.from_rotvec((0.0, 0.6, 0.0))
+    seen[[5, 9, 13]] = True
+    without, line = (hand_of_landmarks(points, seen, "right", 0.005, told) for told in (None, shape))
+    seen[0] = True
+    whole = hand_of_landmarks(points, seen, "right", 0.005, shape)
+    assert without is not None and line is not None and whole is not None
+    off = [
+        math.hypot(*quaternions.to_rotvec(quaternions.product(hand.palm.q, quaternions.conjugate(truth))))
+        for hand in (line, whole)
+    ]
+    assert off[0] < 0.4
+    assert off[1] < 0.1
+    sigmas = [math.sqrt(np.linalg.norm(np.array(hand.turn_covariance), 2)) for hand in (without, line, whole)]
+    assert sigmas[2] < 0.2
+    assert 0.3 < sigmas[1] < 0.5
+    assert sigmas[0] > 0.6
+
+
+def test_guesses_do_not_become_sure_by_repetition() -> None:
+    turn = TurnFilter(Smoothing(), (0.0, 0.0, 0.0, 1.0), 0.0, 0.5**2 * np.eye(3))
+    for k in range(1, 40):
+        turn.update((0.0, 0.0, 0.0, 1.0), k * PERIOD, 0.5**2 * np.eye(3))
+    turn.update(quaternions.from_rotvec((0.0, 0.0, 1.0)), 40 * PERIOD, 0.05**2 * np.eye(3))
+    assert quaternions.to_rotvec(turn.rotation)[2] > 0.9
+
+
+def test_a_rotation_that_is_known_stays_while_it_is_guessed_otherwise() -> None:
+    turn = TurnFilter(Smoothing(), (0.0, 0.0, 0.0, 1.0), 0.0, 0.05**2 * np.eye(3))
+    for k in range(1, 20):
+        turn.update(quaternions.from_rotvec((0.0, 0.0, 1.8)), k * PERIOD, 0.9**2 * np.eye(3))
+    assert abs(quaternions.to_rotvec(turn.rotation)[2]) < 0.05
+
+
 def test_the_weight_of_a_sample() -> None:
     assert weight(1.0, 1.0 / (2.0 * math.pi)) == pytest.approx(0.5)

@@ -89,7 +89,7 @@ def test_corners_of_a_sleeve_are_no_fingertips() -> None:
 
 def test_a_guessed_rotation_is_not_smoothed_into_one_that_is_seen() -> None:
     guessed, told = Pose.from_rotvec((0, 0, 0), (0, 0, 3.0)), Pose.from_rotvec((0, 0, 0), (0, 0, 0.2))
-    track = HandTrack(0, HandTrackerConfig(), guessed.with_stamp(1.0), "unknown", "skin colour")
+    track = HandTrack(0, HandTrackerConfig(), guessed.with_stamp(1.0), "unknown", "skin colour", np.eye(3))
     for k, (pose, sigma) in enumerate([(guessed, 1.0), (guessed, 1.0), (told, 0.15)]):
         seen = SeenHand(pose.with_stamp(1.1 + 0.1 * k), {}, False, "unknown", 0.004, sigma**2 * np.eye(3))
         track.update(seen, "skin colour")

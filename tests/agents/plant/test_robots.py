@@ -20,6 +20,7 @@ from agents.plant.robot_file import load_body
 from agents.scenario.format.scenario import ObjectSpec, RobotSpec
 from dsr.errors import ConfigError
 from dsr.files.built_in import ETC
+from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
 
 MakeCube = Callable[..., ObjectSpec]
@@ -102,6 +103,21 @@ def test_every_arm_grasps_carries_and_lets_go(
     play(reality, 2.0)
     assert arm.held is None and not arm.contact
     assert world.pose("cube_4").t[2] == pytest.approx(0.02, abs=1e-3)
+
+
+def test_the_bars_of_a_linkage_do_not_give_way_to_what_is_at_the_end_of_the_pads(
+    make_reality: MakeReality, play: Play
+) -> None:
+    """A ball of 40 mm below the middle of the pads: those that lean would close to 30 mm."""
+    model = load_arm(ETC / "robots" / "open_manipulator_p.urdf")
+    start = model.chain.inverse(Pose((0.32, 0.0, 0.039), DOWN), model.home, rng=np.random.default_rng(0)).positions
+    wide = (0.04, 0.04, 0.04)
+    ball = ObjectSpec(name="ball", type="ball", size=wide, shape=(Part("sphere", wide),), position=(0.32, 0.0, 0.02))
+    reality = make_reality(ball, robot=RobotSpec(model="open_manipulator_p", start=start))
+    reality.arm.move_gripper(0.0)
+    play(reality, 2.0)
+    assert reality.arm.held == "ball"
+    assert reality.arm.opening == pytest.approx(0.04, abs=2e-3)
 
 
 def test_an_arm_stands_where_the_scenario_says_and_begins_at_home(make_reality: MakeReality) -> None:

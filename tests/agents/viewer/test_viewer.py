@@ -19,7 +19,9 @@ import pytest
 
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
-from dsr import Frame, Pose
+from dsr import Alternative, Frame, Pose, Whereabouts
+from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
+from dsr.believing.distribution import encoded
 from dsr.clock import WALL_CLOCK
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
@@ -62,6 +64,29 @@ def test_percepts_and_beliefs_are_drawn_apart(stage: Any) -> None:
     assert shown.values("/world/beliefs", "Boxes3D:colors")[-1] == [rgba(palette.BELIEF)] * 2
     fills = [shown.values(f"/world/{what}", "Boxes3D:fill_mode")[-1] for what in ("percepts", "beliefs")]
     assert fills[0] != fills[1]
+
+
+def test_where_things_could_be_otherwise_is_drawn_translucent(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    alternatives = (
+        Alternative(weight=0.7, pose=Pose((0.0, 0.0, 0.02))),
+        Alternative(weight=0.2, pose=Pose((0.3, 0.2, 0.02)), reason="taken", worlds=(1,)),
+        Alternative(weight=0.1, pose=None, reason="gone", worlds=(2,)),
+    )
+    told = Whereabouts("cube_3", alternatives, ("cube_3",), (0.7, 0.2, 0.1))
+    stage.memory.update_node("cube_3", **{WHEREABOUTS: encoded(told)})
+    stage.run()
+    stage.memory.update_node("cube_3", **{WHEREABOUTS: ""})
+    stage.run()
+    shown = stage.finish()
+    centres = shown.values("/world/alternatives", "Boxes3D:centers")
+    np.testing.assert_allclose(centres[-2], [(0.3, 0.2, 0.02)], atol=1e-6)
+    assert len(centres[-1]) == 0, "nothing is left of what is not believed any more"
+    (color,) = shown.values("/world/alternatives", "Boxes3D:colors")[-2]
+    assert color >> 8 == rgba(palette.ALTERNATIVE) >> 8 and 0 < color & 255 < 128
+    assert shown.values("/world/alternatives", "Boxes3D:labels")[-2] == ["cube_3 20 %"]
+    assert len(shown.values("/world/beliefs", "Boxes3D:centers")[-1]) == 2
 
 
 def test_a_percept_is_a_ghost_only_where_the_belief_differs(stage: Any) -> None:

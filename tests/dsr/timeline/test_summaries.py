@@ -12,19 +12,14 @@ from hypothesis import strategies as st
 
 from dsr.errors import WireError
 from dsr.timeline.entries import EVENT, SITUATION, Entry
+from dsr.timeline.remembered import MOST_BYTES, PeriodSummary, Remembered, decoded_summary, encoded_summary
 from dsr.timeline.summaries import (
     DAY,
     EARLIER,
     HOUR,
     LEVELS,
-    MOST_BYTES,
     SURPRISES,
-    WEEK,
     Level,
-    Remembered,
-    Summary,
-    decoded_summary,
-    encoded_summary,
     merged,
     remembered,
 )
@@ -78,16 +73,40 @@ def test_an_hour_keeps_all_that_has_room() -> None:
     assert set(merged(HOUR, (), items).items) == set(items)
 
 
-def test_a_day_joins_what_was_interrupted_and_keeps_the_last_of_what_was_short() -> None:
+def test_a_day_bridges_a_moment_and_of_what_is_short_keeps_the_last() -> None:
     stays = [
-        Remembered(0.0, "on", ("cup", "table"), 1000.0), Remembered(1030.0, "on", ("cup", "table"), 2000.0),
-        Remembered(2100.0, "on", ("cup", "table"), 2900.0), Remembered(3000.0, "in", ("cup", "box"), 3010.0),
-        Remembered(65.0, "Pick", ("cup", "hand")), Remembered(110.0, "Pick", ("cup", "hand")),
+        Remembered(0.0, "on", ("cup", "table"), 1000.0), Remembered(1002.0, "on", ("cup", "table"), 2000.0),
+        Remembered(2030.0, "on", ("cup", "table"), 2900.0), Remembered(2000.0, "in", ("cup", "box"), 2029.0),
+        Remembered(2901.0, "in", ("cup", "box"), 2910.0), Remembered(2920.0, "in", ("cup", "box"), 2935.0),
     ]  # fmt: skip
     kept = merged(DAY, (), stays).items
     assert [(item.kind, item.begin, item.end) for item in kept] == [
-        ("Pick", 110.0, None), ("on", 0.0, 2000.0), ("on", 2100.0, 2900.0), ("in", 3000.0, 3010.0),
+        ("on", 0.0, 2000.0), ("in", 2000.0, 2029.0), ("on", 2030.0, 2900.0), ("in", 2920.0, 2935.0),
     ]  # fmt: skip
+
+
+def test_that_a_hand_picked_a_thing_up_stands_for_all_that_it_did_in_that_minute() -> None:
+    hand = [
+        Remembered(65.0, "Pick", ("cup", "hand")), Remembered(66.0, "grasping", ("hand", "cup"), 71.0),
+        Remembered(72.0, "Place", ("cup", "hand")), Remembered(73.0, "Place", ("cup", "other")),
+    ]  # fmt: skip
+    assert {item.kind for item in merged(HOUR, (), hand).items} == {"Pick", "grasping", "Place"}
+    kept = merged(DAY, (), hand).items
+    assert [(item.kind, item.participants[1]) for item in kept] == [("Pick", "hand"), ("Place", "other")]
+
+
+@given(st.lists(ITEMS, max_size=40), st.sampled_from(LEVELS))
+def test_what_is_remembered_of_places_was_so(items: list[Remembered], level: Level) -> None:
+    """But for moments without contact, and for the second to which times are rounded."""
+    for kept in merged(level, (), items).items:
+        if kept.is_event:
+            continue
+        same = [one for one in items if (one.kind, one.participants) == (kept.kind, kept.participants)]
+        reached = kept.begin
+        for one in sorted(same, key=lambda one: one.begin):
+            if one.begin <= reached + 7.0 and one.last >= kept.begin - 1.0:
+                reached = max(reached, one.last)
+        assert reached >= kept.last - 1.0
 
 
 def test_detail_goes_first() -> None:
@@ -108,10 +127,10 @@ def test_then_goes_the_oldest_and_surprises_last() -> None:
 
 
 def test_surprises_take_half_at_most_and_lose_the_oldest() -> None:
-    surprises = many(300, kind="explained")
-    kept = merged(WEEK, (), [*surprises, *many(20)])
+    surprises = many(400, kind="explained")
+    kept = merged(HOUR, (), [*surprises, *many(20)])
     told = [item for item in kept.items if item.kind in SURPRISES]
-    assert told == sorted(surprises, key=lambda item: item.order)[-len(told) :] and 20 < len(told) < 300
+    assert told == sorted(surprises, key=lambda item: item.order)[-len(told) :] and 20 < len(told) < 400
     assert kept.surprises_from == max(item.last for item in surprises if item not in told)
 
 
@@ -151,7 +170,7 @@ def test_nonsense_is_an_error(text: str) -> None:
 
 def test_a_text_that_is_far_too_long_is_not_read() -> None:
     with pytest.raises(WireError, match="expected at most"):
-        decoded_summary(encoded_summary(Summary(items=tuple(many(1000)))))
+        decoded_summary(encoded_summary(PeriodSummary(items=tuple(many(1000)))))
 
 
 def test_the_levels_grow_coarser() -> None:

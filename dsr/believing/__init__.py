@@ -1,0 +1,1 @@
+"""Where things may be: distributions of the belief, and their leading alternatives as worlds."""

@@ -1,0 +1,131 @@
+"""From the belief's islands to the graph: where each thing may be, while there is more than one way."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Collection, Iterator, Sequence
+
+from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, are_at_one_place, encoded
+from dsr.believing.worlds import BeliefWorlds
+from dsr.errors import GraphError
+from dsr.math3d.transforms import position_deviation
+from dsr.memory import Memory
+from dsr.vocabulary.relations import THINGS
+from simulation_handler.worlds.model import Island, ObjectState
+
+LEAST = 0.02
+"""1, probability from which an alternative is told"""
+_SAME_WEIGHT = 0.02  # 1, by which a probability may change before it is written again
+_SAME_SHARE = 0.5  # standard deviations that an alternative may move before it is written again
+_LEAST_MOVE = 0.005  # m that it may in any case
+_SAME_STATE = 1e-3  # m by which two states of one thing are told apart
+
+
+class AlternativesWriter:
+    """Writes the attribute `whereabouts` of things that may be in several ways, and the worlds `belief_1`, ... ."""
+
+    def __init__(self, memory: Memory, most: int) -> None:
+        """`most` is how many of those worlds there may be at a time."""
+        self._memory = memory
+        self._worlds = BeliefWorlds(memory, most)
+        self._told: dict[str, Whereabouts] = {}
+
+    def update(self, islands: Collection[Island]) -> None:
+        """Write what has changed."""
+        found = {where.name: where for island in islands for where in distributions(island)}
+        changed = False
+        for name in self._told.keys() - found.keys():
+            changed = True
+            del self._told[name]
+        for node in self._memory.nodes(THINGS):
+            if node.name not in found and node.get(ATTRIBUTE):
+                changed = True
+                with contextlib.suppress(GraphError):
+                    self._memory.update_node(node.name, **{ATTRIBUTE: ""})
+        for name, where in found.items():
+            if not _is_same(self._told.get(name), where):
+                changed = True
+                with contextlib.suppress(GraphError):
+                    self._memory.update_node(name, **{ATTRIBUTE: encoded(where)})
+                    self._told[name] = where
+        if changed:
+            self._worlds.update()
+
+    def close(self) -> None:
+        """Delete the worlds."""
+        self._worlds.close()
+
+
+def distributions(island: Island) -> Iterator[Whereabouts]:
+    """Where each thing of an island may be, of those that may be in several ways; improbable ones are left out."""
+    kept = [world for world in island.worlds if world.weight >= LEAST]
+    total = sum(world.weight for world in kept)
+    if len(kept) < 2:
+        return
+    weights = tuple(world.weight / total for world in kept)
+    for name in island.names:
+        alternatives: list[Alternative] = []
+        for index, world in enumerate(kept):
+            if (state := world.objects.get(name)) is not None:
+                _add(alternatives, state, world.reason, weights[index], index)
+        if len(alternatives) > 1:
+            alternatives[1:] = sorted(alternatives[1:], key=lambda one: -one.weight)
+            yield Whereabouts(name, tuple(alternatives), island.names, weights)
+
+
+def _add(alternatives: list[Alternative], state: ObjectState, reason: str, weight: float, index: int) -> None:
+    """Add a state of one world, to the alternative that it equals if there is one."""
+    for position, one in enumerate(alternatives):
+        if one.holders == (state.hand, state.containers, state.supports) and _at_one_place(one, state):
+            alternatives[position] = _more(one, weight, index)
+            return
+    alternatives.append(
+        Alternative(
+            weight=weight, pose=state.pose, reason=reason, hand=state.hand, containers=state.containers,
+            supports=state.supports, worlds=(index,),
+        )
+    )  # fmt: skip
+
+
+def _more(one: Alternative, weight: float, index: int) -> Alternative:
+    return Alternative(
+        weight=one.weight + weight, pose=one.pose, reason=one.reason, hand=one.hand, containers=one.containers,
+        supports=one.supports, worlds=(*one.worlds, index),
+    )  # fmt: skip
+
+
+def _at_one_place(one: Alternative, state: ObjectState) -> bool:
+    if one.pose is None or state.pose is None:
+        return one.pose is state.pose
+    return math.dist(one.pose.t, state.pose.t) < _SAME_STATE and one.pose.cov == state.pose.cov
+
+
+def _is_same(told: Whereabouts | None, where: Whereabouts) -> bool:
+    """Whether what was told last still says the same, up to the tolerances."""
+    if told is None or told.island != where.island or len(told.weights) != len(where.weights):
+        return False
+    pairs = list(zip(told.alternatives, where.alternatives, strict=False))
+    return (
+        len(told.alternatives) == len(where.alternatives)
+        and _are_close(told.weights, where.weights)
+        and all(_is_same_alternative(old, new, (told.best, where.best)) for old, new in pairs)
+    )
+
+
+def _are_close(old: Sequence[float], new: Sequence[float]) -> bool:
+    return all(abs(one - other) <= _SAME_WEIGHT for one, other in zip(old, new, strict=True))
+
+
+def _is_same_alternative(old: Alternative, new: Alternative, best: tuple[Alternative, Alternative]) -> bool:
+    """Whether an alternative is as it was; what is where the `best` was and is follows the edge."""
+    if (old.holders, old.reason, old.worlds, old.is_gone) != (new.holders, new.reason, new.worlds, new.is_gone):
+        return False
+    if new is best[1] or old.pose is None or new.pose is None:
+        return True
+    before, now = position_deviation(old.pose), position_deviation(new.pose)
+    if abs(before - now) > max(_LEAST_MOVE, _SAME_SHARE * before):
+        return False
+    if are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
+        return True
+    return math.dist(old.pose.t, new.pose.t) <= max(_LEAST_MOVE, _SAME_SHARE * before)

@@ -1,0 +1,109 @@
+"""Learning finds the parameters by which the truth was drawn, and leaves out what is for judging."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from benchmarks.learning import __main__ as command
+from benchmarks.learning.holding import learn_holding
+from benchmarks.learning.judged import Episode, log_scores
+from benchmarks.learning.judging import judge_episodes, table_of
+from benchmarks.learning.learn import toml_of
+from benchmarks.learning.noise import START, Errors, learn_noise
+from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, learn_rates
+from benchmarks.learning.recorded import Recorded
+from dsr.math3d.transforms import Pose
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD
+from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
+from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
+from simulation_handler.worlds.weighted import WeightedWorlds
+
+HERE = Pose((0.3, 0.0, 0.02))
+COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
+PARAMETERS = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {HELD: 0.5}, RATES, ABSENCE, ELSEWHERE, WITHIN)
+
+
+def course(gone: bool, *, hand: str = "", seconds: float = 6.0) -> Episode:
+    """A box that is seen for a second and not any more, because it is gone, or because it is hidden."""
+    moments = []
+    for now in np.arange(0.0, seconds, 0.2).tolist():
+        seen = now < 1.0
+        things = {
+            name: ObjectEvidence(
+                Solid(name, (0.04, 0.04, 0.04), HERE.t), HERE.with_covariance(COVARIANCE), (0.0, 0.0, 0.0),
+                HERE.with_stamp(now if seen or name == "other" else 0.8), True, 10, False,
+                hand=hand if name == "box" else "",
+            )
+            for name in ("box", "other")
+        }  # fmt: skip
+        truth = {"other": HERE} if gone and not seen else {"box": HERE, "other": HERE}
+        hands = {"hand": HandEvidence(Pose((0.0, 0.0, 5.0)), True, ())}
+        evidence = Evidence(now, things, hands, None, frozenset())
+        view = frozenset({"box", "other"} if seen else {"other"})
+        moments.append(Recorded(now, evidence, truth, view, {"box": "hand"} if seen else {}, frozenset()))
+    share = 1.0 if gone else 0.0
+    return Episode("hands-0", 0.0, moments, lambda evidence, name, places: [share] * len(places))
+
+
+def test_noise_is_found_again() -> None:
+    rng = np.random.default_rng(0)
+    count, level, height = 3000, 0.008, 0.002
+    none = np.zeros((count, 3, 3))
+    errors = Errors(
+        none, none, np.zeros(count), np.zeros(count), np.zeros((count, 3)),
+        rng.normal(size=(count, 3)) * (level, level, height), np.full((count, 3), np.nan), np.arange(count),
+    )  # fmt: skip
+    found = learn_noise(errors)
+    assert found.level == pytest.approx(level, rel=0.15) and found.height == pytest.approx(height, rel=0.15)
+    assert learn_noise(errors.of(np.arange(3))) == START, "three moments tell nothing"
+
+
+def test_what_leaves_the_scene_in_episodes_is_expected_to_leave() -> None:
+    told: list[str] = []
+    leaving, errors = learn_rates([course(gone=True) for _ in range(3)], PARAMETERS, told.append)
+    staying, _ = learn_rates([course(gone=False) for _ in range(3)], PARAMETERS, told.append)
+    assert leaving.rates.removed > 2.0 * staying.rates.removed
+    assert errors["rates", "removed"] <= 1.5 and len(told) == 6
+    before, after = (float(np.mean(log_scores(course(gone=True), tried))) for tried in (PARAMETERS, leaving))
+    assert after < before - 0.5
+
+
+def test_how_often_a_hand_holds_is_counted() -> None:
+    episode = course(gone=False, hand="hand", seconds=60.0)
+    found = learn_holding([(episode.moments, WeightedWorlds(PARAMETERS, episode.shares))])
+    assert found[HELD] == pytest.approx(15 / 26), "and one moment just after it was seen"
+    assert found["held unseen"] < 0.1
+
+
+def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
+    file = tmp_path / "worlds.toml"
+    file.write_text(toml_of(PARAMETERS, {"rests unseen": {"level": 0.1}}, {("rates", "moved"): 0.2}, ["hands-1"]))
+    assert learned_parameters(file) == PARAMETERS
+    assert 'episodes = ["hands-1"]' in file.read_text()
+
+
+def test_worlds_are_judged_beside_the_simulated_world() -> None:
+    judged = judge_episodes([course(gone=True)], learned_parameters())
+    assert {one.speaker for one in judged} == {"worlds", "one world"} and {one.seen for one in judged} == {True, False}
+    sure = [one.region for one in judged if one.speaker == "one world" and not one.seen]
+    assert set(sure) == {1.0}, "the simulated world is sure of what is gone"
+    assert table_of(judged).row_count == 4
+
+
+def test_seeds_for_judging_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["learning", "record", "--folder", str(tmp_path), "--seeds", "999-1001"])
+    with pytest.raises(SystemExit, match="1000, 1001"):
+        command.main()
+
+
+def test_shares_stay_probabilities() -> None:
+    learned = learned_parameters()
+    assert all(0.0 < value < 1.0 for value in learned.holding.values())
+    assert 0.0 < learned.absence.blind < 0.5 and 0.0 < learned.elsewhere.hidden < 1.0
+    assert all(noise.wide >= 2.0 for noise in learned.noise.values())
+    assert msgspec.structs.asdict(learned.rates).keys() == msgspec.structs.asdict(RATES).keys()

@@ -1,0 +1,211 @@
+"""How things rest, lean, roll on and come back into view that percepts do not tell the orientation of."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part, Shape
+from dsr.math3d.transforms import Pose
+from simulation_handler.belief import Belief
+from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.stances import likeliest_stance
+from simulation_handler.motion.rolling import rolling
+from simulation_handler.perception.paths import Path
+from simulation_handler.shapes.geometry import Solid
+from tests.simulation_handler.worlds import BALL, CAMERA, PERIOD, ROUND, TABLE
+
+CAN: Vector3 = (0.09, 0.09, 0.06)
+CYLINDER: Shape = (Part("cylinder", CAN),)
+BOARD: Vector3 = (0.01, 0.08, 0.19)
+WALL: Vector3 = (0.09, 0.16, 0.18)
+UNTOLD = math.pi**2
+LYING = Pose.from_rotvec((0.0, 0.0, 0.0), (0.5 * math.pi, 0.0, 0.0)).q
+FLOOR = Solid("table", TABLE, (0.35, 0.0, -0.02), fixed=True)
+CONFIG = BeliefConfig()
+
+
+class World:
+    """Things that are seen without their orientation: where their centres are, within 2 mm."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self.belief = Belief(BeliefConfig())
+        self.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
+        self.rng = np.random.default_rng(seed)
+        self.truths: dict[str, Vector3] = {}
+        self.told: dict[str, Pose] = {}
+        self.now = 100.0
+
+    def add(self, name: str, size: Vector3, at: Vector3, shape: Shape = (), **more: float) -> None:
+        """Let a thing be there, with its centre `at` (m)."""
+        self.belief.add_object(name, size, mass=0.2, friction=0.7, shape=shape, drivable=True, **more)
+        self.truths[name] = at
+
+    def run(self, seconds: float, velocity: Vector3 = (0.0, 0.0, 0.0), moves: str = "") -> None:
+        """Let time pass; one thing may move (m/s)."""
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            if moves:
+                x, y, z = (a + PERIOD * speed for a, speed in zip(self.truths[moves], velocity, strict=True))
+                self.truths[moves] = (x, y, z)
+            if round(self.now / PERIOD) % 2:
+                for name, place in self.truths.items():
+                    x, y, z = np.add(place, self.rng.normal(0.0, 0.002, 3)).tolist()
+                    turned = self.told.get(name, Pose()).q
+                    covariance = np.diag([4e-6] * 3 + [0.02**2 if name in self.told else UNTOLD] * 3)
+                    self.belief.observe(name, Pose((x, y, z), turned, self.now, covariance), self.now, CAMERA, "camera")
+            self.belief.step(self.now)
+
+    def off(self, name: str) -> float:
+        """M from where it truly is."""
+        pose = self.belief.pose(name)
+        assert pose is not None
+        return math.dist(pose.t, self.truths[name])
+
+    def tilt(self, name: str) -> float:
+        """Rad between its own z axis and the vertical."""
+        pose = self.belief.pose(name)
+        assert pose is not None
+        return math.acos(min(1.0, abs(float(pose.rotation_matrix[2, 2]))))
+
+
+@pytest.mark.parametrize(("height", "tilt"), [(0.03, 0.0), (0.045, 0.5 * math.pi)])
+def test_the_height_of_a_can_tells_whether_it_stands_or_lies(height: float, tilt: float) -> None:
+    world = World()
+    world.add("can", CAN, (0.35, 0.1, height), CYLINDER)
+    world.add("block", (0.06, 0.06, 0.06), (0.5, -0.1, 0.03))
+    world.run(3.0)
+    assert world.tilt("can") == pytest.approx(tilt, abs=0.01)
+    assert world.off("can") < 0.003
+
+
+def test_what_others_tell_of_the_error_of_depth_tells_how_a_can_stands() -> None:
+    """It is seen 15 mm too high, as high as if it lay; but so is all else."""
+    world = World()
+    world.add("block", (0.06, 0.06, 0.06), (0.5, -0.1, 0.03 + 0.015))
+    world.add("cube", (0.04, 0.04, 0.04), (0.2, -0.1, 0.02 + 0.015))
+    world.add("can", CAN, (0.35, 0.1, 0.03 + 0.015), CYLINDER)
+    world.run(3.0)
+    assert world.tilt("can") < 0.01
+
+
+def test_a_can_lies_so_that_it_is_not_in_the_way_of_what_is_beside_it() -> None:
+    long = (0.05, 0.05, 0.12)
+    world = World()
+    world.add("can", long, (0.35, 0.1, 0.025), (Part("cylinder", long),))
+    for k, x in enumerate((0.29, 0.41)):
+        world.add(f"block_{k}", (0.06, 0.06, 0.06), (x, 0.1, 0.03))
+    world.run(2.0)
+    assert max(map(world.off, world.truths)) < 0.004
+
+
+def test_a_body_with_an_orientation_that_is_seen_is_not_turned() -> None:
+    percept = Solid("can", CAN, (0.35, 0.1, 0.045), LYING, shape=CYLINDER)
+    sure, tells_nothing = 1e-3 * np.eye(3), UNTOLD * np.eye(3)
+    position = 1e-6 * np.eye(3)
+    lower = percept.moved((0.35, 0.1, 0.03))
+    assert likeliest_stance(lower, position, sure, [FLOOR], CONFIG)[0] == pytest.approx(LYING)
+    standing, is_sure = likeliest_stance(lower, position, tells_nothing, [FLOOR], CONFIG)
+    assert is_sure and lower.turned(standing).half_height == pytest.approx(0.03)
+    assert not likeliest_stance(lower, 1e-2 * np.eye(3), tells_nothing, [FLOOR], CONFIG)[1]
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_a_board_leans_on_the_box_that_stops_it_and_shoves_nothing(*, told: bool) -> None:
+    world, angle = World(), 0.45
+    height = 0.5 * (BOARD[2] * math.cos(angle) + BOARD[0] * math.sin(angle))
+    reach = 0.5 * (BOARD[2] * math.sin(angle) + BOARD[0] * math.cos(angle))
+    world.add("cube", (0.04, 0.04, 0.04), (0.1, -0.2, 0.02))
+    world.add("wall", WALL, (0.4, 0.0, 0.09))
+    world.add("board", BOARD, (0.4 - 0.045 - reach, 0.0, height))
+    if told:
+        world.told["board"] = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, angle, 0.0))
+    world.run(3.0)
+    assert world.tilt("board") == pytest.approx(angle, abs=0.06)
+    assert world.off("board") < 0.004
+    assert world.off("wall") < 0.003
+    assert ("board", "table") in world.belief.supports()
+
+
+def test_a_board_that_stands_free_is_not_believed_to_lean() -> None:
+    world = World()
+    world.add("wall", WALL, (0.6, 0.0, 0.09))
+    world.add("board", BOARD, (0.3, 0.0, 0.095))
+    world.run(2.0)
+    assert world.tilt("board") < 0.02
+    assert world.off("board") < 0.003
+
+
+def test_a_ball_that_rolls_out_of_sight_rolls_on() -> None:
+    world = World()
+    world.add("ball", BALL, (0.2, 0.0, 0.03), ROUND, rolling_friction=0.0005)
+    world.run(1.0)
+    world.run(1.0, (0.2, 0.0, 0.0), "ball")
+    hidden = dict(world.truths)
+    world.truths.clear()
+    world.run(0.8)
+    pose = world.belief.pose("ball")
+    assert pose is not None
+    assert pose.t[0] - hidden["ball"][0] == pytest.approx(0.16, abs=0.05)
+    assert abs(pose.t[1]) < 0.02
+
+
+def test_a_ball_that_rolls_over_the_edge_falls_to_the_floor() -> None:
+    world = World()
+    world.add("ball", BALL, (0.7, 0.0, 0.03), ROUND)
+    world.run(1.0)
+    world.run(1.35, (0.2, 0.0, 0.0), "ball")
+    world.truths.clear()
+    world.run(2.0)
+    pose = world.belief.pose("ball")
+    assert pose is not None
+    assert pose.t[0] > 0.95 and pose.t[2] < -0.6
+
+
+def test_what_comes_out_of_hiding_while_it_moves_is_followed() -> None:
+    world = World()
+    world.add("ball", BALL, (0.1, 0.0, 0.03), ROUND)
+    world.run(1.0)
+    world.truths.clear()
+    world.run(1.0)
+    world.truths["ball"] = (0.4, 0.2, 0.03)
+    world.run(0.7, (0.2, 0.0, 0.0), "ball")
+    assert world.off("ball") < 0.02
+
+
+def test_what_is_on_its_way_is_believed_where_it_is_by_now() -> None:
+    world = World()
+    world.add("ball", BALL, (0.1, 0.0, 0.03), ROUND)
+    world.run(1.0)
+    world.run(1.0, (0.25, 0.0, 0.0), "ball")
+    errors = []
+    for _ in range(20):
+        world.run(PERIOD, (0.25, 0.0, 0.0), "ball")
+        errors.append(world.off("ball"))
+    assert np.median(errors) < 0.006
+
+
+def test_a_cylinder_that_lies_rolls_across_its_axis_and_one_that_stands_does_not() -> None:
+    can = Solid("can", CAN, (0.0, 0.0, 0.045), LYING, shape=CYLINDER)
+    rotation, spin = rolling(can, (0.09, 0.0, 0.0), free=True)
+    assert can.turned(rotation).parts[0].pose.rotation_matrix[:, 2] == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    assert spin == pytest.approx((0.0, 2.0, 0.0))
+    assert rolling(can, (0.0, 0.09, 0.0), free=False)[1] == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    standing = can.turned((0.0, 0.0, 0.0, 1.0))
+    assert rolling(standing, (0.09, 0.0, 0.0), free=True) == (standing.rotation, (0.0, 0.0, 0.0))
+
+
+def test_a_path_tells_where_something_came_back_into_view_while_it_moves() -> None:
+    path = Path()
+    assert path.velocity == (0.0, 0.0, 0.0)
+    for k in range(3):
+        path.add(Pose((0.0, 0.0, 0.0), stamp=0.1 * k))
+    assert path.reappeared(0.02) is None
+    for k in range(5):
+        path.add(Pose((0.5 + 0.02 * k, 0.0, 0.0), stamp=2.0 + 0.1 * k))
+    first = path.reappeared(0.02)
+    assert first is not None and first.t[0] == pytest.approx(0.5)
+    assert path.velocity == pytest.approx((0.2, 0.0, 0.0))
