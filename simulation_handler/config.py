@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from dsr.believing.worlds import MOST_WORLDS
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 from dsr.perception.noise import PerceptNoise
 
@@ -90,7 +91,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     workers: int = 0
     """Processes that simulate hypotheses, live; 0 for none but the agent's own. In lockstep there are none."""
 
-    worlds: int = 3
+    worlds: int = MOST_WORLDS
     """Alternatives of the belief, at most, that are worlds of the memory: `belief_1`, `belief_2`, ... 0 for none."""
 
     relation_delay: float = 0.2

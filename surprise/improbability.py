@@ -7,7 +7,9 @@ under each, weighed. Nothing counts as less probable than that something nobody 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Sequence
+from statistics import fmean
 from typing import NamedTuple
 
 from dsr.believing.distribution import Alternative, Whereabouts, are_at_one_place
@@ -21,10 +23,10 @@ from surprise.evidence import EvidenceTrack
 
 ATTRIBUTE = "nats"
 """Of things, hands and cameras, and for all together of the root node `world`."""
-_SAME = 0.5  # nats, by which it may change before it is written again
+_SAME_NATS = 0.5  # nats, by which it may change before it is written again
 
 
-class Seen(NamedTuple):
+class LatelySeen(NamedTuple):
     """What cameras tell lately of one thing."""
 
     tracks: Sequence[EvidenceTrack] = ()
@@ -35,7 +37,7 @@ class Seen(NamedTuple):
     """Whether it is seen although another thing should hide it where it is believed most"""
 
 
-def improbability(where: Whereabouts, seen: Seen, config: SurpriseConfig) -> float:
+def improbability(where: Whereabouts, seen: LatelySeen, config: SurpriseConfig) -> float:
     """How improbable what is seen of a thing is under the belief, nats: from 0 to `MOST_MISFIT`."""
     whole = sum(one.weight * math.exp(-_misfit(one, where.best, seen, config)) for one in where.alternatives)
     return max(-math.log(whole + math.exp(-MOST_MISFIT)), 0.0)
@@ -64,7 +66,7 @@ def jump(before: Pose, after: Pose, speed: float, noise: float) -> float:
     seconds = max(after.stamp - before.stamp, 0.0)
     variance = (speed * seconds) ** 2 + 2.0 * noise**2
     squared = math.dist(before.t, after.t) ** 2 / variance
-    return min(-_log_tail(squared, 3), MOST_MISFIT)
+    return min(-_log_tail_of_three(squared), MOST_MISFIT)
 
 
 class ImprobabilityWriter:
@@ -90,7 +92,7 @@ class ImprobabilityWriter:
     def _write(self, name: str, nats: float) -> None:
         node = self._memory.get_node(name)
         known = None if node is None else node.get(ATTRIBUTE)
-        if node is None or (known is not None and abs(known - nats) < _SAME):
+        if node is None or (known is not None and abs(known - nats) < _SAME_NATS):
             return
         try:
             self._memory.update_node(name, **{ATTRIBUTE: round(nats, 1)})
@@ -98,7 +100,7 @@ class ImprobabilityWriter:
             return
 
 
-def _misfit(one: Alternative, best: Alternative, seen: Seen, config: SurpriseConfig) -> float:
+def _misfit(one: Alternative, best: Alternative, seen: LatelySeen, config: SurpriseConfig) -> float:
     """How badly an alternative explains what is seen, nats."""
     is_best = are_at_one_place(one, best)
     nats = min(seen.missed * MISSED_FRAME, MOST_MISSED) if is_best and one.pose is not None else 0.0
@@ -111,7 +113,7 @@ def _misfit(one: Alternative, best: Alternative, seen: Seen, config: SurpriseCon
         if not is_best:
             known = [compare(sighting.pose, sighting.eye, one.pose, config) for sighting in last]
         if known:
-            nats += -_log_tail(sum(_squared(deviation, track.bias) for deviation in known) / len(known), 6)
+            nats -= _log_tail_of_six(fmean(_squared(deviation, track.bias) for deviation in known))
     if seen.though_hidden and is_best:
         nats += SEEN_THOUGH_HIDDEN
     return nats
@@ -123,10 +125,14 @@ def _squared(deviation: Deviation, bias: float | None) -> float:
     return deviation.beside_sigmas**2 + depth**2 + deviation.turn_sigmas**2
 
 
-def _log_tail(squared: float, coordinates: int) -> float:
-    """Logarithm of the probability that a squared Mahalanobis distance is at least that great."""
+def _log_tail_of_six(squared: float) -> float:
+    """Logarithm of the probability that a squared Mahalanobis distance of six coordinates is at least that great."""
     half = 0.5 * squared
-    if coordinates == 6:
-        return -half + math.log1p(half + 0.5 * half**2)
-    tail = math.erfc(math.sqrt(half)) + math.sqrt(4.0 * half / math.pi) * math.exp(-half)
-    return math.log(max(tail, 1e-300))
+    return -half + math.log1p(half + 0.5 * half**2)
+
+
+def _log_tail_of_three(squared: float) -> float:
+    """Likewise of three coordinates."""
+    half = 0.5 * squared
+    tail = math.erfc(math.sqrt(half)) + 2.0 * math.sqrt(half / math.pi) * math.exp(-half)
+    return math.log(max(tail, sys.float_info.min))

@@ -26,7 +26,10 @@ class ActionInference(Agent):
     reads = Access(
         nodes=(*THINGS, *SURFACES, *HOLDERS, "finger", "camera", "world", *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "grasping", "has"),
-        attributes=("size", "perceived", "last_seen", "plausible", "present", "since", "mount", *WRITTEN_ATTRIBUTES),
+        attributes=(
+            *("size", "perceived", "last_seen", "plausible", "present", "since", "mount", "probability"),
+            *WRITTEN_ATTRIBUTES,
+        ),
     )
     writes = Access(nodes=WRITTEN_NODES, edges=WRITTEN_EDGES, attributes=WRITTEN_ATTRIBUTES)
     Config = ActionInferenceConfig

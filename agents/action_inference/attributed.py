@@ -103,6 +103,7 @@ class AttributedPolicy:
             track.beneath = (now, beneath)
         if thing.grasps:
             track.last_grasp, track.let_go = now, track.believed.last
+            track.probability = thing.grasps[-1].probability
             if track.held and thing.on and track.believed.is_steady():
                 self._note_rest(track, now)
             track.palm_height = snapshot.palm_height(thing.grasps[-1].holder)
@@ -206,7 +207,8 @@ class AttributedPolicy:
         pose = thing.seen if heights is track.seen and thing.seen is not None else thing.believed
         by, confidence, why = UNKNOWN, _GUESSED, "it is lifted"
         if thing.grasps:
-            by, confidence, why = thing.grasps[-1].holder, _SURE, f"{thing.grasps[-1].holder} grasps and lifts it"
+            by, why = thing.grasps[-1].holder, f"{thing.grasps[-1].holder} grasps and lifts it"
+            confidence = _SURE * thing.grasps[-1].probability
         elif pose is not None:
             by = self._attribution.nearest(thing, pose, snapshot.now)
             if by != UNKNOWN:
@@ -367,10 +369,11 @@ class AttributedPolicy:
         self, thing: ObservedThing, track: ThingTrack, kind: str, time: float, confidence: float, why: str
     ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
+        confidence *= track.probability
         found, last = track.found, track.believed.last or track.seen.last
         stayed = found is not None and last is not None and math.dist(found.position, last.position) < _HAND_MOVED
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
-        track.returned, track.found, track.rested = False, None, None
+        track.returned, track.found, track.rested, track.probability = False, None, None, 1.0
         track.seen.forget()
         track.believed.forget()
         return None if stayed else Inference(action, confidence, why)

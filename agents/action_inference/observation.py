@@ -19,6 +19,8 @@ class ObservedGrasp(NamedTuple):
     """Node of a hand or gripper."""
     since: float
     """Begin of the grasp, s."""
+    probability: float = 1.0
+    """1, that it is so by the belief"""
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,10 @@ class SnapshotReader:
     def _thing(self, node: Node) -> ObservedThing:
         name, memory = node.name, self._memory
         belief = memory.get_edge(WORLD, name, "Virtual_RT")
-        grasps = (ObservedGrasp(edge.src, edge.get("since", 0.0)) for edge in memory.edges("grasping", dst=name))
+        grasps = (
+            ObservedGrasp(edge.src, edge.get("since", 0.0), edge.get("probability", 1.0))
+            for edge in memory.edges("grasping", dst=name)
+        )
         return ObservedThing(
             name=name,
             size=node.get("size", (0.0, 0.0, 0.0)),

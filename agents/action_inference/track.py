@@ -18,6 +18,8 @@ class ThingTrack:
     by: str = UNKNOWN
     last_grasp: float | None = None
     """Time (s) when something was last known to hold the thing since it was picked; None without any."""
+    probability: float = 1.0
+    """1, that who was last known to hold the thing does, by the belief"""
     let_go: Height | None = None
     """Believed height of the thing when it was let go; None while it is held."""
     rested: Height | None = None

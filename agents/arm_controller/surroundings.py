@@ -16,7 +16,7 @@ from agents.arm_controller.scene import ArmScene, Obstacle
 from dsr.math3d.transforms import Pose
 
 
-class Surroundings:
+class ArmSurroundings:
     """Things, zones and other arms around one arm; read anew with each call.
 
     Args:

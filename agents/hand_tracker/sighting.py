@@ -76,7 +76,7 @@ class SeenHand(NamedTuple):
     is_whole: bool = True
     """Whether this is a hand for certain, not perhaps a part of one that something cuts in two."""
     outline: Outline | None = None
-    """That of its skin, if this was looked for"""
+    """That of its skin, if this was looked for, and nothing hides a part of it"""
     begins: bool = True
     """Whether this may be a hand that was not known before."""
     outlined: tuple[OutlinedTip, ...] = ()

@@ -69,6 +69,29 @@ def find_wrist(patch: Patch, middle: Array, body: Mask, depth: NDArray[np.float3
     return places.mean(axis=0) if np.linalg.norm(directions.mean(axis=0)) >= _AGREE else None
 
 
+def is_cut(patch: Patch, depth: Depth, focal: float) -> bool:
+    """Whether something in front of a hand, or the edge of the image, hides a part of it for all that is known.
+
+    Args:
+        patch: the hand.
+        depth: (h, w) m, 0 where it is not known.
+        focal: px, of the camera.
+    """
+    rows, columns = _window(patch, 2 * _BESIDE, depth.shape)
+    inside = np.zeros(depth.shape, np.uint8)
+    height, width = patch.inside.shape
+    u, v = patch.corner
+    inside[v : v + height, u : u + width] = patch.inside
+    hand, near = inside[rows, columns], depth[rows, columns]
+    if (_edge(rows, columns, depth.shape) & (hand > 0)).any():
+        return True
+    kernel = np.ones((2 * _BESIDE + 1, 2 * _BESIDE + 1), np.uint8)
+    nearest = cv2.erode(np.where((hand > 0) & (near > 0), near, _FAR), kernel)
+    beside = (hand == 0) & (near > 0) & (nearest < _FAR)
+    in_front = beside & (near < nearest - _JUMP)
+    return float(in_front.sum()) / _BESIDE > _LEAST_CUT * focal / patch.distance
+
+
 def away_from(wrist: Array, middle: Array, tips: Sequence[Tip]) -> list[Tip]:
     """Select the tips that are not beside the wrist (2,) px, seen from the middle (2,) px of the palm."""
     back = (wrist - middle) / max(float(np.linalg.norm(wrist - middle)), 1e-9)
@@ -114,6 +137,9 @@ _TO_THE_FINGERS = 0.019
 """m, from the middle of the widest place of a hand to the mean of wrist and knuckles"""
 _BY_WRIST, _VAGUE = 0.15, 1.0
 """rad, standard deviations of a palm's rotation if the wrist tells it, and if nothing does"""
+_BESIDE = 3  # px around an outline, where what hides a part of the hand is looked for
+_FAR = np.float32(1e6)  # m, beyond what any camera sees
+_LEAST_CUT = 0.015  # m of an outline along something in front of it: a finger's width
 _JUMP = 0.03  # m, of the depth between neighbouring pixels that are not of one hand
 _KERNEL = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
 
@@ -184,7 +210,8 @@ class SkinFinder:
         elbow = None if wrist is None else _surface(wrist, patch, depth, intrinsics)
         along = _along(palm, tips, elbow, mask, depth, intrinsics)
         area = float(patch.inside.sum()) * patch.distance**2 / (intrinsics.fx * intrinsics.fy)
-        outline, palm = Outline(palm, area), palm + _TO_THE_FINGERS * along
+        outline = None if is_cut(patch, depth, intrinsics.fx) else Outline(palm, area)
+        palm = palm + _TO_THE_FINGERS * along
         sigma = _VAGUE if elbow is None else _BY_WRIST
         turn = None if len(tips) > (elbow is not None) else sigma**2 * np.eye(3)
         pose = Pose(palm, _rotation(palm, along))

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from agents.replay.mirror import GraphMirror
 from agents.replay.source import ReplayedGraph
 from agents.replay.traffic import Traffic
+from dsr.believing.distribution import ATTRIBUTE
+from dsr.believing.worlds import MOST_WORLDS, BeliefWorlds
 from dsr.errors import SchemaError
 from dsr.geometry import mesh_hashes
 from dsr.graph.watch import Watch
@@ -67,6 +69,7 @@ class Player:
     ) -> None:
         self._source = source
         self.mirror = GraphMirror(target)
+        self._alternatives = BeliefWorlds(target, MOST_WORLDS)
         self._meshes = MeshCheck(target)
         for mesh in source.index.meshes():
             target.put_mesh(mesh)
@@ -150,10 +153,14 @@ class Player:
         """Bring the target into step with the source."""
         memory = self._source.memory
         if self._watch is not None and memory is self._watched:
-            self.mirror.apply(self._watch.poll(), memory)
+            changes = list(self._watch.poll())
+            self.mirror.apply(changes, memory)
+            if any(ATTRIBUTE in change.attributes for change in changes):
+                self._alternatives.update()
             return
         if self._watch is not None:
             self._watch.close()
         self._watch = memory.watch(existing=False)
         self._watched = memory
         self.mirror.copy(memory)
+        self._alternatives.update()

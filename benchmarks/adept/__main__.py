@@ -29,7 +29,7 @@ from benchmarks.adept.naive import LastPercept
 from benchmarks.real.recordings import DataError
 from dsr.cli.common import add_names, add_numbers
 from simulation_handler.physics.ghosts import Mechanics
-from simulation_handler.unseen.prior import Prior
+from simulation_handler.unseen.rates import EventRates
 from simulation_handler.unseen.supposing import Supposing
 
 MECHANICS = Mechanics(gravity=1.0, friction=0.0, restitution=0.9)
@@ -79,9 +79,9 @@ def _rows(data: Path, shape: str, options: argparse.Namespace) -> Iterator[tuple
         }  # fmt: skip
 
 
-def scores(case: Case, prior: Prior | None = None, seed: int = 0) -> dict[str, float]:
+def scores(case: Case, prior: EventRates | None = None, seed: int = 0) -> dict[str, float]:
     """The greatest surprise of a case by each method, nats."""
-    prior = prior or Prior()
+    prior = prior or EventRates()
     rate = 1.0 / (case.moments[1].time - case.moments[0].time)
     belief, naive = Supposing(MECHANICS, prior, WINDOW, rate, seed), LastPercept(prior.resolution)
     greatest = dict.fromkeys(METHODS, 0.0)

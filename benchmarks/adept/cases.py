@@ -19,8 +19,8 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
-from simulation_handler.unseen.sight import Sight, matrices
-from simulation_handler.unseen.supposing import Percept
+from simulation_handler.unseen.sight import CameraSight, matrices
+from simulation_handler.unseen.supposing import RecognisedThing
 
 ROWS: dict[str, tuple[str, int, tuple[int, ...]]] = {
     "create": ("disappear", 2, (0, 3, 4)),
@@ -58,9 +58,9 @@ class Moment(NamedTuple):
 
     time: float
     """s"""
-    sight: Sight
+    sight: CameraSight
     """The camera, with the screens that hide things"""
-    percepts: list[Percept]
+    percepts: list[RecognisedThing]
 
 
 @dataclass(frozen=True)
@@ -83,20 +83,20 @@ def _moments(case: _Case) -> Iterator[Moment]:
     for index in range(min(len(body.frames) for body in (*case.objects, *case.occluders))):
         screens = [part for body in case.occluders if (part := _part(body, index)) is not None]
         things = [(body, part) for body in case.objects if (part := _part(body, index)) is not None]
-        sight = Sight(CAMERA, LENS, tuple(screens), tuple(f"screen {number}" for number in range(len(screens))))
+        sight = CameraSight(CAMERA, LENS, tuple(screens), tuple(f"screen {number}" for number in range(len(screens))))
         yield Moment(index * case.dt, sight, list(_recognised(sight, things)))
 
 
-def _recognised(sight: Sight, things: Sequence[tuple[_Body, Part]]) -> Iterator[Percept]:
+def _recognised(sight: CameraSight, things: Sequence[tuple[_Body, Part]]) -> Iterator[RecognisedThing]:
     """Things of which enough is seen past the screens and each other; their looks are all that tells them apart."""
     for body, part in things:
         others = tuple(other for _, other in things if other is not part)
-        whole = Sight(sight.world_from_camera, sight.intrinsics, (*sight.obstacles, *others),
+        whole = CameraSight(sight.world_from_camera, sight.intrinsics, (*sight.obstacles, *others),
                       (*sight.names, *("thing" for _ in others)))  # fmt: skip
         share = whole.shares("", part.size, np.array([part.position]), matrices([part.rotation]))[0]
         if share >= _SHOWN:
             kind = " ".join(f"{edge:.4f}" for edge in body.half_extents)
-            yield Percept(kind, part.size, np.array(part.position), part.rotation)
+            yield RecognisedThing(kind, part.size, np.array(part.position), part.rotation)
 
 
 def _part(body: _Body, index: int) -> Part | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr.vocabulary.nats import MISSED_FRAME, MOST_MISFIT, MOST_MISSED
-from simulation_handler.unseen.supposing import Percept
+from simulation_handler.unseen.supposing import RecognisedThing
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class LastPercept:
         self._resolution = resolution
         self._known: list[_Last] = []
 
-    def step(self, percepts: Sequence[Percept]) -> float:
+    def step(self, percepts: Sequence[RecognisedThing]) -> float:
         """Nats of one frame."""
         free = list(self._known)
         nats = 0.0

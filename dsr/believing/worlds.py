@@ -22,6 +22,8 @@ from dsr.vocabulary.relations import THINGS
 
 PREFIX = "belief_"
 """Beginning of the names of these worlds."""
+MOST_WORLDS = 3
+"""count of these worlds at a time, unless somebody asks for more"""
 LEAST = 0.05
 """1, probability from which an alternative is worth a world"""
 _SAME = 0.02  # 1, by which a weight may change before it is written again

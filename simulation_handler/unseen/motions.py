@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dsr.math3d.quaternions import Quaternion, Vector3
 from simulation_handler.physics.ghosts import Ghosts, States
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight, matrices
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 Indexes = NDArray[np.int64]
@@ -27,11 +27,17 @@ Body = tuple[Vector3, Array]
 """Size (m) and place (3,) m of something that is seen"""
 
 _NEVER = -1e3  # nats, stands for minus infinity
-_FORGOTTEN = -25.0  # nats below which a component does not count
-_TOUCH = 0.8  # of the sum of two half edges, within which two things are in one place
+_LEAST_MASS = -25.0  # nats below which a component does not count
+HORIZONTAL = np.array((1.0, 1.0, 0.0))
+"""(3,) the coordinates in which things are pushed"""
+TOUCH = 0.8
+"""1, share of the sum of two half edges within which two things are in one place"""
+_UNIFORM = 1.0 / 12.0  # 1, variance of a uniform distribution over a length, by its square
+_CHILDREN = 3  # components that an unseen push makes, one of which rests
+_DRAWN_VELOCITIES = 4  # components as which a velocity that percepts will not tell is taken
 _EVENTS = 0.15  # s, between the times at which something may happen to what nobody sees
-_MOST = 128  # components
-_RESTS = 0.1  # of the speed that a push gives, below which a thing rests
+_MOST_COMPONENTS = 128  # components
+_STANDS = 0.1  # of the speed that a push gives, below which a thing rests
 _APART = 0.4  # of that speed, standard deviation of the velocity of each component that a push makes
 _SURE = 0.5  # probability of its surroundings from which a resting place is one that others meet
 _WIDE = 0.6  # of the speed that a push gives, from which an unseen velocity is taken as several
@@ -81,7 +87,7 @@ class Motions:
     """
 
     def __init__(
-        self, name: str, size: Vector3, components: Components, prior: Prior, window: float, seed: int
+        self, name: str, size: Vector3, components: Components, prior: EventRates, window: float, seed: int
     ) -> None:
         self.name = name
         self.size = size
@@ -98,7 +104,7 @@ class Motions:
         """The same, to go on otherwise."""
         twin = object.__new__(Motions)
         twin.__dict__.update(self.__dict__)
-        twin._random = np.random.default_rng(self._random.integers(2**63))
+        twin._random = np.random.default_rng(self._random.integers(np.iinfo(np.int64).max))
         return twin
 
     @property
@@ -116,7 +122,7 @@ class Motions:
         if self.seen or not len(self._parts.mass):
             return True
         index = int(self._parts.mass[:, 0].argmax())
-        if float(np.linalg.norm(self._parts.states.velocity[index])) >= _RESTS * self._prior.push_speed:
+        if float(np.linalg.norm(self._parts.states.velocity[index])) >= _STANDS * self._prior.push_speed:
             return False
         apart = np.abs(self._parts.states.position - self._parts.states.position[index]).max(axis=1)
         return float(np.exp(self._parts.mass[apart < 0.5 * min(self.size), 0]).sum()) > _SURE
@@ -124,7 +130,7 @@ class Motions:
     def overlaps(self, size: Vector3, place: Array) -> bool:
         """Whether the most probable place is in that of another thing."""
         best = self.best
-        within = _TOUCH * 0.5 * (np.array(self.size) + np.array(size))
+        within = TOUCH * 0.5 * (np.array(self.size) + np.array(size))
         return best is not None and bool((np.abs(best[0] - place) < within).all())
 
     @property
@@ -140,7 +146,7 @@ class Motions:
         speed = np.linalg.norm(parts.states.velocity, axis=1)
         parts = Components(
             _moved(parts.states, speed > 0.0, ghosts, seconds, fixed),
-            _spread_on(parts.spread, seconds, prior.drift * (speed > _RESTS * prior.push_speed)),
+            _spread_on(parts.spread, seconds, prior.drift * (speed > _STANDS * prior.push_speed)),
             parts.most,
             np.concatenate([parts.mass[:, :1], parts.mass[:, :-1]], axis=1),
             np.concatenate([parts.gone[:1], parts.gone[:-1]]),
@@ -168,22 +174,22 @@ class Motions:
     def _unseen(self, waited: float) -> Components:
         """Three components, drawn by their weight: one is stopped, two are pushed somewhere."""
         weights = np.exp(self._parts.mass[:, 0])
-        chosen = self._random.choice(len(weights), 3, p=weights / weights.sum())
+        chosen = self._random.choice(len(weights), _CHILDREN, p=weights / weights.sum())
         children = self._parts.take(chosen)
         stops = self._prior.stops
         shares = np.log([stops, 0.5 * (1.0 - stops), 0.5 * (1.0 - stops)])
         drawn = math.log(weights.sum()) - children.mass[:, :1]
         children.mass = children.mass + drawn + shares[:, None]
-        push = self._random.normal(0.0, self._prior.push_speed, (3, 3)) * (1.0, 1.0, 0.0)
+        push = self._random.normal(0.0, self._prior.push_speed, (_CHILDREN, len(HORIZONTAL))) * HORIZONTAL
         velocity = children.states.velocity + push
         velocity[0] = 0.0
         passed = float((children.states.velocity[0] ** 2).sum()) * waited**2
-        children.spread[0] = (children.spread[0, 0] + passed / 12.0, 0.0, 0.0)
+        children.spread[0] = (children.spread[0, 0] + passed * _UNIFORM, 0.0, 0.0)
         children.spread[1:, 2] += (_APART * self._prior.push_speed) ** 2
         children.states = children.states._replace(velocity=velocity)
         return children
 
-    def look(self, sight: Sight) -> None:
+    def look(self, sight: CameraSight) -> None:
         """Find how much would be seen of every component."""
         states = self._parts.states
         self._shares = sight.shares(self.name, self.size, states.position, matrices(states.rotation))
@@ -204,7 +210,7 @@ class Motions:
         """(K,) nats, that something else is seen to be where each component is."""
         taken = np.zeros(len(self._parts.mass))
         for size, place in others:
-            within = _TOUCH * 0.5 * (np.array(self.size) + np.array(size))
+            within = TOUCH * 0.5 * (np.array(self.size) + np.array(size))
             taken += (np.abs(self._parts.states.position - place) < within).all(axis=1)
         return taken * math.log(self._prior.wonder_rate)
 
@@ -260,13 +266,13 @@ class Motions:
             return
         some = parts.take(np.flatnonzero(wide))
         drawn = []
-        for _ in range(4):
+        for _ in range(_DRAWN_VELOCITIES):
             deviation = np.sqrt(some.spread[:, 2])[:, None]
-            push = self._random.normal(0.0, 1.0, some.states.velocity.shape) * deviation * (1.0, 1.0, 0.0)
+            push = self._random.normal(0.0, 1.0, some.states.velocity.shape) * deviation * HORIZONTAL
             part = some.take(np.arange(len(deviation)))
             part.states = part.states._replace(velocity=part.states.velocity + push)
             part.spread = part.spread * (1.0, 0.0, 0.0) + (0.0, 0.0, (_APART * self._prior.push_speed) ** 2)
-            part.mass = part.mass - math.log(4.0)
+            part.mass = part.mass - math.log(_DRAWN_VELOCITIES)
             drawn.append(part)
         self._parts = parts.take(np.flatnonzero(~wide))
         for part in drawn:
@@ -276,16 +282,16 @@ class Motions:
     def improbability(self, frames: int) -> float:
         """Nats: how far the belief is from what it was so many frames ago, without what was seen since."""
         mass = np.concatenate([self._parts.mass, self._parts.gone[None]])
-        kept = mass[mass[:, 0] > _FORGOTTEN]
+        kept = mass[mass[:, 0] > _LEAST_MASS]
         weights = np.exp(kept[:, 0])
         return max(float((weights * (kept[:, 0] - kept[:, frames])).sum() / weights.sum()), 0.0)
 
     def _reduce(self) -> None:
         """Leave out what is as good as impossible, and of the rest so many that there are at most `_MOST`."""
         parts = self._parts
-        kept = np.flatnonzero(parts.mass[:, 0] > _FORGOTTEN)
+        kept = np.flatnonzero(parts.mass[:, 0] > _LEAST_MASS)
         parts = parts.take(kept)
-        if len(kept) > _MOST:
+        if len(kept) > _MOST_COMPONENTS:
             parts = parts.take(self._drawn(parts))
         self._parts = parts
         lost = np.logaddexp.reduce(np.append(parts.mass[:, 0], parts.gone[0]))
@@ -297,7 +303,7 @@ class Motions:
     def _drawn(self, parts: Components) -> Indexes:
         """Priority sampling: a component below a limit survives in proportion to its weight, and gets the limit."""
         weights = np.exp(parts.mass[:, 0])
-        limit = _limit(weights, _MOST)
+        limit = _limit(weights, _MOST_COMPONENTS)
         chance = np.minimum(weights / limit, 1.0)
         edges = np.cumsum(chance) + self._random.random()
         chosen = np.flatnonzero(np.floor(edges) > np.floor(np.concatenate([edges[:1] - chance[:1], edges[:-1]])))
@@ -314,7 +320,7 @@ def _limit(weights: Array, count: int) -> float:
         if larger < count:
             limit = float(sums[index] / (count - larger))
             if index + 1 == len(ordered) or limit <= ordered[index + 1]:
-                return max(limit, 1e-300)
+                return max(limit, np.finfo(np.float64).tiny)
     return float(ordered[-1])
 
 
@@ -336,7 +342,7 @@ def _spread_on(spread: Array, seconds: float, drift: Array) -> Array:
     )
 
 
-def _unrecognised(share: Array, prior: Prior) -> Array:
+def _unrecognised(share: Array, prior: EventRates) -> Array:
     """Probability that the limit from which a thing is recognised is above a share."""
     known = np.clip((share - prior.seen_from) / (prior.seen_at - prior.seen_from), 0.0, 1.0)
     return np.asarray(np.maximum(1.0 - known, prior.missed))

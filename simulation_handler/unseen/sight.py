@@ -18,7 +18,7 @@ from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 
-_LEAST = 1e-12  # stands for what must not be divided by
+_TINY = 1e-12  # stands for what must not be divided by
 _THIRD = 2.0 / 3.0  # of half an edge, where the middle of the outer third of a side is
 _SIDES = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0)]
 _NORMALS = np.array([[sign * (axis == part) for part in range(3)] for axis, sign in _SIDES for _ in range(9)])
@@ -30,7 +30,7 @@ _GRID = _NORMALS + np.array(
 
 
 @dataclass(frozen=True)
-class Sight:
+class CameraSight:
     """A camera and what stands in its way, at one time."""
 
     world_from_camera: Pose
@@ -56,9 +56,10 @@ class Sight:
         ray = eye - points
         areas = (np.prod(half) / half) @ np.abs(_NORMALS).T
         facing = (ray * (_NORMALS @ rotation.transpose(0, 2, 1))).sum(axis=2) * areas
-        weights = np.maximum(facing, 0.0) / (ray * ray).sum(axis=2) ** 1.5
+        distance = np.sqrt((ray * ray).sum(axis=2))
+        weights = np.maximum(facing, 0.0) / distance**2 / distance
         shown = self._shown(points.reshape(-1, 3), name, (weights > 0.0).reshape(-1)).reshape(weights.shape)
-        return np.asarray((weights * shown).sum(axis=1) / np.maximum(weights.sum(axis=1), _LEAST))
+        return np.asarray((weights * shown).sum(axis=1) / np.maximum(weights.sum(axis=1), _TINY))
 
     def _shown(self, points: Array, name: str, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which of the points (n, 3) that are asked for are in the image and not hidden by anything but `name`."""
@@ -72,7 +73,7 @@ class Sight:
     def _in_image(self, points: Array) -> NDArray[np.bool_]:
         rotation = np.array(quaternions.to_matrix(self.world_from_camera.q))
         local = (points - self.world_from_camera.t) @ rotation
-        depth = np.maximum(local[:, 2], _LEAST)
+        depth = np.maximum(local[:, 2], _TINY)
         lens = self.intrinsics
         u = lens.fx * local[:, 0] / depth + lens.cx
         v = lens.fy * local[:, 1] / depth + lens.cy

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from dsr.math3d.quaternions import Quaternion, Vector3
 from simulation_handler.physics.ghosts import States
-from simulation_handler.unseen.motions import Components
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight, matrices
+from simulation_handler.unseen.motions import HORIZONTAL, TOUCH, Components
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 
 _DRAWN = 64  # histories with each number of events
-_LEAST = 1e-9  # probability of a history, below which it does not count
-_TOUCH = 0.8  # of the sum of two half edges, within which two things are in one place
+_LEAST_CHANCE = 1e-9  # probability of a history, below which it does not count
 
 
 class Trail(NamedTuple):
@@ -30,12 +29,12 @@ class Trail(NamedTuple):
     """Of each view (3,) m; None while it was not there"""
 
 
-class Memory(NamedTuple):
+class LookedAt(NamedTuple):
     """What was looked at before now, oldest first."""
 
     times: Sequence[float]
     """s"""
-    sights: Sequence[Sight]
+    sights: Sequence[CameraSight]
 
 
 def stranger(
@@ -43,9 +42,9 @@ def stranger(
     place: Array,
     rotation: Quaternion,
     now: float,
-    memory: Memory,
+    memory: LookedAt,
     trails: Sequence[Trail],
-    prior: Prior,
+    prior: EventRates,
     columns: int,
     seed: int,
 ) -> tuple[Components, float]:
@@ -61,14 +60,14 @@ def stranger(
     )
     seconds = now - memory.times[0] if memory.times else 0.0
     weights = masses + prior.wonder_rate * max(seconds, 1.0) / len(masses)
-    kept = weights > _LEAST * weights.sum()
+    kept = weights > _LEAST_CHANCE * weights.sum()
     mass = np.log(weights[kept])
     total = float(np.logaddexp.reduce(mass))
     return _components(place, rotation, velocities[kept], mass, total, prior, columns), total
 
 
 def _components(
-    place: Array, rotation: Quaternion, velocities: Array, mass: Array, total: float, prior: Prior, columns: int
+    place: Array, rotation: Quaternion, velocities: Array, mass: Array, total: float, prior: EventRates, columns: int
 ) -> Components:
     count = len(mass)
     noise = prior.resolution**2
@@ -81,7 +80,7 @@ def _components(
 
 
 def _histories(
-    place: Array, now: float, memory: Memory, prior: Prior, random: np.random.Generator
+    place: Array, now: float, memory: LookedAt, prior: EventRates, random: np.random.Generator
 ) -> tuple[Array, NDArray[np.int64], Array, Array]:
     """Ways in which a thing may have come to a place (3,).
 
@@ -92,7 +91,7 @@ def _histories(
     ago = now - np.array(memory.times, dtype=np.float64)
     seconds = float(ago.max(initial=0.0))
     expected = prior.push_rate * seconds
-    speeds = random.normal(0.0, prior.push_speed, (_DRAWN, 3)) * (1.0, 1.0, 0.0)
+    speeds = random.normal(0.0, prior.push_speed, (_DRAWN, len(HORIZONTAL))) * HORIZONTAL
     pushed = random.random((_DRAWN, 1)) * seconds
     left, stopped = np.sort(random.random((2, _DRAWN, 1)) * seconds, axis=0)[::-1]
     each, nobody = np.arange(_DRAWN), math.exp(-expected)
@@ -110,7 +109,7 @@ def _histories(
 
 
 def _possible(
-    size: Vector3, rotation: Quaternion, paths: Array, memory: Memory, trails: Sequence[Trail], prior: Prior
+    size: Vector3, rotation: Quaternion, paths: Array, memory: LookedAt, trails: Sequence[Trail], prior: EventRates
 ) -> Array:
     """(n,) probability that nothing of paths (n, times, 3) was seen, and that nothing else was in the same place."""
     turned = np.tile(matrices([rotation]), (len(paths), 1, 1))
@@ -122,7 +121,7 @@ def _possible(
         most = np.maximum(most, share)
         for trail in trails:
             if (other := trail.places[index]) is not None:
-                room = _TOUCH * 0.5 * (np.array(size) + np.array(trail.size))
+                room = TOUCH * 0.5 * (np.array(size) + np.array(trail.size))
                 log += (np.abs(paths[:, index] - other) < room).all(axis=1) * math.log(prior.wonder_rate)
     known = np.clip((most - prior.seen_from) / (prior.seen_at - prior.seen_from), 0.0, 1.0)
     return np.asarray(np.exp(log) * np.maximum(1.0 - known, prior.missed))

@@ -17,14 +17,14 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Part
 from simulation_handler.physics.ghosts import Ghosts, Mechanics
 from simulation_handler.unseen.motions import Body, Components, Fixed, Motions
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight
-from simulation_handler.unseen.strangers import Memory, Trail, stranger
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight
+from simulation_handler.unseen.strangers import LookedAt, Trail, stranger
 
 Array = NDArray[np.float64]
 
-_MOST = 6  # hypotheses
-_FORGOTTEN = -20.0  # nats, below which a hypothesis does not count
+_MOST_HYPOTHESES = 6  # hypotheses
+_IMPOSSIBLE = -20.0  # nats, below which a hypothesis does not count
 _AMBIGUOUS = 15.0  # nats by which another reading of the percepts may be worse and still be followed
 _REMEMBERED = 3  # frames from one remembered view to the next
 _MOST_REMEMBERED = 120  # views
@@ -33,7 +33,7 @@ _MOST_REMEMBERED = 120  # views
 _Born = tuple[Components, float]
 
 
-class Percept(NamedTuple):
+class RecognisedThing(NamedTuple):
     """Something of a kind that was recognised."""
 
     kind: str
@@ -77,7 +77,7 @@ class Supposing:
         seed: of what is drawn.
     """
 
-    def __init__(self, mechanics: Mechanics, prior: Prior, window: float, rate: float, seed: int = 0) -> None:
+    def __init__(self, mechanics: Mechanics, prior: EventRates, window: float, rate: float, seed: int = 0) -> None:
         self._mechanics = mechanics
         self._prior = prior
         self._window = window
@@ -85,7 +85,7 @@ class Supposing:
         self._seed = seed
         self._ghosts: dict[str, Ghosts] = {}
         self._hypotheses = [_Hypothesis({}, {}, {}, np.zeros(self._columns))]
-        self._memory = Memory([], [])
+        self._memory = LookedAt([], [])
         self._now: float | None = None
         self._frames = 0
 
@@ -94,16 +94,12 @@ class Supposing:
         for ghosts in self._ghosts.values():
             ghosts.close()
 
-    def step(self, now: float, sight: Sight, percepts: Sequence[Percept]) -> Improbability:
+    def step(self, now: float, sight: CameraSight, percepts: Sequence[RecognisedThing]) -> Improbability:
         """Take in a frame at time `now` (s): what a camera could see, and what it recognised."""
         if self._now is not None:
             self._predict(now - self._now)
         sights = [self._look(one, sight) for one in self._hypotheses]
-        children = [
-            child
-            for hypothesis in self._hypotheses
-            for child in self._readings(hypothesis, percepts, now)
-        ]
+        children = [child for hypothesis in self._hypotheses for child in self._readings(hypothesis, percepts, now)]
         self._keep(children)
         if self._frames % _REMEMBERED == 0:
             self._remember(now, sights[0])
@@ -137,7 +133,7 @@ class Supposing:
             self._ghosts[kind] = Ghosts(size, self._mechanics)
         return self._ghosts[kind]
 
-    def _look(self, hypothesis: _Hypothesis, sight: Sight) -> Sight:
+    def _look(self, hypothesis: _Hypothesis, sight: CameraSight) -> CameraSight:
         """What a camera could see if things are where they are believed most."""
         bodies = {name: (thing.size, best) for name, thing in hypothesis.things.items() if (best := thing.best)}
         parts = [Part("box", size, tuple(best[0].tolist()), best[1]) for size, best in bodies.values()]
@@ -146,7 +142,9 @@ class Supposing:
             thing.look(whole)
         return sight
 
-    def _readings(self, hypothesis: _Hypothesis, percepts: Sequence[Percept], now: float) -> Iterator[_Hypothesis]:
+    def _readings(
+        self, hypothesis: _Hypothesis, percepts: Sequence[RecognisedThing], now: float
+    ) -> Iterator[_Hypothesis]:
         """The ways to read percepts under a hypothesis that are not much worse than the best."""
         bodies = [(percept.size, percept.position) for percept in percepts]
         absent = {name: thing.evidence(thing.absence(bodies)) for name, thing in hypothesis.things.items()}
@@ -174,7 +172,7 @@ class Supposing:
             if score > best - _AMBIGUOUS:
                 yield self._read(hypothesis, percepts, names, new, score + sum(absent.values()))
 
-    def _stranger(self, hypothesis: _Hypothesis, percept: Percept, now: float) -> _Born:
+    def _stranger(self, hypothesis: _Hypothesis, percept: RecognisedThing, now: float) -> _Born:
         """The components of a thing that nobody knew of, and the probability (nats) of such a thing."""
         trails = [Trail(hypothesis.things[name].size, trail) for name, trail in hypothesis.trails.items()]
         return stranger(
@@ -183,7 +181,11 @@ class Supposing:
         )  # fmt: skip
 
     def _read(
-        self, hypothesis: _Hypothesis, percepts: Sequence[Percept], names: Sequence[str], new: Sequence[_Born | None],
+        self,
+        hypothesis: _Hypothesis,
+        percepts: Sequence[RecognisedThing],
+        names: Sequence[str],
+        new: Sequence[_Born | None],
         score: float,
     ) -> _Hypothesis:
         """What is believed if the percepts are of the things of these names, or of strangers where there is none."""
@@ -214,16 +216,16 @@ class Supposing:
     def _keep(self, children: list[_Hypothesis]) -> None:
         children.sort(key=lambda child: -child.mass[0])
         total = float(np.logaddexp.reduce([child.mass[0] for child in children]))
-        kept = [child for child in children[:_MOST] if child.mass[0] > total + _FORGOTTEN]
+        kept = [child for child in children[:_MOST_HYPOTHESES] if child.mass[0] > total + _IMPOSSIBLE]
         total = float(np.logaddexp.reduce([child.mass[0] for child in kept]))
         for child in kept:
             child.mass[0] -= total
         self._hypotheses = kept
 
-    def _remember(self, now: float, sight: Sight) -> None:
+    def _remember(self, now: float, sight: CameraSight) -> None:
         times, sights = [*self._memory.times, now], [*self._memory.sights, sight]
         drop = max(len(times) - _MOST_REMEMBERED, 0)
-        self._memory = Memory(times[drop:], sights[drop:])
+        self._memory = LookedAt(times[drop:], sights[drop:])
         self._hypotheses = [
             replace(
                 hypothesis,

@@ -31,7 +31,8 @@ IN_HAND, INSIDE_OF = "in ", "inside "
 
 _REACH = 0.15  # m from a palm to the centre of an object that its hand may take
 _BESIDE = 0.05  # m from a container within which what vanishes may be in it
-_LEAST = 1e-4  # 1, weight below which a mode is dropped
+_LEAST = 1e-9  # 1, weight below which a mode is dropped
+_WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
 
 
 @dataclass
@@ -105,7 +106,7 @@ class Alternatives:
         total = sum(mode.weight for mode in self.modes.values())
         for key, mode in list(self.modes.items()):
             mode.weight /= total
-            if mode.weight < _LEAST and key != FOLLOWED:
+            if 0.0 < mode.weight < _LEAST and key != FOLLOWED:
                 del self.modes[key]
 
     def _go_along(self, thing: ObjectEvidence, evidence: Evidence) -> None:
@@ -209,7 +210,8 @@ class Alternatives:
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         if not any(evidence.now - other.seen_at < _WATCHING for other in evidence.objects.values()):
             return  # cameras see nothing at all: they may be blind
-        placed = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
+        modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
+        placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
         shares = self._shares(evidence, name, [_placed(mode.pose) for _, mode in placed])
         for (_, mode), share in zip(placed, shares, strict=True):
             missed = missed_after(mode.missed, share, step, absence)

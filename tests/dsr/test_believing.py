@@ -116,8 +116,8 @@ def test_leading_alternatives_are_worlds_to_be_opened(memory: Memory) -> None:
     assert taken.transform("world", "ball", types=("Virtual_RT",)).t == THERE.t
     assert taken.get_edge("hand_0", "ball", "grasping") is not None and taken.get_edge("ball", "cup", "in") is None
     assert gone.get_edge("world", "ball", "Virtual_RT") is None and gone.node("ball")["present"] is False
-    assert memory.get_edge("ball", "cup", "in") is not None and memory.transform("world", "ball",
-                                                                                types=("Virtual_RT",)) == HERE  # fmt: skip
+    assert memory.get_edge("ball", "cup", "in") is not None
+    assert memory.transform("world", "ball", types=("Virtual_RT",)) == HERE
     worlds.close()
     assert [info.name for info in memory.worlds()] == ["base"]
 

@@ -70,7 +70,8 @@ MODULES = {
 
 def test_public_names() -> None:
     assert set(dsr.__all__) == {
-        "Access", "Agent", "AgentError", "Alternative", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
+        "Access", "Agent", "AgentError", "Alternative", "AttributeType", "Change", "Clock", "ClockDriftError",
+        "ConfigError",
         "CycleError", "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader",
         "GoalError", "GraphContent", "GraphError", "ImaginationError", "ListenError", "LocalNetwork", "ManualClock",
         "Memory", "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",

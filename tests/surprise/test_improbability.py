@@ -12,7 +12,7 @@ from dsr import Alternative, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.believing.distribution import encoded
 from dsr.vocabulary.nats import CAMERA_MOVED, MOST_MISFIT
-from surprise.improbability import ATTRIBUTE, Seen, improbability, jump, silence
+from surprise.improbability import ATTRIBUTE, LatelySeen, improbability, jump, silence
 
 
 def nats(scene: SurpriseScene, name: str = "world") -> float:
@@ -107,7 +107,7 @@ def test_a_thing_that_is_seen_though_gone_is_as_surprising_as_can_be() -> None:
     scene = SurpriseScene(SIX)
     scene.run(1.0)
     tracks = [track for (_, name), track in scene.detector._tracks.items() if name == "cube_0"]
-    highest = improbability(where, Seen(tracks), scene.detector.config)
+    highest = improbability(where, LatelySeen(tracks), scene.detector.config)
     assert highest == pytest.approx(MOST_MISFIT - math.log(2), abs=0.1)
-    assert improbability(where, Seen(), scene.detector.config) == 0.0
-    assert np.isfinite(improbability(where, Seen(missed=10_000), scene.detector.config))
+    assert improbability(where, LatelySeen(), scene.detector.config) == 0.0
+    assert np.isfinite(improbability(where, LatelySeen(missed=10_000), scene.detector.config))

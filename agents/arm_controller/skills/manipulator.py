@@ -20,7 +20,7 @@ from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.skills.right_of_way import RightOfWay
 from agents.arm_controller.skills.steps import Attempt, DroppedError, SkillError, Steps, at_once
 from agents.arm_controller.skills.ways import Ways
-from agents.arm_controller.surroundings import Surroundings
+from agents.arm_controller.surroundings import ArmSurroundings
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -70,7 +70,7 @@ class Manipulator:
         """What an action that goes on has to tell; empty for nothing."""
         self.execution = execution
         """Moves the arm along trajectories."""
-        self.around = Surroundings(figure, scene, holding, config)
+        self.around = ArmSurroundings(figure, scene, holding, config)
         """What must not be touched."""
         self.ways = Ways(chain, self.around, execution, config, rng)
         """Plans."""

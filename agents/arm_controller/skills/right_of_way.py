@@ -16,7 +16,7 @@ from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.steps import Attempt, InTheWayError, SkillError, Steps, T
 from agents.arm_controller.skills.ways import Ways
-from agents.arm_controller.surroundings import Surroundings
+from agents.arm_controller.surroundings import ArmSurroundings
 from dsr.math3d.boxes import Array
 
 STEPPED_BACK = 0.02
@@ -53,7 +53,7 @@ class RightOfWay:
     def __init__(
         self,
         ways: Ways,
-        surroundings: Surroundings,
+        surroundings: ArmSurroundings,
         execution: MotionExecution,
         announcer: Announcer,
         config: ArmControllerConfig,

@@ -14,7 +14,7 @@ from agents.arm_controller.motion.routes import BlockedError, Finding, Router
 from agents.arm_controller.motion.trajectory import MotionLimits, Trajectory, resampled
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.steps import Attempt, InTheWayError, SkillError, Steps
-from agents.arm_controller.surroundings import Surroundings
+from agents.arm_controller.surroundings import ArmSurroundings
 from dsr.math3d.boxes import Array
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -45,7 +45,7 @@ class Ways:
     def __init__(
         self,
         chain: JointChain,
-        surroundings: Surroundings,
+        surroundings: ArmSurroundings,
         execution: MotionExecution,
         config: ArmControllerConfig,
         rng: np.random.Generator,

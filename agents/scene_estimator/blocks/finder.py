@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.blocks.block import Block
 from agents.scene_estimator.blocks.clusters import LEVEL, Cluster, Relief, Support
-from agents.scene_estimator.blocks.problem import EXTENTS, SUNK, SURFACE, TAILS, BlockProblem, Guess, Solved
+from agents.scene_estimator.blocks.problem import EXTENTS, SUNK, SURFACE, TAILS, BlockPrior, BlockProblem, Solved
 from agents.scene_estimator.blocks.splitting import cut, upright_box
 from agents.scene_estimator.blocks.touching import parted
 from agents.scene_estimator.colored import LEANING
@@ -100,10 +100,10 @@ class BlockFinder:
         seen, on = upright_box(cluster), (cluster.base, LEVEL)
         if known is None:
             kinds = [seen._replace(kind=kind) for kind in EXTENTS]
-            fits = [self._solved(view, cluster, [Guess(one)], [[one]], on) for one in kinds]
+            fits = [self._solved(view, cluster, [BlockPrior(one)], [[one]], on) for one in kinds]
             return _best(cluster, fits, measured=True)
         unchanged = cluster.hidden > MOSTLY_SEEN
-        guess = _guess(known, seen) if unchanged else Guess(seen._replace(kind=known.block.kind))
+        guess = _guess(known, seen) if unchanged else BlockPrior(seen._replace(kind=known.block.kind))
         fit = self._solved(view, cluster, [guess], [[seen], [known.block]], on, TAILS[-1:])
         return _best(cluster, [fit], measured=not unchanged)
 
@@ -154,7 +154,7 @@ class BlockFinder:
     def _solved_two(
         self, view: FrameView, cluster: Cluster, halves: Sequence[Block], start: Sequence[Block]
     ) -> Solved | None:
-        guesses = [Guess(half._replace(kind=one.kind)) for half, one in zip(halves, start, strict=True)]
+        guesses = [BlockPrior(half._replace(kind=one.kind)) for half, one in zip(halves, start, strict=True)]
         return self._solved(view, cluster, guesses, [start], (cluster.base, LEVEL))
 
     def most_likely(self, view: FrameView, cluster: Cluster, known: Sequence[KnownBlock] = ()) -> list[BlockSighting]:
@@ -171,7 +171,7 @@ class BlockFinder:
         return min([*possible, *([] if two is None else [[*two]])], key=lambda several: several[0].cost, default=[])
 
     def _solved(
-        self, view: FrameView, cluster: Cluster, guesses: Sequence[Guess], starts: Sequence[Sequence[Block]],
+        self, view: FrameView, cluster: Cluster, guesses: Sequence[BlockPrior], starts: Sequence[Sequence[Block]],
         base: tuple[float, float], tails: Sequence[float] = TAILS,
     ) -> Solved | None:  # fmt: skip
         return BlockProblem(view, cluster, self._noise, guesses, starts, base=base, tails=tails).solve()
@@ -183,9 +183,9 @@ def _best(cluster: Cluster, fits: Iterable[Solved | None], *, measured: bool) ->
     return None if best is None else _sighting(best, 0, cluster, measured=measured)
 
 
-def _guess(known: KnownBlock, seen: Block) -> Guess:
+def _guess(known: KnownBlock, seen: Block) -> BlockPrior:
     """A known block near where something is seen."""
-    return Guess(known.block._replace(x=seen.x, y=seen.y), known.sigma)
+    return BlockPrior(known.block._replace(x=seen.x, y=seen.y), known.sigma)
 
 
 def _sighting(fit: Solved, index: int, cluster: Cluster, *, measured: bool) -> BlockSighting:

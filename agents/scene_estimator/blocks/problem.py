@@ -57,7 +57,7 @@ _STRAINED = 3.0  # standard deviations, by which all depths, or the support's he
 _SHARE = 0.1  # of the points of a piece, which each of its blocks has at least
 
 
-class Guess(NamedTuple):
+class BlockPrior(NamedTuple):
     """A block before anything was seen."""
 
     block: Block
@@ -101,7 +101,7 @@ class BlockProblem:
         view: FrameView,
         cluster: Cluster,
         noise: NoiseModel,
-        guesses: Sequence[Guess],
+        guesses: Sequence[BlockPrior],
         starts: Sequence[Sequence[Block]],
         *,
         base: tuple[float, float],

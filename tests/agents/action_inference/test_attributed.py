@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from agents.action_inference.attributed import AttributedPolicy
-from agents.action_inference.observation import Holder
+from agents.action_inference.observation import Holder, ObservedGrasp
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 from tests.agents.action_inference.stage import TICK, Stage
@@ -50,6 +50,23 @@ def test_it_is_picked_and_placed_by_an_unknown_hand_at_the_right_times(stage: St
     (pick_noticed, pick), (place_noticed, place) = stage.actions
     assert pick.time == pytest.approx(picked, abs=0.1) and pick_noticed < picked + 0.4
     assert place.time == pytest.approx(placed, abs=0.1) and place_noticed < placed + 0.4
+
+
+def test_an_action_is_no_more_probable_than_the_grasp_that_it_rests_on():
+    told = {}
+    for probability in (1.0, 0.6):
+        stage = Stage(AttributedPolicy())
+        stage.add("cup", (0.0, 0.0, 0.02))
+        stage.run(1.0)
+        stage.change("cup", grasps=(ObservedGrasp(HAND, stage.now, probability),))
+        lift(stage)
+        stage.run(1.0)
+        put_down(stage)
+        stage.grasp("cup")
+        stage.run(1.0)
+        assert [action.kind for _, action in stage.actions] == [PICK, PLACE]
+        told[probability] = stage.confidences
+    assert told[0.6] == pytest.approx([0.6 * confidence for confidence in told[1.0]])
 
 
 def test_noise_is_no_pick():

@@ -194,3 +194,14 @@ def test_an_error_of_ours_fails_the_action(table: Table, monkeypatch: pytest.Mon
     table.memory.poll()
     table.exchange(0.0)
     assert table.said(name) == ("failed", "unexpected ZeroDivisionError: division by zero")
+
+
+def test_an_action_stops_a_motion_to_a_target_by_hand_and_takes_over(table: Table) -> None:
+    table.memory.update_node("arm", target_joints=(-0.6, *HOME[1:]))
+    table.run(0.3)
+    assert table.status == "moving" and table.arm.velocities.any()
+    assert table.act("move", target_pose=Pose((0.4, 0.1, 0.3), DOWN)) == ("done", "")
+    ways = [told[0] for told in table.arm.told if told[0] in ("follow", "stop")]
+    assert ways == ["follow", "stop", "follow"]
+    table.run(0.1)
+    assert "target_joints" not in table.memory.node("arm") and table.status == "idle"

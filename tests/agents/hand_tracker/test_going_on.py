@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from agents.hand_tracker.config import HandTrackerConfig
+from agents.hand_tracker.fingertips import Patch
 from agents.hand_tracker.going_on import GoingOn
 from agents.hand_tracker.sighting import Outline, SeenHand
+from agents.hand_tracker.skin import is_cut
 from agents.hand_tracker.tracks import Tracks
 from dsr.math3d.transforms import Pose
 
@@ -68,3 +70,26 @@ def test_an_outline_alone_begins_no_track() -> None:
     moved = Pose((0.03, 0.0, 0.6), stamp=1.2)
     tracks.update([hand._replace(palm=moved, tips={}, begins=False)], "mediapipe", 1.2)
     assert tracks.by_number[0].last_seen == 1.2
+
+
+@pytest.mark.parametrize(
+    ("depth", "columns", "cut"),
+    [
+        (0.4, slice(330, 400), True),  # in front, over the fingers' side
+        (0.8, slice(330, 400), False),  # behind
+        (0.4, slice(400, 450), False),  # in front, elsewhere in the image
+        (0.0, slice(330, 400), False),  # unknown
+    ],
+)
+def test_a_hand_along_something_in_front_of_it_is_cut(depth: float, columns: slice, cut: bool) -> None:
+    image = np.full((480, 640), 0.65, np.float32)
+    image[200:260, 250:330] = 0.6
+    image[150:300, columns] = depth
+    patch = Patch((250, 200), np.ones((60, 80), bool), 0.6)
+    assert is_cut(patch, image, 600.0) is cut
+
+
+def test_a_hand_at_the_edge_of_the_image_is_cut() -> None:
+    image = np.full((480, 640), 0.6, np.float32)
+    assert is_cut(Patch((560, 200), np.ones((60, 80), bool), 0.6), image, 600.0)
+    assert not is_cut(Patch((550, 200), np.ones((60, 80), bool), 0.6), image, 600.0)

@@ -12,7 +12,9 @@ import pytest
 from agents.replay import ReplayedGraph
 from agents.replay.mirror import GraphMirror
 from agents.replay.player import Player
-from dsr import AttributeType, Frame, Memory, Mesh, Pose, Schema
+from dsr import Alternative, AttributeType, Frame, Memory, Mesh, Pose, Schema, Whereabouts
+from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
+from dsr.believing.distribution import encoded
 from dsr.clock import ManualClock
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
@@ -48,6 +50,31 @@ class Theatre:
             self.player.step(self.clock.monotonic())
             self.deliver()
             self.clock.advance(0.02)
+
+
+def test_alternatives_of_the_belief_are_worlds_again(studio: Studio) -> None:
+    memory = studio.memory
+    memory.add_node("world", "world")
+    memory.add_node("ball", "ball")
+    memory.add_edge("world", "ball", "Virtual_RT", pose=Pose((0.1, 0.0, 0.0)))
+    studio.run(1.0)
+    alternatives = (
+        Alternative(weight=0.7, pose=Pose((0.1, 0.0, 0.0))),
+        Alternative(weight=0.3, pose=None, reason="gone", worlds=(1,)),
+    )
+    memory.update_node("ball", **{WHEREABOUTS: encoded(Whereabouts("ball", alternatives, ("ball",), (0.7, 0.3)))})
+    studio.run(1.0)
+    memory.update_node("ball", **{WHEREABOUTS: ""})
+    studio.run(1.0)
+    theatre = Theatre(studio.finish())
+    seen = []
+    for _ in range(30):
+        theatre.run(0.1)
+        worlds = [info.name for info in theatre.stage.worlds()]
+        seen.append(worlds)
+        if "belief_1" in worlds:
+            assert theatre.stage.world("belief_1").node("ball")["present"] is False
+    assert seen[2] == ["base"] and ["base", "belief_1"] in seen and seen[-1] == ["base"]
 
 
 @pytest.mark.parametrize(("speed", "seconds"), [(1.0, 3.0), (4.0, 2.0), (0.5, 4.0), (math.inf, 1.0)])

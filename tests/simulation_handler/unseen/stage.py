@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.adept.cases import CAMERA, LENS
 from dsr.math3d.shapes import Part
 from simulation_handler.physics.ghosts import Mechanics
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight
-from simulation_handler.unseen.supposing import Percept, Supposing
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight
+from simulation_handler.unseen.supposing import RecognisedThing, Supposing
 
 RATE = 25.0
 SIZE = (0.6, 0.6, 0.6)
@@ -24,18 +24,18 @@ Course = Callable[[float], tuple[float, float] | None]
 class Stage:
     """Plays courses of things to a belief."""
 
-    def __init__(self, seed: int = 0, prior: Prior | None = None) -> None:
-        self.belief = Supposing(SLIDING, prior or Prior(), 1.0, RATE, seed)
+    def __init__(self, seed: int = 0, prior: EventRates | None = None) -> None:
+        self.belief = Supposing(SLIDING, prior or EventRates(), 1.0, RATE, seed)
         self.nats: list[float] = []
 
     def play(self, seconds: float, *courses: Course, screen: Callable[[float], bool] = lambda _: True) -> list[float]:
         """The surprise of every frame; `screen` tells whether the screen stands at a time (s)."""
         for frame in range(round(seconds * RATE)):
             time = frame / RATE
-            sight = Sight(CAMERA, LENS, (SCREEN,), ("screen",)) if screen(time) else Sight(CAMERA, LENS)
+            sight = CameraSight(CAMERA, LENS, (SCREEN,), ("screen",)) if screen(time) else CameraSight(CAMERA, LENS)
             places = [np.array((*at, 0.3)) for course in courses if (at := course(time)) is not None]
             percepts = [
-                Percept("box", SIZE, place, (0.0, 0.0, 0.0, 1.0))
+                RecognisedThing("box", SIZE, place, (0.0, 0.0, 0.0, 1.0))
                 for place in places
                 if sight.shares("", SIZE, place[None], np.eye(3)[None])[0] >= 0.5
             ]

@@ -11,11 +11,11 @@ from benchmarks.adept.cases import CAMERA, LENS
 from dsr.math3d.shapes import Part
 from simulation_handler.physics.ghosts import Ghosts, Mechanics, States
 from simulation_handler.unseen.motions import Components, Motions
-from simulation_handler.unseen.prior import Prior
-from simulation_handler.unseen.sight import Sight
+from simulation_handler.unseen.rates import EventRates
+from simulation_handler.unseen.sight import CameraSight
 from tests.simulation_handler.unseen.stage import SCREEN, SIZE, SLIDING
 
-OPEN, CLOSED = Sight(CAMERA, LENS), Sight(CAMERA, LENS, (SCREEN,), ("screen",))
+OPEN, CLOSED = CameraSight(CAMERA, LENS), CameraSight(CAMERA, LENS, (SCREEN,), ("screen",))
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -32,7 +32,7 @@ def thing(*places: tuple[float, float], columns: int = 6) -> Motions:
     mass = np.full((count, columns), -math.log(count))
     parts = Components(states(*places), np.tile([1e-4, 0, 0], (count, 1)), np.zeros(count), mass,
                        np.full(columns, -1e3))  # fmt: skip
-    return Motions("box", SIZE, parts, Prior(), 1.0, 0)
+    return Motions("box", SIZE, parts, EventRates(), 1.0, 0)
 
 
 def test_copies_slide_without_friction_and_bounce_off_walls_but_not_off_each_other() -> None:
@@ -65,7 +65,7 @@ def test_shares_are_of_what_faces_the_camera_in_the_image_and_past_obstacles() -
     hidden, partly, free, outside, behind = CLOSED.shares("box", SIZE, places, turns)
     assert (hidden, free, outside, behind) == (0.0, 1.0, 0.0, 0.0) and 0.2 < partly < 0.9
     assert OPEN.shares("box", SIZE, places[:2], turns[:2]) == pytest.approx([1.0, 1.0])
-    own = Sight(CAMERA, LENS, (Part("box", SIZE, (-0.6, 0.0, 0.3)),), ("box",))
+    own = CameraSight(CAMERA, LENS, (Part("box", SIZE, (-0.6, 0.0, 0.3)),), ("box",))
     assert own.shares("box", SIZE, places[:1], turns[:1]) == pytest.approx([1.0]), "nothing hides itself"
     assert OPEN.shares("box", SIZE, np.zeros((0, 3)), np.zeros((0, 3, 3))).shape == (0,)
 

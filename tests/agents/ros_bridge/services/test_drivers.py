@@ -157,6 +157,18 @@ def test_the_state_is_that_of_all_joints(arm: Arm) -> None:
     assert arm.driver.state() is state and arm.driver.tally.counts["malformed"] == 1
 
 
+def test_efforts_are_those_that_are_told_and_no_others(arm: Arm) -> None:
+    arm.tell((*NAMES, "finger"), (0.1, 0.2, 0.4))
+    state = arm.driver.state()
+    assert state is not None and state.efforts == () and state.gripper_effort is None
+    type = "sensor_msgs/msg/JointState"
+    message = to_joint_state(TYPES, arm.ros.clock.now(), (*NAMES, "finger"), (0.1, 0.2, 0.4))
+    message.effort = np.array([3.0, -4.0, -25.0])
+    arm.robot.publisher("/joint_states", type, Qos()).send(TYPES.encode(type, message))
+    state = arm.driver.state()
+    assert state is not None and state.efforts == (3.0, -4.0) and state.gripper_effort == 25.0
+
+
 def test_a_stamp_of_long_ago_is_told(arm: Arm) -> None:
     arm.tell(NAMES, (0.1, 0.2), stamp=arm.ros.clock.now() - 100.0)
     assert arm.driver.state() is not None

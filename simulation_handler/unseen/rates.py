@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 
-class Prior(NamedTuple):
+class EventRates(NamedTuple):
     """Rates of events, and what a camera makes of a thing."""
 
     push_rate: float = 0.05
