@@ -53,7 +53,7 @@ class HandTracker(Agent):
         nodes=("hand", "finger"),
         edges=("RT", "has"),
         attributes=("perceived", "last_seen", "side", "source", "size"),
-        exclusive=("hand", "finger"),
+        exclusive=("finger",),  # of hands, `surprise` writes how improbable their motions are
     )
     Config = HandTrackerConfig
     config: HandTrackerConfig

@@ -18,6 +18,8 @@ from agents.hand_tracker.going_on import GoingOn
 from agents.hand_tracker.model.found import FoundHand, Landmarker
 from agents.hand_tracker.sighting import (
     LANDMARKS,
+    LEAST_OF_PALM,
+    PALM,
     SHAPE_TURN,
     TIPS,
     OutlinedTip,
@@ -40,8 +42,7 @@ _MOST_OFF = 0.03
 _WRIST, _MIDDLE_KNUCKLE = 0, 9
 """Landmarks between which the palm's length is measured"""
 _DEPTH_OFF = 0.01
-"""m, scale of the errors of the shape and of depth along the view"""
-_STEPS = 20  # of reweighting; ten do
+"""m, standard deviation of the errors of the shape and of depth along the view"""
 _STRAIGHT = 1e-9  # sine of the angle between a ray and the optical axis that count as one
 _SAME_TIP = 0.5
 """Of the palm's length in the image, how far a fingertip of the outline may be from all that the model has: 45 mm"""
@@ -110,10 +111,10 @@ class ModelFinder:
             surface[k] = np.nan if there is None else there
         if not np.isfinite(surface).any():
             return points, seen
-        missed = _missed(surface + radii, shape)
+        fits = _fitting(surface + radii, shape)
         for k in np.flatnonzero(np.isfinite(surface)):
             points[k] = behind_surface(pixels[k], float(surface[k]), float(radii[k]), intrinsics)
-            seen[k] = abs(missed[k]) < _MOST_OFF and np.isfinite(points[k]).all()
+            seen[k] = fits[k] and np.isfinite(points[k]).all()
         return points, seen
 
     @staticmethod
@@ -139,22 +140,20 @@ def _as_seen(shape: Array, pixels: Array, intrinsics: Intrinsics) -> Array:
     return np.asarray(shape @ np.array(turn).T, dtype=np.float64)
 
 
-def _missed(depths: Array, shape: Array) -> Array:
-    """(21,) m, by which depths (21,) m miss a shape (21, 3) m, moved along the view and tilted; NaN where unknown.
+def _fitting(depths: Array, shape: Array) -> NDArray[np.bool_]:
+    """(21,) which depths (21,) m, NaN where unknown, are those of a shape (21, 3) m that is moved along the view.
 
-    The network tells the tilt of a hand about as well as `SHAPE_TURN`. Depths of other things than the hand hardly
-    count (Cauchy's distribution).
+    The network tells the tilt of a hand about as well as `SHAPE_TURN`. If the palm fits as it is told, what fits so
+    tells the tilt, and more of the hand may fit then. Otherwise a tilt might fit what hides the hand.
     """
-    known = np.isfinite(depths)
-    by = np.stack([np.ones(LANDMARKS), shape[:, 1], -shape[:, 0]], axis=1)
     off = depths - shape[:, 2]
+    told = np.abs(off - np.nanmedian(off)) < _MOST_OFF
+    if told[list(PALM)].sum() < LEAST_OF_PALM:
+        return told
+    by = np.stack([np.ones(LANDMARKS), shape[:, 1], -shape[:, 0]], axis=1)
     prior = np.diag([0.0, *[(_DEPTH_OFF / SHAPE_TURN) ** 2] * 2])
-    found = np.array([np.median(off[known]), 0.0, 0.0])
-    for _ in range(_STEPS):
-        weights = 1.0 / (1.0 + ((off - by @ found)[known] / _DEPTH_OFF) ** 2)
-        weighted = by[known].T * weights
-        found = np.linalg.solve(weighted @ by[known] + prior, weighted @ off[known])
-    return np.asarray(off - by @ found, dtype=np.float64)
+    found = np.linalg.solve(by[told].T @ by[told] + prior, by[told].T @ off[told])
+    return np.asarray(told | (np.abs(off - by @ found) < _MOST_OFF), dtype=np.bool_)
 
 
 def _outlined(tips: Array, intrinsics: Intrinsics, pixels: Array) -> tuple[OutlinedTip, ...]:

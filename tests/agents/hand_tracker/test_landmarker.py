@@ -22,6 +22,7 @@ from agents.hand_tracker.model.files import SHA256
 from agents.hand_tracker.model.loading import load_landmarker
 from agents.hand_tracker.skin import SkinFinder
 from dsr.errors import ConfigError
+from dsr.math3d import quaternions
 
 from .conftest import RECORDED, Bench, RecordedLandmarker, in_world, palm_of, picture, tips_of
 
@@ -54,6 +55,31 @@ def test_a_fingertip_behind_something_is_not_measured() -> None:
     image.arrays["depth"][v - 15 : v + 16, u - 15 : u + 16] = z - 0.1
     (hand,) = finder(frame).find(image, None)
     assert 1 not in hand.tips and 2 in hand.tips
+
+
+def tilted(frame: dict[str, Any], angle: float) -> dict[str, Any]:
+    """A frame of whose hands the model tells another tilt than they have, about the x axis of the image."""
+    turn = np.array(quaternions.to_matrix(quaternions.from_rotvec((angle, 0.0, 0.0))))
+    hands = [{**hand, "world_landmarks": np.array(hand["world_landmarks"]) @ turn.T} for hand in frame["hands"]]
+    return {**frame, "hands": hands}
+
+
+@pytest.mark.parametrize("angle", [-0.35, 0.35])
+def test_a_hand_of_which_the_model_tells_a_wrong_tilt_is_seen_whole(angle: float) -> None:
+    truth = np.array(FRAMES[0]["hands"][0]["truth_m"])
+    (right,) = finder(FRAMES[0]).find(picture(FRAMES[0]), None)
+    (hand,) = finder(tilted(FRAMES[0], angle)).find(picture(FRAMES[0]), None)
+    assert np.linalg.norm(hand.palm.translation - palm_of(truth)) < 0.004
+    assert hand.palm.distance(right.palm)[1] < 0.1
+    assert len(hand.tips) >= 4
+
+
+def test_what_hides_a_hand_is_no_tilted_hand() -> None:
+    """A steep board is in front of the hand, of which the model still tells where it is."""
+    image = picture(FRAMES[0])
+    rows = np.arange(480, dtype=np.float32)[:, None]
+    image.arrays["depth"][:] = 0.1 + 1.2e-3 * rows
+    assert finder(FRAMES[0]).find(image, None) == []
 
 
 def test_the_depth_at_an_edge_is_that_of_one_of_both_surfaces() -> None:
