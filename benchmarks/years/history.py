@@ -260,7 +260,8 @@ class History(World):
             case "make":
                 there = [info.name for info in memory.worlds()]
                 free = [each for each in WORLDS if each not in there] or [world]
-                memory.fork(free[choice % len(free)], of=there[(choice >> 3) % len(there)], follow=choice >> 6 & 1 == 1)
+                parent, follow = there[(choice >> 3) % len(there)], choice >> 6 & 1 == 1
+                self.worlds.note_copied(memory.fork(free[choice % len(free)], of=parent, follow=follow))
             case "open":
                 memory.world(world)
             case "delete":
