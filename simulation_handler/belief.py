@@ -33,7 +33,7 @@ from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
-from simulation_handler.worlds.following import Following
+from simulation_handler.worlds.following import WeightFollowing
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -67,7 +67,7 @@ class Belief:
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead
         )
         self._worlds = WeightedWorlds(learned_parameters())
-        self._following = Following(self._bodies, self._relations, self._worlds)
+        self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
 
     def close(self) -> None:

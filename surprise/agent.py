@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
@@ -72,6 +73,7 @@ class SurpriseDetector(Agent):
         self._gone_since: dict[str, float] = {}
         self._hands: dict[str, Pose] = {}
         self._nats = ImprobabilityWriter(self.memory, WORLD)
+        self._nats_due = -math.inf
         self._now: float | None = None
 
     def tick(self, now: float) -> None:
@@ -93,7 +95,9 @@ class SurpriseDetector(Agent):
                 self._judge_object(node, now, held)
             for camera in self.memory.nodes("camera"):
                 self._judge_camera(camera, now)
-            self._nats.update(self._improbabilities(objects, now, held))
+            if not self._nats_due - self.config.nats_period <= now < self._nats_due:
+                self._nats_due = now + self.config.nats_period
+                self._nats.update(self._improbabilities(objects, now, held))
         self._suspicions = {name: found for name, found in self._suspicions.items() if name in self.memory}
 
     def _improbabilities(self, objects: list[Node], now: float, held: set[str]) -> Iterator[tuple[str, float]]:

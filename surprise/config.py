@@ -75,6 +75,8 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     camera_turn: Positive = 0.025
     """rad/s at which a camera turns: nothing is expected of it then"""
 
+    nats_period: Positive = 0.2
+    """s between two looks at how improbable what is seen is"""
     hand_speed: Positive = 0.7
     """m/s, standard deviation of each part of the velocity of a hand"""
     hand_noise: Positive = 0.015

@@ -26,11 +26,11 @@ from rich.table import Table
 
 from benchmarks.adept.cases import ROWS, Case, read_case
 from benchmarks.adept.naive import LastPercept
+from benchmarks.adept.unseen.ghosts import Mechanics
+from benchmarks.adept.unseen.rates import EventRates
+from benchmarks.adept.unseen.supposing import Supposing
 from benchmarks.real.recordings import DataError
 from dsr.cli.common import add_names, add_numbers
-from simulation_handler.physics.ghosts import Mechanics
-from simulation_handler.unseen.rates import EventRates
-from simulation_handler.unseen.supposing import Supposing
 
 MECHANICS = Mechanics(gravity=1.0, friction=0.0, restitution=0.9)
 """The physics of the data set, which the belief is told"""

@@ -13,14 +13,14 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.adept.unseen.sight import CameraSight, matrices
+from benchmarks.adept.unseen.supposing import RecognisedThing
 from benchmarks.real.recordings import DataError
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
-from simulation_handler.unseen.sight import CameraSight, matrices
-from simulation_handler.unseen.supposing import RecognisedThing
 
 ROWS: dict[str, tuple[str, int, tuple[int, ...]]] = {
     "create": ("disappear", 2, (0, 3, 4)),

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.adept.unseen.supposing import RecognisedThing
 from dsr.vocabulary.nats import MISSED_FRAME, MOST_MISFIT, MOST_MISSED
-from simulation_handler.unseen.supposing import RecognisedThing
 
 Array = NDArray[np.float64]
 

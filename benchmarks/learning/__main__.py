@@ -27,13 +27,16 @@ from simulation_handler.worlds.parameters import FILE, learned_parameters
 TUNING = [name for name, family in FAMILIES.items() if family.purpose == "tuning"]
 
 
+_WIDTH = 150  # characters of the table
+
+
 def main() -> None:
     """Record or fit, as the command line asks."""
     options = _parser().parse_args()
     if options.command == "record":
         record(options.folder, options.families, parse_seeds(options.seeds))
     elif options.command == "judge":
-        Console().print(table_of(judge_episodes(load_episodes(options.folder), learned_parameters())))
+        Console(width=_WIDTH).print(table_of(judge_episodes(load_episodes(options.folder), learned_parameters())))
     else:
         options.output.write_text(learn_parameters(options.folder, Console(stderr=True).print), encoding="utf-8")
 

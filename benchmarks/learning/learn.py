@@ -15,7 +15,7 @@ from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES
-from simulation_handler.worlds.parameters import Noise, WorldParameters
+from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
@@ -50,7 +50,7 @@ def _is_for_tuning(episode: Episode) -> bool:
 
 def _learn_noise(
     episodes: Sequence[Episode], begun: WorldParameters, tell: Callable[[str], None]
-) -> tuple[dict[str, Noise], dict[str, dict[str, float]]]:
+) -> tuple[dict[str, PlaceNoise], dict[str, dict[str, float]]]:
     """The noise of each circumstance, and standard errors of the logarithms of its values."""
     errors = errors_of((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
     noise, deviations = {}, {}
@@ -63,7 +63,7 @@ def _learn_noise(
             tried = [learn_noise(_thinned(_resampled(found, rng)), noise[circumstance]) for _ in range(_RESAMPLINGS)]
             values = [np.log(np.array(msgspec.structs.astuple(one)) + _NOTHING) for one in tried]
             spread = np.std(values, axis=0, ddof=1).tolist()
-            deviations[circumstance] = dict(zip(Noise.__struct_fields__, spread, strict=True))
+            deviations[circumstance] = dict(zip(PlaceNoise.__struct_fields__, spread, strict=True))
     return noise, deviations
 
 

@@ -14,13 +14,13 @@ from scipy.optimize import minimize
 from benchmarks.honesty.statement import VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d import quaternions
-from simulation_handler.worlds.parameters import Noise
+from simulation_handler.worlds.parameters import PlaceNoise
 from simulation_handler.worlds.spread import position_covariance, rotation_covariance
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 Array = NDArray[np.float64]
 
-START = Noise(scale=1.0, level=0.003, height=0.002, growth=0.003, path=0.1, upwards=0.3, lag=0.05, turn=0.03,
+START = PlaceNoise(scale=1.0, level=0.003, height=0.002, growth=0.003, path=0.1, upwards=0.3, lag=0.05, turn=0.03,
               turning=0.3, wide=5.0, wrong=0.05)  # fmt: skip
 """Where the search begins, and to which little evidence is drawn."""
 _SHARES = ("upwards", "wrong")
@@ -78,7 +78,7 @@ _NONE = np.zeros((3, 3))
 _UNKNOWN = np.full(3, np.nan)
 
 
-def learn_noise(errors: Errors, start: Noise = START) -> Noise:
+def learn_noise(errors: Errors, start: PlaceNoise = START) -> PlaceNoise:
     """The noise under which the true places and rotations are most probable, drawn to `start` where little is known."""
     if len(errors.age) < _FEWEST:
         return start
@@ -90,12 +90,12 @@ def learn_noise(errors: Errors, start: Noise = START) -> Noise:
         likelihood = weight * float(np.mean(log_densities(errors, _to_noise(vector[:-1]), vector[-1])))
         return 0.5 * float(np.sum(((vector - first) / _PRIOR) ** 2)) - likelihood
 
-    bounds = [*(_bounds_of(name) for name in Noise.__struct_fields__), (-7.0, 0.0)]
+    bounds = [*(_bounds_of(name) for name in PlaceNoise.__struct_fields__), (-7.0, 0.0)]
     found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
     return _to_noise(found.x[:-1])
 
 
-def log_densities(errors: Errors, noise: Noise, astray: float) -> Array:
+def log_densities(errors: Errors, noise: PlaceNoise, astray: float) -> Array:
     """(n,) nats, of true places (per m^3), and of rotations (per rad^3) where these are known.
 
     `astray` is the logit of the probability of something else than the simulation has: alternatives tell of it.
@@ -126,18 +126,18 @@ def _distances2(offsets: Array, covariances: Array) -> Array:
     return np.asarray((offsets * solved).sum(axis=-1))
 
 
-def _to_vector(noise: Noise) -> Array:
+def _to_vector(noise: PlaceNoise) -> Array:
     values = msgspec.structs.asdict(noise)
     return np.array([_logit(value) if name in _SHARES else np.log(value) for name, value in values.items()])
 
 
-def _to_noise(vector: Array) -> Noise:
-    names = Noise.__struct_fields__
+def _to_noise(vector: Array) -> PlaceNoise:
+    names = PlaceNoise.__struct_fields__
     values = {
         name: float(1.0 / (1.0 + np.exp(-value))) if name in _SHARES else float(np.exp(value))
         for name, value in zip(names, vector, strict=True)
     }
-    return Noise(**values)
+    return PlaceNoise(**values)
 
 
 _WIDEST = 12.0  # 1, factor of a wide world at most: what is further off is told of by alternatives

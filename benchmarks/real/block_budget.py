@@ -92,7 +92,7 @@ def _fitted(view: View, layout: dict[int, Pose], square: Array, lens: Intrinsics
     points = np.concatenate([layout[tag.marker_id].apply(square) for tag in view.tags])
     rays = np.ascontiguousarray(lens.rays(np.concatenate([tag.corners for tag in view.tags]))[:, :2])
     start = view.camera_from_block
-    begin = np.array(quaternions.to_rotvec(start.q), np.float64), np.array(start.t, np.float64)
+    begin = [np.array(part, np.float64) for part in (quaternions.to_rotvec(start.q), start.t)]
     turn, move = cv2.solvePnPRefineLM(points, rays, np.eye(3), None, begin[0], begin[1])
     return Pose.from_rotvec(move.ravel(), turn.ravel())
 

@@ -255,11 +255,13 @@ class History(World):
     def _work_in_world(self, kind: str, memory: Memory, world: str, name: str, choice: int) -> None:
         opened = next((each for each in memory.opened_worlds() if each.world_name == world), None)
         match kind:
-            case "make" if choice % 3 == 0:
+            case "make" if choice >> 7 & 7 == 0:
                 memory.create_world(world, exist_ok=True)
             case "make":
-                parent = "base" if choice & 32 else WORLDS[(choice >> 3) % len(WORLDS)]
-                memory.fork(world, of=parent, follow=choice % 3 == 1)
+                there = [info.name for info in memory.worlds()]
+                free = [each for each in WORLDS if each not in there] or [world]
+                parent, follow = there[(choice >> 3) % len(there)], choice >> 6 & 1 == 1
+                self.worlds.note_copied(memory.fork(free[choice % len(free)], of=parent, follow=follow))
             case "open":
                 memory.world(world)
             case "delete":

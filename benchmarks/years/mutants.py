@@ -294,8 +294,6 @@ MUTANTS: list[Mutant] = [
     Mutant("forks show the writes of their parent", Sharing, "entry_copied", constant(None)),
     Mutant("edges need no ends", Graph, "_has_ends", constant(True)),
     Mutant("overlays do not hear of what comes below", Overlay, "below_came", constant(None)),
-    Mutant("overlays do not hear of what goes below", Overlay, "below_went", constant(None)),
-    Mutant("what an overlay removes is shown", Overlay, "hidden", constant(None)),
     # ---- meshes
     Mutant("nobody gives meshes", MeshExchange, "_answer", constant(None)),
     Mutant("what comes for a mesh is not looked at", Transfer, "_verify", _any_mesh),

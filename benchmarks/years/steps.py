@@ -18,12 +18,12 @@ LONGEST_KILL = 60
 
 _WORK = {
     "add": 12, "update": 14, "take away": 2, "edge": 10, "stream": 12, "remove": 6, "remove edge": 3, "batch": 3,
-    "make": 2, "open": 4, "delete": 1, "add there": 5, "update there": 4, "remove there": 2,
+    "make": 8, "open": 8, "delete": 3, "add there": 7, "update there": 5, "remove there": 3,
     "mesh": 3, "ask for mesh": 3,
 }  # fmt: skip
 _FAULTS = {
     "lossy": 6, "partition": 3, "cut": 6, "mend": 2, "suspend": 4, "resume": 3, "kill": 6, "kill as it starts": 2,
-    "power": 2, "blackout": 1, "start": 6, "full": 1, "room": 2, "errors": 1, "clock": 3, "right clock": 2, "offend": 3,
+    "power": 2, "blackout": 1, "start": 6, "full": 1, "room": 2, "errors": 1, "clock": 3, "right clock": 2, "offend": 5,
 }  # fmt: skip
 _PASSING = {"pass": 60}
 _ALL = {**_WORK, **_FAULTS, **_PASSING}

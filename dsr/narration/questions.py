@@ -86,7 +86,9 @@ def parse_question(text: str) -> Query | Misunderstanding:
     try:
         query: Query = _Reader().transform(_parser().parse(plain))
     except UnexpectedInput as error:
-        return _misunderstood(plain, error)
+        found = _misunderstood(plain, error)
+        said = times[0] if times else ""
+        return found._replace(part=found.part.replace(MARK, said), why=found.why.replace(MARK, said))
     except VisitError as error:
         return Misunderstanding(text, f"That makes no question: {error.orig_exc}.", similar_questions(plain))
     return msgspec.structs.replace(query, when=times[0]) if times else query

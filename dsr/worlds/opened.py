@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from dsr.clock import Clock
+from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import reply_to
 from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Node
@@ -61,6 +63,11 @@ class OpenWorld:
     """The handle of a world other than the base; None for the base."""
     _frames: FrameTree
     _watches: Watches
+
+    @property
+    def closed(self) -> bool:
+        """See `WorldAccess.closed`."""
+        raise NotImplementedError
 
     def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
         """See `Memory.add_node`."""
@@ -353,9 +360,34 @@ class Worlds(Generic[World]):
             _log.warning("world %r is dropped: %r, which it shows, was deleted", name, record.info.parent)
             memory.drop()
             return
+        if record.info.follows and world_handle.source is not None and world_handle.source.closed:
+            self._show_anew(name, memory)
+            return
         moved, world_handle.record = record.channel != world_handle.record.channel, record
         if moved:
             memory.move(world_handle.keys(memory.graph_name))
+
+    def _show_anew(self, name: str, memory: World) -> None:
+        """The world that an overlay shows was dropped here for another one: the overlay goes on over that one.
+
+        It keeps what was written into it. Nobody is waited for.
+        """
+        with self.lock:
+            content, joined = reply_to(memory.replica.graph.store, CausalContext()), memory.replica.synchroniser.joined
+        _log.warning("world %r is opened anew, for what it shows is another world now", name)
+        memory.drop()
+        opened = self._joined_by(name, (content,))
+        if joined:
+            opened.replica.synchroniser.nobody_there()
+
+    def _joined_by(self, name: str, content: tuple[Delta, ...] = ()) -> World:
+        """Take part in a world, and in what it shows, and let all that comes later come."""
+        record = self._record(name)
+        below = record.info.looks_through_to
+        source = self.base if below == BASE else None
+        if below is not None and source is None:
+            source = self._open[below] if below in self._open else self._joined_by(below)
+        return self._take_world_handle(record, source, content=content)
 
     def forget(self, memory: World) -> None:
         """Called by a memory that closes."""

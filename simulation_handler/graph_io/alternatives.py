@@ -6,9 +6,10 @@ import contextlib
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, are_at_one_place, encoded
+from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, are_at_one_place, encoded, whereabouts_of
 from dsr.believing.worlds import BeliefWorlds
 from dsr.errors import GraphError
+from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import position_deviation
 from dsr.memory import Memory
 from dsr.vocabulary.relations import THINGS
@@ -29,28 +30,37 @@ class AlternativesWriter:
         """`most` is how many of those worlds there may be at a time."""
         self._memory = memory
         self._worlds = BeliefWorlds(memory, most)
-        self._told: dict[str, Whereabouts] = {}
+        self._told: dict[str, Whereabouts] | None = None
 
     def update(self, islands: Collection[Island]) -> None:
-        """Write what has changed."""
+        """Write what has changed. What an earlier run told of things that were not seen since stays."""
+        changed = self._told is None
+        if self._told is None:
+            self._told = dict(self._told_before())
+        judged = {name for island in islands for name in island.names}
         found = {where.name: where for island in islands for where in distributions(island)}
-        changed = False
-        for name in self._told.keys() - found.keys():
+        for name in (self._told.keys() & judged) - found.keys():
             changed = True
             del self._told[name]
-        for node in self._memory.nodes(THINGS):
-            if node.name not in found and node.get(ATTRIBUTE):
-                changed = True
-                with contextlib.suppress(GraphError):
-                    self._memory.update_node(node.name, **{ATTRIBUTE: ""})
+            with contextlib.suppress(GraphError):
+                self._memory.update_node(name, **{ATTRIBUTE: ""})
         for name, where in found.items():
-            if not _is_same(self._told.get(name), where):
+            node = self._memory.get_node(name)
+            if node is not None and not (node.get(ATTRIBUTE) and _is_same(self._told.get(name), where)):
                 changed = True
                 with contextlib.suppress(GraphError):
                     self._memory.update_node(name, **{ATTRIBUTE: encoded(where)})
                     self._told[name] = where
         if changed:
             self._worlds.update()
+
+    def _told_before(self) -> Iterator[tuple[str, Whereabouts]]:
+        """What an earlier run wrote."""
+        for node in self._memory.nodes(THINGS):
+            if node.get(ATTRIBUTE):
+                where = whereabouts_of(node, self._memory.get_edge(WORLD, node.name, "Virtual_RT"))
+                if where is not None:
+                    yield node.name, where
 
     def close(self) -> None:
         """Delete the worlds."""

@@ -8,7 +8,7 @@ from simulation_handler.worlds.alternatives import GONE, INSIDE_OF
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 
-class Following:
+class WeightFollowing:
     """Changes the simulated world where its alternatives clearly are more probable."""
 
     def __init__(self, bodies: Bodies, relations: ContactRelations, worlds: WeightedWorlds) -> None:

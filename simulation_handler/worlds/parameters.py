@@ -18,7 +18,7 @@ Amount = Annotated[float, msgspec.Meta(ge=0)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
-class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PlaceNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How far an object may be from where a world has it, in one circumstance."""
 
     scale: Amount
@@ -102,7 +102,7 @@ class Within(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of them."""
 
-    noise: dict[str, Noise]
+    noise: dict[str, PlaceNoise]
     """By circumstance (`simulation_handler.worlds.circumstances`)."""
     holding: dict[str, Share]
     """1, probability by circumstance that the human hand which seems to hold or touch an object does hold it"""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.worlds.parameters import Noise
+from simulation_handler.worlds.parameters import PlaceNoise
 
 Array = NDArray[np.float64]
 _EYE = np.eye(3)
@@ -14,7 +14,7 @@ _UP = np.diag((0.0, 0.0, 1.0))
 _SIDEWAYS = _EYE - _UP
 
 
-def position_covariance(noise: Noise, own: Array, age: Array, moved: Array, velocity: Array) -> Array:
+def position_covariance(noise: PlaceNoise, own: Array, age: Array, moved: Array, velocity: Array) -> Array:
     """Covariances (..., 3, 3) of positions in the world frame, m^2.
 
     Args:
@@ -31,13 +31,13 @@ def position_covariance(noise: Noise, own: Array, age: Array, moved: Array, velo
     return np.asarray(noise.scale**2 * own + sideways + upwards + along)
 
 
-def rotation_covariance(noise: Noise, own: Array, moved: Array) -> Array:
+def rotation_covariance(noise: PlaceNoise, own: Array, moved: Array) -> Array:
     """Covariances (..., 3, 3) of rotations in the world frame, rad^2; arguments as of `position_covariance`."""
     more = noise.turn**2 + (noise.turning * moved) ** 2
     return np.asarray(noise.scale**2 * own + more[..., None, None] * _EYE)
 
 
-def with_spread(pose: Pose, noise: Noise, age: float, moved: float, velocity: Array) -> Pose:
+def with_spread(pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array) -> Pose:
     """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
     own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
     place = position_covariance(noise, own[0], np.array(age), np.array(moved), velocity)

@@ -63,7 +63,7 @@ def test_a_difference_needs_a_removal_whose_dot_is_missing() -> None:
 def test_a_wrong_design_makes_differences_without_a_reason() -> None:
     mutant = next(each for each in MUTANTS if each.title.startswith("additions of deltas are left out"))
     with mock.patch.object(mutant.target, mutant.name, mutant.wrong(getattr(mutant.target, mutant.name))):
-        assert "have seen the same, and only one holds" in run(Setting(6, days=1, steps=150)).problem
+        assert "have seen the same, and only one holds" in run(Setting(10, days=1, steps=150)).problem
 
 
 def test_meshes_come_in_pieces_and_wrong_ones_are_not_taken() -> None:

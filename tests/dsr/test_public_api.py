@@ -46,6 +46,8 @@ MODULES = {
         "FORBIDDEN", "INVERSE", "Interval", "OBJECTS", "RELATIONS", "Retention", "SITUATION", "TIMELINE", "Timeline",
         "WRITTEN_ATTRIBUTES", "WRITTEN_EDGES", "WRITTEN_NODES", "explanations", "holds", "is_keyed", "kept_by",
         "query", "read_entry", "relation", "relations", "tell", "ACTION", "AGENT", "INTENTION", "PRESENT", "SURPRISING",
+        "Consolidator", "PeriodSummary", "Remembered", "StoredSummary", "SUMMARY", "SUMMARY_ATTRIBUTES",
+        "SUMMARY_NODES", "SURPRISES", "read_summary", "recall", "stored_summaries",
     },
     "dsr.visibility": {
         "BAND", "Body", "CAMERA", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",

@@ -90,8 +90,13 @@ def test_it_goes_with_the_worlds_when_all_is_certain_again(memory: Memory) -> No
 
 def test_what_an_earlier_run_told_is_taken_back_and_a_thing_that_is_removed_does_no_harm(memory: Memory) -> None:
     AlternativesWriter(memory, 3).update([island(0.6, 0.4)])
+    told = memory.node("ball")[ATTRIBUTE]
     later = AlternativesWriter(memory, 3)
     later.update([])
+    assert memory.node("ball")[ATTRIBUTE] == told and [info.name for info in memory.worlds()] == ["base", "belief_1"]
+    later.update([island(0.6, 0.4)])
+    assert memory.node("ball")[ATTRIBUTE] == told, "it has not changed since"
+    later.update([island(1.0)])
     assert memory.node("ball")[ATTRIBUTE] == "" and [info.name for info in memory.worlds()] == ["base"]
     memory.remove_node("ball")
     later.update([island(0.6, 0.4)])

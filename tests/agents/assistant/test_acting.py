@@ -71,5 +71,6 @@ def test_calls_may_come_in_bursts_and_then_at_a_rate() -> None:
 
 
 def test_answers_keep_the_rows_that_fit() -> None:
-    assert trimmed(["a"] * 3, 9) == (["a"] * 3, 0)
-    assert trimmed(["a"] * 4, 9) == (["a"] * 3, 1)
+    assert trimmed(["a"] * 3, 15) == (["a"] * 3, 0)
+    assert trimmed(["a"] * 4, 15) == (["a"] * 3, 1)
+    assert trimmed(["é"] * 2, 15) == (["é"], 1)  # six characters each, as ASCII

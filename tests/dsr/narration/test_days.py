@@ -142,3 +142,11 @@ def test_what_happened_yesterday_and_since(house: House) -> None:
 def test_what_cannot_be_told(house: House, question: str, words: str) -> None:
     response = house.ask(question)
     assert words in response.text and not response.names
+
+
+def test_of_many_things_the_newest_are_told_and_the_rest_is_counted(house: House) -> None:
+    response = house.ask("what happened since 25 November?")
+    assert len(response.evidence) > 20 and "more things happened, with cup" in response.text
+    newest = response.evidence[-1].text
+    assert newest in response.text and "the robot concluded" in response.text
+    assert sum(one.text in response.text for one in response.evidence) < 20

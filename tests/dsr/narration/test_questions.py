@@ -90,6 +90,7 @@ def test_every_example_is_understood(example: str) -> None:
         ("where was the ball yesterday when it fell on Tuesday", "on tuesday"),
         ("where is", ""),
         ("where is the ball # now", "# now"),
+        ("where is the ball # today", "# today"),
         ("who picked the ball on the table", "on the table"),
         ("why", ""),
         ("", ""),

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.simulation_handler.unseen.stage import Stage, sliding
+from tests.benchmarks.unseen.stage import Stage, sliding
 
 
 def test_what_comes_out_as_physics_says_is_no_surprise() -> None:

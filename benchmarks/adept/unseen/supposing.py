@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.adept.unseen.ghosts import Ghosts, Mechanics
+from benchmarks.adept.unseen.motions import Body, Components, Fixed, Motions
+from benchmarks.adept.unseen.rates import EventRates
+from benchmarks.adept.unseen.sight import CameraSight
+from benchmarks.adept.unseen.strangers import LookedAt, Trail, stranger
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Part
-from simulation_handler.physics.ghosts import Ghosts, Mechanics
-from simulation_handler.unseen.motions import Body, Components, Fixed, Motions
-from simulation_handler.unseen.rates import EventRates
-from simulation_handler.unseen.sight import CameraSight
-from simulation_handler.unseen.strangers import LookedAt, Trail, stranger
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.adept.unseen.ghosts import States
+from benchmarks.adept.unseen.motions import HORIZONTAL, TOUCH, Components
+from benchmarks.adept.unseen.rates import EventRates
+from benchmarks.adept.unseen.sight import CameraSight, matrices
 from dsr.math3d.quaternions import Quaternion, Vector3
-from simulation_handler.physics.ghosts import States
-from simulation_handler.unseen.motions import HORIZONTAL, TOUCH, Components
-from simulation_handler.unseen.rates import EventRates
-from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 

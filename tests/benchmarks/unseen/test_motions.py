@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.adept.cases import CAMERA, LENS
+from benchmarks.adept.unseen.ghosts import Ghosts, Mechanics, States
+from benchmarks.adept.unseen.motions import Components, Motions
+from benchmarks.adept.unseen.rates import EventRates
+from benchmarks.adept.unseen.sight import CameraSight
 from dsr.math3d.shapes import Part
-from simulation_handler.physics.ghosts import Ghosts, Mechanics, States
-from simulation_handler.unseen.motions import Components, Motions
-from simulation_handler.unseen.rates import EventRates
-from simulation_handler.unseen.sight import CameraSight
-from tests.simulation_handler.unseen.stage import SCREEN, SIZE, SLIDING
+from tests.benchmarks.unseen.stage import SCREEN, SIZE, SLIDING
 
 OPEN, CLOSED = CameraSight(CAMERA, LENS), CameraSight(CAMERA, LENS, (SCREEN,), ("screen",))
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

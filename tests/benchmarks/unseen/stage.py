@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.adept.cases import CAMERA, LENS
+from benchmarks.adept.unseen.ghosts import Mechanics
+from benchmarks.adept.unseen.rates import EventRates
+from benchmarks.adept.unseen.sight import CameraSight
+from benchmarks.adept.unseen.supposing import RecognisedThing, Supposing
 from dsr.math3d.shapes import Part
-from simulation_handler.physics.ghosts import Mechanics
-from simulation_handler.unseen.rates import EventRates
-from simulation_handler.unseen.sight import CameraSight
-from simulation_handler.unseen.supposing import RecognisedThing, Supposing
 
 RATE = 25.0
 SIZE = (0.6, 0.6, 0.6)

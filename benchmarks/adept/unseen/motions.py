@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.adept.unseen.ghosts import Ghosts, States
+from benchmarks.adept.unseen.rates import EventRates
+from benchmarks.adept.unseen.sight import CameraSight, matrices
 from dsr.math3d.quaternions import Quaternion, Vector3
-from simulation_handler.physics.ghosts import Ghosts, States
-from simulation_handler.unseen.rates import EventRates
-from simulation_handler.unseen.sight import CameraSight, matrices
 
 Array = NDArray[np.float64]
 Indexes = NDArray[np.int64]
