@@ -31,7 +31,10 @@ ONE_PLACE = {
     "pyrealsense2": ("agents/cameras/realsense.py",),
     "dynamixel_sdk": ("agents/dynamixel/servos.py",),
     "ruckig": ("agents/joint_ramp.py",),
-    "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
+    "pybullet": (
+        *("simulation_handler/", "agents/plant/"),
+        *("benchmarks/peers/tiny_renderer.py", "benchmarks/adept/unseen/ghosts.py"),
+    ),
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
