@@ -197,14 +197,18 @@ def test_rendered_hands_are_written_without_a_model_which_is_no_fault(
             assert np.linalg.norm(tips_of(near) - bench.place(node), axis=1).min() < 0.012
 
 
-def test_only_the_tracker_writes_hands() -> None:
+def test_only_the_tracker_writes_fingers_and_surprise_may_write_hands() -> None:
     from agents.hand_tracker import HandTracker
     from dsr.agent import Access
     from dsr.errors import ConfigError
     from dsr.graph.access import check_writers
+    from surprise.agent import SurpriseDetector
 
+    check_writers({"hand_tracker": HandTracker.writes, "surprise": SurpriseDetector.writes})
+    assert "hand" in SurpriseDetector.writes.nodes
+    assert not SurpriseDetector.writes.includes("finger")
     with pytest.raises(ConfigError, match="hand_tracker"):
-        check_writers({"hand_tracker": HandTracker.writes, "other": Access(nodes=("hand",))})
+        check_writers({"hand_tracker": HandTracker.writes, "other": Access(nodes=("finger",))})
     with pytest.raises(AgentError):
         Access(nodes=("hand",), exclusive=("finger",))
 
