@@ -35,7 +35,7 @@ _DAYS = {"day": 1, "days": 1, "week": 7, "weeks": 7}
 _PARTS = {"morning": (5, 12), "afternoon": (12, 18), "evening": (18, 24), "night": (18, 30)}
 """Hours of the day from which to which a part of it lasts: the night until six of the next day."""
 _WORD = re.compile(r"\d{4}-\d{2}-\d{2}|\d{1,2}:\d{2}|\d+(?:\.\d+)?|[^\s,?!\"\d][^\s,?!\"]*")
-MARK = "\N{SECTION SIGN}"
+MARK = "\x02"
 """Stands in a question where a time was; no name has it."""
 
 
@@ -100,7 +100,7 @@ def zone_of(name: str | None) -> tzinfo | None:
 
 
 def without_times(text: str) -> tuple[str, tuple[str, ...]]:
-    """A text in lower case with the mark `§` where it names times, and the words of these times in their order."""
+    """A text in lower case with `MARK` where it names times, and the words of these times in their order."""
     found, kept, end = [], [], 0
     words = _words(text)
     index = 0

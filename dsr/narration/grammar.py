@@ -104,7 +104,7 @@ thing: DET? (WORD | LARGE | HEAVY | COLOUR | CHANGE | GO)+
 
 NUMBER: /\d+(\.\d+)?/
 WORD: /[^\W\d][\w.\-]*/
-SPAN: "§"
+SPAN: "\x02"
 %ignore /[\s?!.,"]+/
 """
 TIMED = frozenset({

@@ -72,7 +72,10 @@ def test_joints_may_come_in_another_order_and_with_others_among_them(bench: Benc
     bench.memory.update_node("arm", target_joints=np.array(HOME) + 0.1)
     bench.run(0.1)
     assert bench.memory.node("arm")["joint_positions"] == pytest.approx(HOME)
-    assert arm.told[-1][1] == pytest.approx((0.7, *reversed(np.array(HOME) + 0.1)))
+    told, _, positions = arm.told[-1]
+    assert told == "follow"
+    assert positions[0] == pytest.approx((0.7, *reversed(HOME)))
+    assert positions[-1] == pytest.approx((0.7, *reversed(np.array(HOME) + 0.1)))
 
 
 @pytest.mark.parametrize("fault", ["joint_8", "nan", "short"])
