@@ -76,7 +76,7 @@ class Island:
 
     def __post_init__(self) -> None:
         weights = [world.weight for world in self.worlds]
-        if not weights or abs(sum(weights) - 1.0) > _ROUNDING:
+        if not weights or abs(sum(weights) - 1.0) > _SUM_ROUNDING:
             raise ValueError(f"weights {weights} of island {self.names}: expected some that sum to 1")
         if sorted(weights, reverse=True) != weights:
             raise ValueError(f"weights {weights} of island {self.names}: expected the greatest first")
@@ -91,7 +91,7 @@ class Island:
         return sum(world.weight for world in self.worlds if holds(world, kind, relation))
 
 
-_ROUNDING = 1e-6  # 1, by which a sum of weights may miss 1
+_SUM_ROUNDING = 1e-6  # 1, by which a sum of weights may miss 1
 
 
 def holds(world: WeightedWorld, kind: str, relation: Relation) -> bool:
