@@ -86,9 +86,7 @@ def parse_question(text: str) -> Query | Misunderstanding:
     try:
         query: Query = _Reader().transform(_parser().parse(plain))
     except UnexpectedInput as error:
-        found = _misunderstood(plain, error)
-        said = times[0] if times else ""
-        return found._replace(part=found.part.replace(MARK, said), why=found.why.replace(MARK, said))
+        return _misunderstood(plain, error, times[0] if times else "")
     except VisitError as error:
         return Misunderstanding(text, f"That makes no question: {error.orig_exc}.", similar_questions(plain))
     return msgspec.structs.replace(query, when=times[0]) if times else query
@@ -146,17 +144,23 @@ def _parser() -> Lark:
     return Lark("\n".join([GRAMMAR, *words]), parser="earley", lexer="basic", maybe_placeholders=False)
 
 
-def _misunderstood(text: str, error: UnexpectedInput) -> Misunderstanding:
+def _misunderstood(text: str, error: UnexpectedInput, time: str) -> Misunderstanding:
+    """What is wrong with a question in which the mark stands for the words of a time."""
+
+    def with_time(part: str) -> str:
+        return part.replace(MARK, time)
+
     similar = similar_questions(text)
     if isinstance(error, UnexpectedToken) and isinstance(error.token, Token) and error.token.type != "$END":
-        begin = error.token.start_pos or 0
-        return Misunderstanding(text[begin:], f"{text[begin:]!r} is not understood there.", similar)
-    if isinstance(error, UnexpectedCharacters):
-        part = text[error.pos_in_stream :]
+        part = with_time(text[error.token.start_pos or 0 :])
         return Misunderstanding(part, f"{part!r} is not understood there.", similar)
+    if isinstance(error, UnexpectedCharacters):
+        part = with_time(text[error.pos_in_stream :])
+        return Misunderstanding(part, f"{part!r} is not understood there.", similar)
+    whole = with_time(text)
     if isinstance(error, UnexpectedEOF | UnexpectedToken):
-        return Misunderstanding("", f"The question ends too early, after {text!r}.", similar)
-    return Misunderstanding(text, f"{text!r} is not understood.", similar)
+        return Misunderstanding("", f"The question ends too early, after {whole!r}.", similar)
+    return Misunderstanding(whole, f"{whole!r} is not understood.", similar)
 
 
 class _Thing(NamedTuple):

@@ -360,6 +360,10 @@ class Worlds(Generic[World]):
             _log.warning("world %r is dropped: %r, which it shows, was deleted", name, record.info.parent)
             memory.drop()
             return
+        if circle := circle_of(self.base.replica.graph, record):
+            _log.warning("world %r is dropped: %s show one another", name, ", ".join(circle))
+            memory.drop()
+            return
         if record.info.follows and world_handle.source is not None and world_handle.source.closed:
             self._show_anew(name, memory)
             return
