@@ -62,7 +62,11 @@ def test_a_tie_counts_a_half() -> None:
     assert adept.accuracy(3.0, [2.0, 3.0, 4.0]) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("content", [b"", b"no gzip", gzip.compress(b"{}"), gzip.compress(b"[1")])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"no gzip", gzip.compress(b"{}"), gzip.compress(b"[1")],
+    ids=["empty", "no gzip", "no case", "no JSON"],  # a compressed file holds its time: no name for a test
+)
 def test_files_that_are_no_case_are_told(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "case.json.gz").write_bytes(content)
     with pytest.raises(DataError, match=r"case\.json\.gz"):
