@@ -1,4 +1,4 @@
-"""Eighty questions over ten scenarios, each with when it is asked and how the judge's truth tells a right answer."""
+"""A hundred questions over twenty scenarios, each with when it is asked and how the judge's truth tells a right answer."""
 
 from __future__ import annotations
 
@@ -248,3 +248,26 @@ NAIVE = (
     Asked("d_carried_inside", 27.0, "Did the ball fall, or did somebody put it there?", first(verdict(True))),
 )
 """Worded by somebody who did not know the grammar. Names are those of the scenarios; the checks came later."""
+FRESH = (
+    Asked("shell_game", 15.0, "Under which box is the ball hidden?", named("small")),
+    Asked("shell_game", 48.0, "So where did the ball end up?", rests("ball")),
+    Asked("nested_carried", 20.0, "What's inside the green box?", contents("in", "green")),
+    Asked("nested_carried", 31.0, "Is the cube still inside the crate?", related("in", "cube", "crate")),
+    Asked("nested_carried", 31.0, "What was the last thing somebody picked up?", named("green")),
+    Asked("pour_twice", 47.0, "In which box did the ball end up?", named("red")),
+    Asked("pour_twice", 47.0, "Has the ball ever been in the blue box?", verdict(True)),
+    Asked("joint_action", 4.0, "What is human_2 looking at?", named("green_box")),
+    Asked("joint_action", 18.0, "Does human_1 know that the cube was moved?", verdict(False)),
+    Asked("joint_action", 18.0, "Can either of the two people see the cube?", verdict(False)),
+    Asked("tower_toppled", 20.0, "How come cube_3 isn't on cube_4 any more?", says("cube_3", "fell")),
+    Asked("brought_in", 19.0, "Who brought the cup?", done_by("Place", "cup")),
+    Asked("brought_in", 19.0, "How long has the cup been standing there?", done_at("Place", "cup")),
+    Asked("pushed_while_hidden", 12.5, "Is the cup still where it used to be?", verdict(False)),
+    Asked("pushed_while_hidden", 21.0, "What pushed the cup?", named("box")),
+    Asked("dropped_behind_box", 18.0, "Is there something behind the large box?", verdict(True)),
+    Asked("dropped_behind_box", 16.0, "Is the hand empty now?", verdict(True)),
+    Asked("laid_in_box", 15.0, "What did the hand do with the ball?", says("picked ball up", "put ball down")),
+    Asked("camera_bumped", 15.0, "Has the camera moved?", verdict(True)),
+    Asked("camera_bumped", 15.0, "Have any of the cubes moved?", verdict(False)),
+)
+"""Over ten other scenarios, worded as people talk, by somebody who knew the grammar. All were written before any was asked."""
