@@ -207,15 +207,6 @@ def test_a_trajectory_goes_to_the_controller(arm: Arm) -> None:
     arm.follow.end(0, 4)
 
 
-def test_a_motion_to_one_place_takes_as_long_as_its_fastest_joint(arm: Arm) -> None:
-    arm.tell(NAMES, (0.0, 0.0))
-    arm.driver.state()
-    arm.driver.move_joints((1.0, -3.0), speed=0.5)
-    arm.follow.wait(1)
-    (point,) = arm.follow.goals[0].trajectory.points
-    assert to_seconds(point.time_from_start) == pytest.approx(3.0) and point.positions.tolist() == [1.0, -3.0]
-
-
 def test_stop_cancels_everything_and_holds_where_the_arm_is(arm: Arm) -> None:
     arm.tell(NAMES, (0.4, 0.5))
     arm.driver.state()
