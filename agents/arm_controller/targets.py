@@ -1,7 +1,7 @@
 """Moves the arm to the target that its node names, and says in the node how that goes.
 
-The arm goes straight through joint space, past things, in the same way as in actions otherwise: within the limits of
-velocity, acceleration and jerk, more slowly near people, out of zones, and out of the ways of other arms.
+The arm goes straight through joint space, and not at all if something is in that way. It moves as in actions: within
+the limits of velocity, acceleration and jerk, more slowly near people, and out of the ways of other arms.
 
 The target is what is wanted, not an event: it is followed again after the driver or this process was away.
 Writing `target_joints` or `target_pose` (or the same value again) is a new target and takes the other one
@@ -217,6 +217,9 @@ class MotionControl:
             self._halt(UNREACHABLE, f"{self._active}: {error}")
         except DsrError as error:
             self._halt(STOPPED, str(error))
+        except Exception as error:
+            self._halt(STOPPED, f"unexpected {type(error).__name__}: {error}")
+            raise
         else:
             if (whom := self._arm.execution.waits_for) != self._waits_for:
                 self._waits_for = whom
