@@ -11,6 +11,7 @@ away; removing the target, or `target_speed` 0, stops the arm. While an action r
 from __future__ import annotations
 
 import logging
+import math
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from agents.arm_controller.report import (
 from agents.arm_controller.skills.by_hand import go_straight
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.skills.steps import Steps
+from agents.arm_controller.skills.ways import FARTHEST
 from dsr import Memory, Node
 from dsr.errors import DsrError, TransformError
 
@@ -187,6 +189,8 @@ class MotionControl:
         if self._active == "target_joints":
             return self._checked(node["target_joints"])
         base_from_tool = self._memory.transform(self._config.arm, "world") @ node["target_pose"]
+        if (away := math.hypot(*base_from_tool.t)) > FARTHEST:
+            raise TargetError(f"{away:.3g} m away")
         posture = self._config.posture or None
         return self._chain.inverse(base_from_tool, joints.positions, rng=self._rng, posture=posture).positions
 

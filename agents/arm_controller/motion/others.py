@@ -175,11 +175,14 @@ class OtherArms:
         end = seen + COAST if now - seen > SILENT else math.inf
         steps = zip(times, (*times[1:], math.inf), rows, strict=False)
         left = [row for begin, until, row in steps if until >= seen and begin <= end]
-        return [
-            Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
-            for row in left
-            for x, y, z, a, b, c, d, u, v, w in row.tolist()
-        ]
+        try:
+            return [
+                Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
+                for row in left
+                for x, y, z, a, b, c, d, u, v, w in row.tolist()
+            ]
+        except ValueError:  # numbers that are no rotation
+            return []
 
     def _sampled(self, arm: str) -> float:
         """s, when the newest sample of an arm was taken; long ago without any."""

@@ -104,19 +104,19 @@ class RosArm(RosDevice):
     # ---- state
 
     def state(self) -> ArmState | None:
-        """The newest sample, or None before the first of all joints."""
-        newest = None
+        """The newest sample, or None before the first of all joints. Its stamp is that of its oldest joint."""
+        news = False
         for message in self._inbox.take():
             try:
                 sample = self._read(message.cdr)
                 stamp = self.stamp(sample.stamp, message.at)
                 if stamp is not None:
                     self._table.add(sample, stamp)
-                    newest = stamp
+                    news = True
             except RosMessageError as error:
                 self.tally.tell("malformed", self._inbox.topic.name, f"a JointState was dropped: {error}")
-        if newest is not None and all(name in self._table for name in self._names):
-            self._state = self._sample(newest)
+        if news and all(name in self._table for name in self._names):
+            self._state = self._sample(self._table.oldest(self._names))
         return self._state
 
     def _read(self, cdr: bytes | memoryview) -> JointSample:
