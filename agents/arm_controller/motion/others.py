@@ -168,16 +168,21 @@ class OtherArms:
     def _ahead(self, node: Node, now: float) -> list[Obstacle]:
         """The boxes of an arm on what is left of its way; one that tells nothing more may be anywhere on it."""
         times, numbers = node.get("way_times", ()), node.get("way", ())
-        rows = np.array(numbers).reshape(len(times), -1, _NUMBERS) if times and len(numbers) else np.zeros((0, 0, 0))
+        if not times or len(numbers) % (len(times) * _NUMBERS):
+            return []  # none, or none that anybody can read
+        rows = np.array(numbers).reshape(len(times), -1, _NUMBERS)
         seen = self._sampled(node.name)
         end = seen + COAST if now - seen > SILENT else math.inf
         steps = zip(times, (*times[1:], math.inf), rows, strict=False)
         left = [row for begin, until, row in steps if until >= seen and begin <= end]
-        return [
-            Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
-            for row in left
-            for x, y, z, a, b, c, d, u, v, w in row.tolist()
-        ]
+        try:
+            return [
+                Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
+                for row in left
+                for x, y, z, a, b, c, d, u, v, w in row.tolist()
+            ]
+        except ValueError:  # numbers that are no rotation
+            return []
 
     def _sampled(self, arm: str) -> float:
         """s, when the newest sample of an arm was taken; long ago without any."""

@@ -55,6 +55,7 @@ def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]]) -> Steps[
         except OvertakenError:
             if not left:
                 raise
+            yield from arm.settle()
 
 
 def _first(arm: Manipulator, goals: Sequence[Array]) -> Steps[tuple[Attempt, Trajectory]]:

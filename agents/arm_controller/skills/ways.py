@@ -54,6 +54,8 @@ class Ways:
         self._config, self._rng = config, rng
         self._speed = config.default_speed
         self._router: Router
+        self.things: list[Obstacle] = []
+        """What the last way was planned around."""
 
     def begin(self, speed: float) -> None:
         """Get ready at `speed` (0 to 1 of the joints' limits). Raises `TransformError` if the arm's place is lost."""
@@ -135,7 +137,7 @@ class Ways:
 
     def simple(self, attempt: Attempt) -> Trajectory:
         """Straight there, or up, across and down. Raises `BlockedError`."""
-        load, things = self._around.load(attempt.opening), self._around.things(self._now)
+        load, things = self._around.load(attempt.opening), self._look()
         tool = self.tool(self._here)
         lowest = (tool.t[2] - float(tool.apply(box.corners)[:, 2].min()) for box in load.held)
         below = max([self._around.figure.reach, *lowest])
@@ -147,29 +149,27 @@ class Ways:
     def retreat(self, direction: Vector3, length: float) -> Trajectory:
         """The tool straight along a unit vector (world) by `length` m. Raises `BlockedError`."""
         load = self._around.load(self._execution.joints.opening)
-        obstacles = self._around.obstacles(self._around.things(self._now))
+        obstacles = self._around.obstacles(self._look())
         return self._router.retreat(self._here, length, direction, load, obstacles, self.limits)
 
     def through(self, way: Array) -> Trajectory:
         """From here through joint positions (m, n) rad, straight in between. Raises `BlockedError`."""
-        return self._through(way, self._around.things(self._now))
-
-    def straight(self, goal: Array) -> Trajectory:
-        """Straight to joint positions `goal` (n,) rad; things are no obstacles. Raises `BlockedError`."""
-        return self._through(goal[None], self._around.forbidden(self._now))
-
-    def _through(self, way: Array, things: Sequence[Obstacle]) -> Trajectory:
         rows = resampled(np.vstack([self._here, way]))
         load = self._around.load(self._execution.joints.opening)
-        by = self._around.obstacles(things).blocking(rows, load, len(rows))
+        by = self._around.obstacles(self._look()).blocking(rows, load, len(rows))
         if by is not None:
             raise BlockedError(by)
         return self._router.through(rows, self.limits)
 
+    def _look(self) -> list[Obstacle]:
+        """What must not be touched, now."""
+        self.things = self._around.things(self._now)
+        return self.things
+
     def _search(self, attempt: Attempt) -> Finding:
         """A way around everything."""
         load = self._around.load(attempt.opening)
-        obstacles = self._around.obstacles(self._around.things(self._now), attempt.target)
+        obstacles = self._around.obstacles(self._look(), attempt.target)
         return self._router.search(self._here, attempt.goal, load, obstacles, self.limits, self._rng)
 
     def _searched(self, arm_from_tool: Pose) -> Array:
