@@ -200,7 +200,6 @@ class EvidenceReader:
         flat = None if covariance is None else tuple(covariance.ravel().tolist())
         return Pose.unchecked(position, pose.q, now, flat)
 
-
     def _seen(self, item: BelievedObject) -> Pose:
         """world_from_object by the mean of the percepts that agree, with its covariance."""
         solid = item.percept()
