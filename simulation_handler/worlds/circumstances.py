@@ -11,6 +11,7 @@ RESTS: Final = "rests in view"
 TOUCHED: Final = "touched in view"
 HELD: Final = "held in view"
 MOVES: Final = "moves in view"
+DOUBTED: Final = "seen by doubted cameras"
 GRIPPED: Final = "in a gripper"
 RESTS_UNSEEN: Final = "rests unseen"
 VANISHED: Final = "vanished on its way"
@@ -20,7 +21,7 @@ HELD_OUT_OF_SIGHT: Final = "held out of sight"
 INSIDE: Final = "moved inside something"
 
 CIRCUMSTANCES: Final = (
-    *(RESTS, TOUCHED, HELD, MOVES, GRIPPED, RESTS_UNSEEN, VANISHED, MOVED_UNSEEN),
+    *(RESTS, TOUCHED, HELD, MOVES, DOUBTED, GRIPPED, RESTS_UNSEEN, VANISHED, MOVED_UNSEEN),
     *(HELD_UNSEEN, HELD_OUT_OF_SIGHT, INSIDE),
 )
 """All of them"""
@@ -38,6 +39,8 @@ def in_view(thing: ObjectEvidence) -> str:
         return GRIPPED
     if thing.hand:
         return HELD
+    if thing.is_doubted:
+        return DOUBTED
     if thing.driven or thing.rides or thing.is_moving or thing.hovers:
         return MOVES
     return TOUCHED if thing.touched_by else RESTS

@@ -43,6 +43,12 @@ class PlaceNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, factor on all standard deviations in the world in which something unknown is wrong"""
     wrong: Share
     """1, probability of that world"""
+    perceived: Share
+    """1, probability of the world in which the object is where percepts have it, if the simulation has it there, too"""
+    trust: Amount
+    """1, power by which the odds of that world grow with 1 + the squared Mahalanobis distance between the two"""
+    percept: Amount
+    """1, factor on the standard deviations of the place that percepts tell in that world"""
 
 
 class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -26,11 +26,20 @@ from simulation_handler.worlds.circumstances import CIRCUMSTANCES, INSIDE, RESTS
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
-from simulation_handler.worlds.parameters import WorldParameters
-from simulation_handler.worlds.spread import scaled, with_spread, with_world_covariances
+from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
+from simulation_handler.worlds.spread import (
+    odds_of_percepts,
+    percept_covariance,
+    scaled,
+    squared_distance,
+    with_spread,
+    with_world_covariances,
+)
 
 WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
+PERCEIVED = "as perceived"
+"""Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
 LOOK_PERIOD = 0.2
 """s between two times at which it is worked out what cameras should see of an unseen object"""
 _CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
@@ -78,6 +87,8 @@ class Followed:
     """s since it was recognised; 0 while it is"""
     moved: float = 0.0
     """m, how far the simulation has moved it since"""
+    seen: Pose | None = None
+    """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
 
 
 class WeightedWorlds:
@@ -153,7 +164,9 @@ class WeightedWorlds:
             return None
         thing, alternatives = evidence.objects[name], watched.alternatives
         if alternatives is None:
-            return None if thing.believed is None else Followed(watched.circumstance, thing.believed, watched.velocity)
+            if thing.believed is None:
+                return None
+            return Followed(watched.circumstance, thing.believed, watched.velocity, seen=thing.seen)
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
@@ -184,7 +197,11 @@ class WeightedWorlds:
         x, y, z = followed.velocity.tolist()
         state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
         wide = replace(state, pose=scaled(placed, noise.wide))
-        parts = [(1.0 - noise.wrong, state, followed.circumstance), (noise.wrong, wide, WRONG)]
+        perceived = _perceived(followed, noise, placed)
+        rest = 1.0 if perceived is None else 1.0 - perceived[0]
+        parts = [(rest * (1.0 - noise.wrong), state, followed.circumstance), (rest * noise.wrong, wide, WRONG)]
+        if perceived is not None:
+            parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
         held = self._parameters.holding.get(followed.circumstance, 0.0)
@@ -228,6 +245,21 @@ class WeightedWorlds:
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+
+
+def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
+    """How probable it is that an object is where percepts have it, and where that is; None if they have it nowhere.
+
+    `placed` is where the simulation has it, with the covariance of the circumstance.
+    """
+    seen = followed.seen
+    if seen is None:
+        return None
+    place, turn = seen.parent_covariances()
+    place = percept_covariance(noise, place, followed.velocity)
+    apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
+    odds = float(odds_of_percepts(noise, apart))
+    return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
 
 
 def _hand_of(thing: ObjectEvidence) -> str:

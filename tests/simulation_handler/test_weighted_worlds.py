@@ -80,6 +80,23 @@ def test_what_is_seen_has_one_world_and_its_doubt() -> None:
     assert sum(world.weight for world in worlds) == pytest.approx(1.0)
 
 
+def test_what_percepts_contradict_may_be_where_they_have_it() -> None:
+    course, seen = Course(), Pose((0.35, 0.0, 0.02)).with_covariance(COVARIANCE)
+    course.run(1.0, lambda box: replace(box, seen=seen))
+    contradicted = course.weight("as perceived")
+    place = next(world.objects["box"].pose for world in course.worlds.worlds("box") if world.reason == "as perceived")
+    assert place is not None and place.t == pytest.approx(seen.t)
+    agreeing = Course()
+    agreeing.run(1.0, lambda box: replace(box, seen=box.believed))
+    assert contradicted > 2.0 * agreeing.weight("as perceived") > 0.0
+
+
+def test_what_only_doubted_cameras_see_is_known_by_its_own_circumstance() -> None:
+    course = Course()
+    course.run(1.0, lambda box: replace(box, is_doubted=True, is_moving=True))
+    assert course.worlds.worlds("box")[0].reason == "seen by doubted cameras"
+
+
 def test_what_is_hidden_stays_believed_and_becomes_less_sure() -> None:
     course = Course(share=0.0)
     course.run(2.0)
