@@ -121,6 +121,7 @@ class ArmController(Agent):
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
         self._fingers = GentleFingers(config.grip_limit, self._driver.move_gripper)
         manipulator = self._make_manipulator()
+        self._right_of_way = manipulator.right_of_way
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
@@ -140,6 +141,7 @@ class ArmController(Agent):
         if joints is not None:
             self._body.write(joints)
             self._holding.tick(joints)
+            self._right_of_way.tick(joints)
             self._hear_again(joints)
         if self._gone:
             self._actions.refuse(self._gone)
