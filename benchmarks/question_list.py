@@ -1,4 +1,4 @@
-"""A hundred questions over twenty scenarios, each with when it is asked and how the judge's truth tells a right answer."""
+"""A hundred questions over twenty scenarios, each with when it is asked and how the truth tells a right answer."""
 
 from __future__ import annotations
 
@@ -106,11 +106,14 @@ def held_by(thing: str) -> Check:
 
 
 def done_at(kind: str, thing: str) -> Check:
-    """The time of the answer is that of the true action."""
+    """The time of the answer is that of the true action, or spans it where the answer says that nobody saw it."""
 
     def check(response: Response, truth: Truth) -> bool:
         true = truth.action(kind, thing)[0] + truth.start
-        return response.time is not None and abs(response.time - true) <= SOON
+        if response.time is None:
+            return False
+        begin = response.time if response.since is None else response.since
+        return begin - SOON <= true <= response.time + SOON
 
     return check
 
@@ -204,7 +207,7 @@ QUESTIONS = (
     Asked("d_carried_inside", 27.0, "is the ball visible?", verdict(False)),
     Asked("e_held_behind_back", 10.0, "where is the cup?", held_by("cup")),
     Asked("e_held_behind_back", 10.0, "who has the cup?", held_by("cup")),
-    Asked("e_held_behind_back", 10.0, "why is the cup hidden?", named("human")),
+    Asked("e_held_behind_back", 10.0, "why is the cup hidden?", says("does not know", "human_hand_0 took it")),
     Asked("e_held_behind_back", 10.0, "is the cup gone?", gone("cup")),
     Asked("e_held_behind_back", 19.0, "where is the cup?", rests("cup")),
     Asked("e_held_behind_back", 19.0, "is anybody behind the box?", verdict(False)),
@@ -270,4 +273,5 @@ FRESH = (
     Asked("camera_bumped", 15.0, "Has the camera moved?", verdict(True)),
     Asked("camera_bumped", 15.0, "Have any of the cubes moved?", verdict(False)),
 )
-"""Over ten other scenarios, worded as people talk, by somebody who knew the grammar. All were written before any was asked."""
+"""Over ten other scenarios, worded as people talk, by somebody who knew the grammar. All were written before any was
+asked."""

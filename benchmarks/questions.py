@@ -1,4 +1,4 @@
-"""Whether answers of `dsr ask` are right: a hundred questions over twenty scenarios in lockstep, against the judge's truth.
+"""Whether answers of `dsr ask` are right: a hundred questions over twenty scenarios in lockstep, against the truth.
 
     python -m benchmarks.questions
     python -m benchmarks.questions c_pour --json answers.json
@@ -104,7 +104,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found.append(one)
             print(f"{one.worth:15} {scenario} {one.asked.time:g} s: {one.asked.question}")
             print(f"{'':15} {one.response.text}", flush=True)
-    for name, some in (("questions", QUESTIONS), ("of those who do not know the grammar", NAIVE), ("over other scenarios", FRESH)):
+    lists = (("questions", QUESTIONS), ("of those who do not know the grammar", NAIVE), ("over other scenarios", FRESH))
+    for name, some in lists:
         counts = Counter(one.worth for one in found if one.asked in some)
         told = f"{counts[RIGHT]} right, {counts[WRONG]} wrong, {counts[UNKNOWN]} not understood"
         print(f"{counts.total()} {name}: {told}")
