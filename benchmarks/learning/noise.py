@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from benchmarks.honesty.statement import VOLUME
+from benchmarks.honesty.statement import DOUBT, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from simulation_handler.worlds.parameters import PlaceNoise
 from simulation_handler.worlds.spread import (
+    levels_of_wrong,
     odds_of_percepts,
     percept_covariance,
     position_covariance,
@@ -107,11 +108,14 @@ _NONE = np.zeros((3, 3))
 _UNKNOWN = np.full(3, np.nan)
 
 
-def learn_noise(errors: Errors, start: PlaceNoise = START) -> PlaceNoise:
-    """The noise under which the true places and rotations are most probable, drawn to `start` where little is known."""
+def learn_noise(errors: Errors, start: PlaceNoise = START, *, is_in_view: bool = True) -> PlaceNoise:
+    """The noise under which the true places and rotations are most probable, drawn to `start` where little is known.
+
+    What is not in view may be elsewhere, which alternatives tell of: how often that is so is learned beside the noise.
+    """
     if len(errors.age) < _FEWEST:
         return start
-    first = np.append(_to_vector(start), _logit(_ASTRAY))
+    first = np.append(_to_vector(start), _logit(DOUBT if is_in_view else _ASTRAY))
 
     weight = min(len(errors.age) / _MOMENTS, _INDEPENDENT * len(set(errors.episode.tolist())))
 
@@ -119,7 +123,8 @@ def learn_noise(errors: Errors, start: PlaceNoise = START) -> PlaceNoise:
         likelihood = weight * float(np.mean(log_densities(errors, _to_noise(vector[:-1]), vector[-1])))
         return 0.5 * float(np.sum(((vector - first) / _PRIOR) ** 2)) - likelihood
 
-    bounds = [*(_bounds_of(name) for name in PlaceNoise.__struct_fields__), (-7.0, 0.0)]
+    astray = (_logit(DOUBT), _logit(DOUBT) if is_in_view else 0.0)
+    bounds = [*(_bounds_of(name) for name in PlaceNoise.__struct_fields__), astray]
     found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
     return _to_noise(found.x[:-1])
 
@@ -133,10 +138,12 @@ def log_densities(errors: Errors, noise: PlaceNoise, astray: float) -> Array:
     covariance = position_covariance(noise, errors.own_places, errors.age, errors.moved, errors.velocity)
     turning = rotation_covariance(noise, errors.own_turns, errors.moved)
     distances, scale = _fit(errors.places, covariance, errors.turns, turning)
-    near = -0.5 * (distances + scale)
-    far = -0.5 * (distances / noise.wide**2 + scale) - np.where(known, 6.0, 3.0) * np.log(noise.wide)
+    levels = [
+        np.log(share) - 0.5 * (distances / factor**2 + scale) - np.where(known, 6.0, 3.0) * np.log(factor)
+        for share, factor in zip(*levels_of_wrong(noise), strict=True)
+    ]
     odds, perceived = _perceived(errors, noise, covariance)
-    simulated = np.logaddexp(np.log1p(-noise.wrong) + near, np.log(noise.wrong) + far) - np.log1p(odds)
+    simulated = np.logaddexp.reduce(levels) - np.log1p(odds)
     indifferent = -np.log(VOLUME) - np.where(known, np.log(8 * np.pi**2), 0.0) + astray
     return np.asarray(np.logaddexp.reduce((simulated, perceived - np.log1p(1.0 / odds), indifferent)))
 

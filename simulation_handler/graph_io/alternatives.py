@@ -10,7 +10,8 @@ from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, are_
 from dsr.believing.worlds import BeliefWorlds
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
-from dsr.math3d.transforms import position_deviation
+from dsr.math3d.tolerance import SAME_POSE, PoseTolerance
+from dsr.math3d.transforms import Pose, position_deviation
 from dsr.memory import Memory
 from dsr.vocabulary.relations import THINGS
 from simulation_handler.worlds.model import Island, ObjectState
@@ -26,9 +27,16 @@ _SAME_STATE = 1e-3  # m by which two states of one thing are told apart
 class AlternativesWriter:
     """Writes the attribute `whereabouts` of things that may be in several ways, and the worlds `belief_1`, ... ."""
 
-    def __init__(self, memory: Memory, most: int) -> None:
-        """`most` is how many of those worlds there may be at a time."""
+    def __init__(self, memory: Memory, most: int, near: PoseTolerance = SAME_POSE) -> None:
+        """Write to a memory.
+
+        Args:
+            memory: the base world.
+            most: how many of those worlds there may be at a time.
+            near: up to which places differ by noise: alternatives that are all known so well, and so near, are one.
+        """
         self._memory = memory
+        self._near = near
         self._worlds = BeliefWorlds(memory, most)
         self._told: dict[str, Whereabouts] | None = None
 
@@ -38,7 +46,7 @@ class AlternativesWriter:
         if self._told is None:
             self._told = dict(self._told_before())
         judged = {name for island in islands for name in island.names}
-        found = {where.name: where for island in islands for where in distributions(island)}
+        found = {where.name: where for island in islands for where in distributions(island, self._near)}
         for name in (self._told.keys() & judged) - found.keys():
             changed = True
             del self._told[name]
@@ -67,8 +75,11 @@ class AlternativesWriter:
         self._worlds.close()
 
 
-def distributions(island: Island) -> Iterator[Whereabouts]:
-    """Where each thing of an island may be, of those that may be in several ways; improbable ones are left out."""
+def distributions(island: Island, near: PoseTolerance = SAME_POSE) -> Iterator[Whereabouts]:
+    """Where each thing of an island may be, of those that may be in several ways; improbable ones are left out.
+
+    `near` is as of `AlternativesWriter`.
+    """
     kept = [world for world in island.worlds if world.weight >= LEAST]
     total = sum(world.weight for world in kept)
     if len(kept) < 2:
@@ -78,16 +89,18 @@ def distributions(island: Island) -> Iterator[Whereabouts]:
         alternatives: list[Alternative] = []
         for index, world in enumerate(kept):
             if (state := world.objects.get(name)) is not None:
-                _add(alternatives, state, world.reason, weights[index], index)
+                _add(alternatives, state, world.reason, weights[index], index, near)
         if len(alternatives) > 1:
             alternatives[1:] = sorted(alternatives[1:], key=lambda one: -one.weight)
             yield Whereabouts(name, tuple(alternatives), island.names, weights)
 
 
-def _add(alternatives: list[Alternative], state: ObjectState, reason: str, weight: float, index: int) -> None:
+def _add(
+    alternatives: list[Alternative], state: ObjectState, reason: str, weight: float, index: int, near: PoseTolerance
+) -> None:
     """Add a state of one world, to the alternative that it equals if there is one."""
     for position, one in enumerate(alternatives):
-        if one.holders == (state.hand, state.containers, state.supports) and _at_one_place(one, state):
+        if one.holders == (state.hand, state.containers, state.supports) and _at_one_place(one, state, near):
             alternatives[position] = _more(one, weight, index)
             return
     alternatives.append(
@@ -105,10 +118,18 @@ def _more(one: Alternative, weight: float, index: int) -> Alternative:
     )  # fmt: skip
 
 
-def _at_one_place(one: Alternative, state: ObjectState) -> bool:
+def _at_one_place(one: Alternative, state: ObjectState, near: PoseTolerance) -> bool:
     if one.pose is None or state.pose is None:
         return one.pose is state.pose
-    return math.dist(one.pose.t, state.pose.t) < _SAME_STATE and one.pose.cov == state.pose.cov
+    if one.pose.cov == state.pose.cov and PoseTolerance(_SAME_STATE, near.radians).covers(one.pose, state.pose):
+        return True
+    is_known = max(_deviation(one.pose), _deviation(state.pose)) < near.metres
+    return is_known and near.covers(one.pose, state.pose)
+
+
+def _deviation(pose: Pose) -> float:
+    """m, standard deviation of a place; infinite if that is not known."""
+    return math.inf if pose.cov is None else position_deviation(pose)
 
 
 def _is_same(told: Whereabouts | None, where: Whereabouts) -> bool:

@@ -37,6 +37,15 @@ def rotation_covariance(noise: PlaceNoise, own: Array, moved: Array) -> Array:
     return np.asarray(noise.scale**2 * own + more[..., None, None] * _EYE)
 
 
+def levels_of_wrong(noise: PlaceNoise) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Weights of the place with its own covariance, wide and wider, and factors on standard deviations.
+
+    That something is wrong is as probable at each level, for what is wrong is wrong by any size: the tails are heavy.
+    """
+    wrong = noise.wrong
+    return (1.0 - wrong, wrong * (1.0 - wrong), wrong**2), (1.0, noise.wide, noise.wide**2)
+
+
 def percept_covariance(noise: PlaceNoise, own: Array, velocity: Array) -> Array:
     """Covariances (..., 3, 3) of perceived positions in the world frame, m^2; arguments as of `position_covariance`."""
     along = noise.lag**2 * velocity[..., :, None] * velocity[..., None, :]

@@ -28,6 +28,7 @@ from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
 from simulation_handler.worlds.spread import (
+    levels_of_wrong,
     odds_of_percepts,
     percept_covariance,
     scaled,
@@ -58,6 +59,8 @@ class _Watched:
     """s, that time"""
     alternatives: Alternatives | None = None
     """While it is not recognised"""
+    was_doubted: bool = False
+    """Whether cameras that saw it have been in doubt"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -121,8 +124,9 @@ class WeightedWorlds:
             watched = self._watched[name]
             watched.note(thing.believed, evidence.now)
             if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
-                watched.circumstance, watched.seen, watched.seen_at = in_view(thing), thing, evidence.now
-                watched.alternatives = None
+                watched.was_doubted |= thing.is_doubted
+                watched.circumstance = in_view(thing, was_doubted=watched.was_doubted)
+                watched.seen, watched.seen_at, watched.alternatives = thing, evidence.now, None
             elif watched.seen is not None:
                 if watched.alternatives is None:
                     watched.alternatives = Alternatives(
@@ -196,10 +200,12 @@ class WeightedWorlds:
         placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
         x, y, z = followed.velocity.tolist()
         state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
-        wide = replace(state, pose=scaled(placed, noise.wide))
         perceived = _perceived(followed, noise, placed)
         rest = 1.0 if perceived is None else 1.0 - perceived[0]
-        parts = [(rest * (1.0 - noise.wrong), state, followed.circumstance), (rest * noise.wrong, wide, WRONG)]
+        parts = [
+            (rest * share, replace(state, pose=scaled(placed, factor)), WRONG if level else followed.circumstance)
+            for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
+        ]
         if perceived is not None:
             parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
         if not state.hand or thing.gripper:
