@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.handling import ENDED, HOLDING
+from dsr.vocabulary.handling import ENDED, HOLDING, Handling
 from simulation_handler.contact.containment import Containment, with_contents
 from simulation_handler.contact.placement import separate
 from simulation_handler.contact.relations import Relation
@@ -19,7 +19,8 @@ from simulation_handler.hands.carrying import Carrying, levelled, without_yaw
 from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.left_behind import LeftBehind
-from simulation_handler.hands.relation import HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
+from simulation_handler.hands.letting_go import LetGo, LettingGo
+from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
 from simulation_handler.hands.state import FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
@@ -54,6 +55,8 @@ class Touching:
         self._covering = Covering(bodies)
         self._carrying = Carrying(bodies)
         self._left_behind = LeftBehind(bodies)
+        self._letting_go = LettingGo()
+        self._over: dict[Relation, Handling] = {}  # how the grasps that have just ended did
         self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
 
     @property
@@ -69,6 +72,11 @@ class Touching:
             for (hand, thing), grasp in self._grasps.items()
             if is_told(grasp.state, held=self._bodies.objects[thing].hand == hand)
         }
+
+    @property
+    def let_go(self) -> Mapping[Relation, LetGo]:
+        """How the last hold of each object ended that no hand holds now, by (hand, object)."""
+        return self._letting_go.ended
 
     @property
     def hands(self) -> Mapping[str, Hand]:
@@ -89,6 +97,7 @@ class Touching:
         """Take in the percepts of all hands; hands that are not among them are gone."""
         for name in self._hands.keys() - hands.keys():
             del self._hands[name]
+            self._letting_go.forget(name)
         for name, percept in hands.items():
             hand = self._hands.setdefault(name, Hand())
             hand.perceived = percept.perceived
@@ -124,6 +133,7 @@ class Touching:
             del self._grasps[relation]
         self._contacts.forget(name)
         self._covering.forget(name)
+        self._letting_go.forget(name)
 
     def take(self, name: str, now: float) -> str:
         """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none
@@ -141,12 +151,16 @@ class Touching:
         for item in self._bodies.objects.values():
             before, item.hand = item.hand, holders.get(item.name, "")
             item.turned_by_hand = item.place_by_hand = None
+            if item.hand and item.hand != before:
+                self._letting_go.begin((item.hand, item.name))
             if before and not item.hand:
                 self._let_go(item, before, now)
         held = [item for item in self._bodies.objects.values() if item.hand]
         self._left_behind.keep({(item.hand, item.name) for item in held if now - item.track.last_stamp > UNSEEN})
         for item in held:
             if self._hands[item.hand].perceived:
+                if not self._contacts.opens((item.hand, item.name)):
+                    self._letting_go.keep((item.hand, item.name), self._hands[item.hand], item, now)
                 self._follow_hand(item, now)
             elif now - item.track.last_stamp > UNSEEN:
                 self._left_behind.hide((item.hand, item.name))
@@ -181,6 +195,9 @@ class Touching:
     def _let_go(self, item: BelievedObject, hand: str, now: float) -> None:
         """A hand does not hold an object any more."""
         item.hand, item.let_go_at = "", now
+        relation = hand, item.name
+        state = self._grasps[relation].state if relation in self._grasps else self._over.get(relation, FREE)
+        self._letting_go.end(relation, state, now)
         self._leave_behind(item, hand, now)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
@@ -249,11 +266,13 @@ class Touching:
                 del self._recalled[relation]
             elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
                 self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
+        self._over = {}
         touched, pinched = self._contacts.since(), self._contacts.pinches
         for relation in [relation for relation, grasp in self._grasps.items() if not grasp.is_covered]:
             is_touched = relation in touched or self._is_aloft(relation, now) or self._goes_on_hiding(relation, now)
             if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
                 self._contacts.end(relation)
+                self._over[relation] = self._opened(relation, now)
                 del self._grasps[relation]
         for relation, since in self._contacts.since().items():
             name, thing = relation
@@ -315,6 +334,9 @@ class Touching:
             yield Sign.SHOWN
         if is_pinched:
             yield Sign.OPPOSED
+        if is_seen and item.hand == relation[0] and self._drops(relation):
+            yield Sign.FALLS
+        if is_pinched:
             return
         at_rest = Sign.OPEN_ALOFT if item.hovering_since is not None else Sign.OPEN_AT_REST
         yield at_rest if is_seen else Sign.OPEN_UNSEEN
@@ -322,6 +344,21 @@ class Touching:
             yield Sign.ALONG
         if not is_seen and since < now - _PRESUMED and self._hides(*relation):
             yield Sign.HIDDEN
+
+    def _drops(self, relation: Relation) -> bool:
+        """Whether an object has come down from fingertips that may have opened."""
+        hand, item = self._hands[relation[0]], self._bodies.objects[relation[1]]
+        return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item)
+
+    def _opened(self, relation: Relation, now: float) -> Handling:
+        """The state of a hand and an object which that touches no more: as seen as the hand opened, if it was."""
+        grasp, item = self._grasps[relation], self._bodies.objects[relation[1]]
+        if relation[0] in self._hands and now - item.track.last_stamp <= UNSEEN:
+            if self._drops(relation):
+                grasp.note(Sign.FALLS)
+            elif item.hovering_since is None:
+                grasp.note(Sign.OPEN_AT_REST)
+        return grasp.state
 
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
