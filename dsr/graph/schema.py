@@ -329,6 +329,7 @@ _EDGE_TYPES = {
     "on": "the source rests on the destination",
     "in": "the source is inside the destination",
     "grasping": "the source holds the destination",
+    "let_go": "the source held the destination last, until `since`; `handling` tells how that ended",
     "sees": "how much of the destination there is to be seen from the source, by what is believed",
     "above": "over the destination, touching or not (this and what follows: see dsr.spatial)",
     "below": "the destination is above the source",

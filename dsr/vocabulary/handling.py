@@ -24,6 +24,8 @@ class Handling(StrEnum):
     """It has gone away with the thing that it covered, as far as can be known."""
     PUT_DOWN = "put down"
     """It was seen to open about the thing, which lay still."""
+    DROPPED = "dropped"
+    """It opened in the air, and the thing came down from it."""
     LET_GO = "let go"
     """Its fingertips were seen apart while the thing was not seen."""
     LEFT_BEHIND = "left behind"
@@ -32,5 +34,5 @@ class Handling(StrEnum):
 
 HOLDING = frozenset({Handling.PINCHING, Handling.HIDING, Handling.TAKING})
 """States in which a hand holds the thing, whatever else is known"""
-ENDED = frozenset({Handling.FREE, Handling.LET_GO, Handling.LEFT_BEHIND})
+ENDED = frozenset({Handling.FREE, Handling.DROPPED, Handling.LET_GO, Handling.LEFT_BEHIND})
 """States in which a hand has nothing more to do with the thing"""

@@ -62,6 +62,7 @@ class Writing:
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
         self._write_grasps()
+        self._write_let_go()
         for time, explanation in self._belief.explanations():
             self._events.record(time, explanation)
 
@@ -116,6 +117,18 @@ class Writing:
             if told != now_told or (written and _is_regrasped(written, grasp)):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
+
+    def _write_let_go(self) -> None:
+        """Let the edges `let_go` of human hands tell how they came to hold nothing more of what they held."""
+        ended = self._belief.let_go()
+        for edge in self._memory.edges("let_go"):
+            if (edge.src, edge.dst) not in ended:
+                self._memory.remove_edge(edge.src, edge.dst, "let_go")
+        for relation, end in ended.items():
+            written = self._memory.get_edge(*relation, "let_go")
+            if written is None or written.get("since") != end.since:
+                with contextlib.suppress(GraphError):
+                    self._memory.add_edge(*relation, "let_go", handling=end.state.value, since=end.since)
 
     def _probability(self, kind: str, relation: Relation, written: Edge | None) -> float:
         """That a relation holds, by the weighted worlds; what is written, if that says so within the tolerance."""

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from dsr.vocabulary.handling import HOLDING, Handling
 
-FREE, TOUCHING, PASSING, PINCHING, HIDING, COVERING, TAKING, PUT_DOWN, LET_GO, LEFT_BEHIND = Handling
+FREE, TOUCHING, PASSING, PINCHING, HIDING, COVERING, TAKING, PUT_DOWN, DROPPED, LET_GO, LEFT_BEHIND = Handling
 
 
 class Sign(Enum):
@@ -23,6 +23,8 @@ class Sign(Enum):
     """It is seen to lie still between fingertips that are apart."""
     OPEN_ALOFT = auto()
     """It is seen in the air with fingertips on one side only."""
+    FALLS = auto()
+    """It is seen to have come down since the hand last had hold of it, by more than the hand."""
     OPEN_UNSEEN = auto()
     """It is not seen, and fingertips that pinched it are seen apart."""
     ALONG = auto()
@@ -41,16 +43,17 @@ class Sign(Enum):
     """Nothing tells any more that the hand touches it."""
 
 
-_CONTACT = (FREE, TOUCHING, PASSING, HIDING, COVERING, TAKING, PUT_DOWN, LET_GO)
-_LOOSE = (TOUCHING, PASSING, HIDING, PUT_DOWN, LET_GO)
+_CONTACT = (FREE, TOUCHING, PASSING, HIDING, COVERING, TAKING, PUT_DOWN, DROPPED, LET_GO)
+_LOOSE = (TOUCHING, PASSING, HIDING, PUT_DOWN, DROPPED, LET_GO)
 _HELD = (TOUCHING, PASSING, PINCHING, HIDING, PUT_DOWN)
 
 TRANSITIONS = MappingProxyType({
     Sign.TOUCHES: {FREE: TOUCHING},
     Sign.OPPOSED: dict.fromkeys(_CONTACT, PINCHING),
-    Sign.SHOWN: dict.fromkeys((HIDING, LET_GO, LEFT_BEHIND), TOUCHING),
+    Sign.SHOWN: dict.fromkeys((HIDING, DROPPED, LET_GO, LEFT_BEHIND), TOUCHING),
     Sign.OPEN_AT_REST: {PINCHING: PUT_DOWN},
     Sign.OPEN_ALOFT: {PINCHING: TOUCHING},
+    Sign.FALLS: dict.fromkeys((*_HELD, COVERING, TAKING), DROPPED),
     Sign.OPEN_UNSEEN: {PINCHING: LET_GO},
     Sign.ALONG: {TOUCHING: PASSING},
     Sign.HIDDEN: dict.fromkeys((TOUCHING, PASSING, PUT_DOWN), HIDING),

@@ -6,6 +6,7 @@ import pytest
 
 from dsr.vocabulary.handling import ENDED, HOLDING, Handling
 from simulation_handler.hands.relation import (
+    DROPPED,
     FREE,
     HIDING,
     LEFT_BEHIND,
@@ -37,6 +38,7 @@ def test_each_evidence_is_in_the_table_and_each_state_is_reached_from_free_and_e
         ((Sign.TOUCHES, Sign.OPPOSED, Sign.OPEN_AT_REST), PUT_DOWN),
         ((Sign.TOUCHES, Sign.OPPOSED, Sign.OPEN_UNSEEN), LET_GO),
         ((Sign.TOUCHES, Sign.OPPOSED, Sign.OPEN_UNSEEN, Sign.OPEN_AT_REST), LET_GO),
+        ((Sign.TOUCHES, Sign.OPPOSED, Sign.FALLS, Sign.OPEN_AT_REST), DROPPED),
         ((Sign.TOUCHES, Sign.HIDDEN, Sign.SHOWN), TOUCHING),
         ((Sign.TOUCHES, Sign.ALONG, Sign.HIDDEN), HIDING),
         ((Sign.COVERED, Sign.TAKEN), TAKING),
