@@ -96,7 +96,10 @@ class Store:
             self._remove(dot)
         added = [entry for add in delta.adds if (entry := self._add(add))] if delta.adds else []
         writes = self._fill(added, delta.writes) if added else delta.writes
-        held_back = [write.dot for write in writes if not self._write(write) and write.dot]
+        held_back = []
+        for write in writes:
+            if not self._write(write) and write.dot:
+                held_back.append(write.dot)
         self._learn(delta, held_back)
         if delta.live is not None:
             for owner in [owner for owner in self._waiting if owner in self.context]:
@@ -197,21 +200,23 @@ class Store:
 
     def _set(self, entry: Incarnation, write: Write) -> None:
         """Let the greater of `write` and what the register holds win."""
-        current = entry.registers.get(write.attribute)
-        if current is not None:
+        attribute, registers = write.attribute, entry.registers
+        current = registers.get(attribute)
+        if current is not None and write.stamp <= current.stamp:
             if write.stamp < current.stamp:
                 return
-            if write.stamp == current.stamp and write.writer <= current.writer:
+            if write.writer <= current.writer:
                 if write.writer == current.writer:
                     self._settle_same(entry, write, current)
                 return
         if self.owned is not None:
             entry = self._own(entry)
-        entry.registers[write.attribute] = write
+            registers = entry.registers
+        registers[attribute] = write
         if write.dot is None:
-            self.unsettled[(write.owner, write.attribute)] = 0
+            self.unsettled[(write.owner, attribute)] = 0
         if entry.announced:
-            self._observer.register_changed(entry, write.attribute)
+            self._observer.register_changed(entry, attribute)
 
     def _settle_same(self, entry: Incarnation, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""

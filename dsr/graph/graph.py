@@ -198,17 +198,17 @@ class Graph(Stamping):
         self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float
     ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
-        delta = Delta(adds=[add] if add else [])
         rid, first = self.rid, self.counter + (0 if add else 1)
-        tick = self.hlc.tick(now)
-        stamps = [tick if add else self._stamp(key, owners, name, tick) for name in values]
-        for (name, value), stamp in zip(values.items(), stamps, strict=True):
-            stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
+        tick, known, writes = self.hlc.tick(now), self.schema.attributes, []
+        stamps = {} if add else {name: self._stamp(key, owners, name, tick) for name in values}
+        for name, value in values.items():
+            stamp = stamps.get(name, tick)
+            stream = not add and value is not TOMBSTONE and known[name].stream
             for owner in owners:
                 dot = None if stream else self.new_dot()
-                delta.writes.append(Write(owner, name, stamp, rid, dot, value))
-        if self.counter >= first:
-            delta.context.append((rid, first, self.counter))
+                writes.append(Write(owner, name, stamp, rid, dot, value))
+        context = [(rid, first, self.counter)] if self.counter >= first else []
+        delta = Delta([add] if add else [], writes, [], context)
         self._apply(delta)
         return delta
 
@@ -307,7 +307,8 @@ class Graph(Stamping):
 
     def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """Pass on a change of a visible element."""
-        element = self._visible(entry.key)
+        key = entry.key
+        element = self.nodes.get(key) if key.__class__ is str else self.edges.get(key)  # type: ignore[arg-type]
         if element is not None and entry in element._entries:
             self.watches.updated(element, attribute)
 
