@@ -15,6 +15,7 @@ from agents.arm_controller.grasping.holding import GraspEdges
 from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
 from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import USUAL_SPEED
 from agents.arm_controller.motion.execution import MotionExecution
 from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.report import NO_DRIVER
@@ -99,6 +100,9 @@ class ArmController(Agent):
         if drawn_only := self._model.robot.drawn_only:
             names = ", ".join(drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
+        if unlimited := [joint.name for joint in self._chain.joints if math.isinf(joint.velocity)]:
+            names = ", ".join(unlimited)
+            self.log.warning("%s: no velocity limit, so %g is taken, of: %s", config.urdf, USUAL_SPEED, names)
         self._check_config()
         self._body = RobotNodes(self.memory, self._model, config, self.name)
         self._body.build()

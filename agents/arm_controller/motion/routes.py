@@ -87,7 +87,7 @@ class Router:
         self._chain = chain
         self._up = world_from_arm.rotation_matrix[2]  # (3,) the world's vertical axis in the arm's frame
         self._world_from_arm = world_from_arm
-        self._velocity = np.array([joint.velocity for joint in chain.joints])
+        self._velocity = chain.velocity
 
     def tool(self, positions: Array) -> Pose:
         """world_from_tool at joint `positions` (n,) rad."""

@@ -34,7 +34,7 @@ class SampleCheck:
 
     def __init__(self, chain: JointChain, late: float) -> None:
         self._chain, self._late = chain, late
-        self._fastest = np.array([joint.velocity for joint in chain.joints])
+        self._fastest = chain.velocity
         self._last: Joints | None = None
         self._delays: list[float] = []
 
