@@ -47,7 +47,7 @@ class SimulationHandler(Agent):
         attributes=(
             *("size", "shape", "mass", "friction", "rolling_friction", "plausible", "source", "since", "bounds"),
             *(*INTRINSICS, *SEEN),
-            *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip"),
+            *("surprising", "present", "skill", "target", "destination", "status", "held_at", "handling"),
             *("perceived", "last_seen", "side", "mount", "mesh", "report"),
         ),
     )
@@ -55,7 +55,7 @@ class SimulationHandler(Agent):
         nodes=(*OBJECTS, *WRITTEN_NODES, WORLD_RECORD, WORLD),
         edges=("Virtual_RT", "on", "in", "sees", "grasping", *WRITTEN_EDGES),
         attributes=(
-            *("plausible", "source", "since", "grip", "held_at", "probability", *SEEN),
+            *("plausible", "source", "since", "handling", "held_at", "probability", *SEEN),
             *(WHEREABOUTS, "weight", "things", "note"),
             *("present", "explanation", "score", "alternatives", "changes", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),

@@ -121,6 +121,7 @@ class ArmController(Agent):
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
         self._fingers = GentleFingers(config.grip_limit, self._driver.move_gripper)
         manipulator = self._make_manipulator()
+        self._right_of_way = manipulator.right_of_way
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
@@ -135,18 +136,19 @@ class ArmController(Agent):
         ordered, danger = self._emergency.reason, self._watchdog.danger
         if ordered or danger:  # before all that may fail
             self._stay(ordered or danger, HALTED if ordered else FAILED)
-        if not ordered:
-            self._driver.keep_alive()
+        self._obeyed = ordered or danger
+        self._emergency.tick(self._is_moving)
         if joints is not None:
             self._body.write(joints)
             self._holding.tick(joints)
+            self._right_of_way.tick(joints)
             self._hear_again(joints)
         if self._gone:
             self._actions.refuse(self._gone)
         elif joints is not None and not (ordered or danger):
             self._follow_targets(joints)
-        self._obeyed = ordered or danger
-        self._emergency.tick(self._is_moving)
+        if not ordered:
+            self._driver.keep_alive()  # after all that may fail: the device stops an arm whose controller is not well
         self.degraded = "; ".join(filter(None, (ordered, danger, self._gone, *(feed.trouble for feed in self._feeds))))
         self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 

@@ -153,9 +153,13 @@ class SimulatedArm:
         """Name of the object in the gripper."""
         return self._held
 
-    def move_joints(self, positions: Sequence[float], speed: float = 1.0) -> None:
-        """Go to `positions` (rad, cut to the joints' limits) at `speed` (0 to 1 of theirs)."""
-        self._ramp.aim(self._within_limits(positions), speed)
+    def aside(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> tuple[str, float] | None:
+        """Name of a joint that cannot come to the begin of a trajectory in time, and how far (rad) it is away; or None.
+
+        The trajectory is as of `follow`.
+        """
+        found = self._ramp.aside(times, [self._within_limits(positions[0])])
+        return found and (self.names[found[0]], found[1])
 
     def follow(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> None:
         """Pass through `positions` (rad, cut to the joints' limits) at `times` (s from now), and stay at the last."""

@@ -273,15 +273,20 @@ class Graph(Stamping):
             return
         self._note_incident(entry.key)
         if self._has_ends(entry):
-            self._refresh_edge(entry.key)
+            is_new = len(self.store.by_key[entry.key]) == 1 and self.store.owned is None
+            self._refresh_edge(entry.key, (entry,) if is_new else None)
         elif self._is_dead(entry):
             self._bury([entry])
         else:
             self._unattached[entry.dot] = entry
 
     def _note_incident(self, key: EdgeKey) -> None:
+        incident = self.incident
         for name in key[:2]:
-            self.incident.setdefault(name, {})[key] = None
+            keys = incident.get(name)
+            if keys is None:
+                keys = incident.setdefault(name, {})
+            keys[key] = None
 
     def entry_removed(self, entry: Incarnation) -> None:
         """Hide the incarnation and what depended on it."""
@@ -345,11 +350,14 @@ class Graph(Stamping):
                 self.watches.updated(element, attribute)
 
     def _refresh_edges_at(self, name: str) -> None:
-        for key in list(self.incident.get(name, ())):
+        keys = self.incident.get(name)
+        for key in list(keys) if keys is not None else ():
             self._refresh_edge(key)
 
-    def _refresh_edge(self, key: EdgeKey) -> None:
-        entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
+    def _refresh_edge(self, key: EdgeKey, entries: tuple[Incarnation, ...] | None = None) -> None:
+        """Show an edge as it is now; `entries` are its incarnations with both ends, if known."""
+        if entries is None:
+            entries = tuple([e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e)])
         old = self.edges.get(key)
         if self.store.owned is not None and entries != (old._entries if old else ()):
             self.before_change(key)

@@ -410,7 +410,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "skill": "of the arm: pick, place, move, look, observe or stop",
                              "request": "what the planner asks of an action: run or halt",
                              "surprise": "why it is surprising",
-                             "grip": "how a hand has hold of it: touch (one side) or pinch (two opposite ones)",
+                             "handling": "what a hand has to do with it, see dsr.vocabulary.handling",
                              "side": "of the body: left, right or unknown",
                              "hidden_by": "what hides most of it from there",
                              "covered_by": "what hides most of what a camera recognises it by",

@@ -108,10 +108,11 @@ class Writing:
                 self._memory.remove_edge(edge.src, edge.dst, "grasping")
         for (hand, name), grasp in grasps.items():
             written = self._memory.get_edge(hand, name, "grasping")
-            values = {"source": EXPLANATION if grasp.covered else CONTACT, "since": grasp.since, "grip": grasp.grip}
+            values = {"source": EXPLANATION if grasp.is_covered else CONTACT, "since": grasp.since}
+            values["handling"] = grasp.state.value
             values["probability"] = self._probability("grasping", (hand, name), written)
-            told = () if written is None else tuple(map(written.get, ("grip", "source", "probability")))
-            now_told = (values["grip"], values["source"], values["probability"])
+            told = () if written is None else tuple(map(written.get, ("handling", "source", "probability")))
+            now_told = (values["handling"], values["source"], values["probability"])
             if told != now_told or (written and _is_regrasped(written, grasp)):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)

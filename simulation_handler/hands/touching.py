@@ -7,9 +7,10 @@ the hand has it; while neither is seen, nothing changes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.handling import ENDED, HOLDING
 from simulation_handler.contact.containment import Containment, with_contents
 from simulation_handler.contact.placement import separate
 from simulation_handler.contact.relations import Relation
@@ -18,7 +19,8 @@ from simulation_handler.hands.carrying import Carrying, levelled, without_yaw
 from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.left_behind import LeftBehind
-from simulation_handler.hands.state import FINGERS, HALF, PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.relation import HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
+from simulation_handler.hands.state import FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
@@ -56,16 +58,16 @@ class Touching:
 
     @property
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """Grasps of touched objects that were not let go of just now, by (hand, object)."""
-        return {relation: grasp for relation, grasp in self._grasps.items() if not grasp.opened}
+        """Grasps of objects that hands touch, by (hand, object)."""
+        return {relation: grasp for relation, grasp in self._grasps.items() if grasp.state not in ENDED}
 
     @property
     def holds(self) -> Mapping[Relation, HandGrasp]:
-        """Grasps of objects that may be held, by (hand, object): all but those of hands that pass by."""
+        """Grasps of objects that may be held, by (hand, object)."""
         return {
             (hand, thing): grasp
-            for (hand, thing), grasp in self.grasps.items()
-            if not grasp.slipped or self._bodies.objects[thing].hand == hand
+            for (hand, thing), grasp in self._grasps.items()
+            if is_told(grasp.state, held=self._bodies.objects[thing].hand == hand)
         }
 
     @property
@@ -108,12 +110,12 @@ class Touching:
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
         """Restore a grasp that held in an earlier run."""
-        if grasp.covered:
+        if grasp.is_covered:
             self._covering.recall(relation, grasp.hand_from_object, grasp.since)
             return
         self._grasps[relation] = grasp
         self._recalled[relation] = math.inf
-        if grasp.grip == PINCH:
+        if grasp.state is PINCHING:
             self._contacts.recall_pinch(relation, grasp.since, now)
 
     def forget(self, name: str) -> None:
@@ -140,8 +142,7 @@ class Touching:
             before, item.hand = item.hand, holders.get(item.name, "")
             item.turned_by_hand = item.place_by_hand = None
             if before and not item.hand:
-                item.let_go_at = now
-                self._leave_behind(item, before, now)
+                self._let_go(item, before, now)
         held = [item for item in self._bodies.objects.values() if item.hand]
         self._left_behind.keep({(item.hand, item.name) for item in held if now - item.track.last_stamp > UNSEEN})
         for item in held:
@@ -154,34 +155,39 @@ class Touching:
         """An object is held by a hand in sight: it leans as that says, and goes with it while it is not seen."""
         pose, relation = self._hands[item.hand].path.last, (item.hand, item.name)
         grasp = self._grasps[relation]
-        there = self._covering.place(*relation) if grasp.covered else pose @ grasp.hand_from_object
+        there = self._covering.place(*relation) if grasp.is_covered else pose @ grasp.hand_from_object
         leaning = without_yaw(levelled(item.solid(there.t, there.q)))
         is_seen = now - item.track.last_stamp <= UNSEEN
-        if not is_seen and not grasp.covered:
+        if not is_seen and not grasp.is_covered:
             sure = grasp.sure or item.path.at(item.track.last_stamp)
             is_absent = self._left_behind.is_absent(relation, there, sure, self.visibility, now)
-            if is_absent is not None:
-                if is_absent:
-                    self._contacts.end(relation)
-                    del self._grasps[relation]
-                    item.hand, item.let_go_at = "", now
-                    self._leave_behind(item, relation[0], now)
+            if is_absent:
+                grasp.note(Sign.ABSENT)
+            elif is_absent is None and self._is_through_wall(item, there):
+                grasp.note(Sign.THROUGH_WALL)
+            if grasp.state is LEFT_BEHIND:
+                self._let_go(item, relation[0], now)
+            if is_absent is not None or grasp.state is LEFT_BEHIND:
                 return
         if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
             item.turned_by_hand, item.place_by_hand = leaning, there.t
         if not is_seen:
             turned = there.q if item.shows_rotation else leaning
-            grasp.stopped = grasp.stopped or self._is_through_wall(item, there)
-            if grasp.covered or not (grasp.stopped or self._contacts.opens(relation)):
+            if grasp.is_covered or not self._contacts.opens(relation):
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
             elif (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
+
+    def _let_go(self, item: BelievedObject, hand: str, now: float) -> None:
+        """A hand does not hold an object any more."""
+        item.hand, item.let_go_at = "", now
+        self._leave_behind(item, hand, now)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
         """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""
         (name, thing), hand = relation, self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[thing].track.last_stamp <= UNSEEN
-        if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= FINGERS:
+        if is_seen or self._grasps[relation].state is not HIDING or hand is None or hand.measured >= FINGERS:
             return False
         return any(visible.hidden_by == name for visible in self._visibilities(thing))
 
@@ -244,14 +250,14 @@ class Touching:
             elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
                 self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
         touched, pinched = self._contacts.since(), self._contacts.pinches
-        for relation in [relation for relation, grasp in self._grasps.items() if not grasp.covered]:
+        for relation in [relation for relation, grasp in self._grasps.items() if not grasp.is_covered]:
             is_touched = relation in touched or self._is_aloft(relation, now) or self._goes_on_hiding(relation, now)
             if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
                 self._contacts.end(relation)
                 del self._grasps[relation]
         for relation, since in self._contacts.since().items():
             name, thing = relation
-            is_covered = relation in self._grasps and self._grasps[relation].covered and relation not in pinched
+            is_covered = relation in self._grasps and self._grasps[relation].is_covered and relation not in pinched
             if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived and not is_covered:
                 self._go_on(relation, since, relation in pinched, now)
 
@@ -260,50 +266,62 @@ class Touching:
         busy = {
             relation
             for relation, grasp in self._grasps.items()
-            if not grasp.covered and (grasp.grip == PINCH or self._hands[relation[0]].measured >= RESOLVED)
+            if not grasp.is_covered and (grasp.state is PINCHING or self._hands[relation[0]].measured >= RESOLVED)
         }
         self._covering.update(self._hands, busy, self.visibility, now)
         covers = self._covering.covers
-        for relation in [relation for relation, grasp in self._grasps.items() if grasp.covered]:
+        for relation in [relation for relation, grasp in self._grasps.items() if grasp.is_covered]:
             if relation not in covers:
                 del self._grasps[relation]
         for relation, cover in covers.items():
-            grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, TOUCH, cover.hand_from_object))
-            grasp.hand_from_object, grasp.presumed = cover.hand_from_object, cover.taken
-            grasp.covered, grasp.opened = True, False
+            grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, cover.hand_from_object))
+            grasp.hand_from_object = cover.hand_from_object
+            grasp.note(Sign.COVERED)
+            if cover.taken:
+                grasp.note(Sign.TAKEN)
 
     def _update_carried(self, now: float) -> None:
         """Begin grasps of what hovers and moves with a hand whose fingertips are not all seen."""
         held = {thing for _, thing in self._grasps} | {thing for thing, _ in self._containment.current()}
         for relation, (since, hand_from_object) in self._carrying.update(self._hands, held, now).items():
-            self._grasps[relation] = HandGrasp(since, TOUCH, hand_from_object, aloft=now)
+            self._grasps[relation] = grasp = HandGrasp(since, hand_from_object, aloft=now)
+            grasp.note(Sign.TOUCHES)
 
     def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:
         """A hand in sight touches an object: begin that grasp, or bring it up to date."""
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands[name]
         there = self._hand_from_object(hand, item, now)
-        grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
-        grasp.covered = False
-        grasp.slipped = not is_pinched and (grasp.slipped or math.dist(there.t, grasp.met) > _PASSING)
+        grasp = self._grasps.setdefault(relation, HandGrasp(since, there))
         is_seen = now - item.track.last_stamp <= UNSEEN
-        grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
-        if is_pinched:
-            grasp.put_down = False
-        elif is_seen and grasp.grip == PINCH:
-            grasp.put_down = item.hovering_since is None
-        grasp.grip = PINCH if is_pinched else TOUCH
+        for sign in self._signs(relation, grasp, since, now, is_pinched=is_pinched, is_seen=is_seen):
+            grasp.note(sign)
         if is_seen:
-            grasp.presumed = grasp.stopped = False
             grasp.sure = None
-        elif not is_pinched and not grasp.presumed and not grasp.opened:
-            grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
         if is_seen or not item.hand:
             before = grasp.hand_from_object
             if not item.shows_tilt:
                 there = Pose.unchecked(there.t, before.q)
             grasp.hand_from_object = between(before, there, _GRIP_BLEND)
             self._note_places(grasp, hand, item, now)
+
+    def _signs(
+        self, relation: Relation, grasp: HandGrasp, since: float, now: float, *, is_pinched: bool, is_seen: bool
+    ) -> Iterator[Sign]:
+        """Evidence of fingertips that touch an object."""
+        item, hand = self._bodies.objects[relation[1]], self._hands[relation[0]]
+        yield Sign.TOUCHES
+        if is_seen:
+            yield Sign.SHOWN
+        if is_pinched:
+            yield Sign.OPPOSED
+            return
+        at_rest = Sign.OPEN_ALOFT if item.hovering_since is not None else Sign.OPEN_AT_REST
+        yield at_rest if is_seen else Sign.OPEN_UNSEEN
+        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > _PASSING:
+            yield Sign.ALONG
+        if not is_seen and since < now - _PRESUMED and self._hides(*relation):
+            yield Sign.HIDDEN
 
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
@@ -385,7 +403,7 @@ class Touching:
     def _pinches(self, thing: str, besides: str) -> bool:
         """Whether a hand in sight pinches an object, besides the one of that name."""
         return any(
-            held == thing and name != besides and grasp.grip == PINCH and self._hands[name].perceived
+            held == thing and name != besides and grasp.state is PINCHING and self._hands[name].perceived
             for (name, held), grasp in self._grasps.items()
             if name in self._hands
         )
@@ -400,10 +418,10 @@ class Touching:
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
             hovers = item.static or item.hovering_since is not None
-            was_left = grasp.put_down and now - item.track.last_stamp > UNSEEN
-            if grasp.grip == PINCH or grasp.presumed:
+            is_seen = now - item.track.last_stamp <= UNSEEN
+            if grasp.state in HOLDING:
                 holders.setdefault(thing, hand)
-            elif (hovers or (item.hand == hand and not was_left)) and not grasp.opened:
+            elif holds(grasp.state, held=item.hand == hand, hovers=hovers, seen=is_seen):
                 carried.setdefault(thing, hand)
         held = carried | holders
         inside = [pair for pair in self._containment.current() if held.get(pair[0]) == held.get(pair[1])]
