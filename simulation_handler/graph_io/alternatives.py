@@ -6,7 +6,15 @@ import contextlib
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, are_at_one_place, encoded, whereabouts_of
+from dsr.believing.distribution import (
+    ATTRIBUTE,
+    SAME_PLACE,
+    Alternative,
+    Whereabouts,
+    are_at_one_place,
+    encoded,
+    whereabouts_of,
+)
 from dsr.believing.worlds import BeliefWorlds
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
@@ -54,10 +62,12 @@ class AlternativesWriter:
                 self._memory.update_node(name, **{ATTRIBUTE: ""})
         for name, where in found.items():
             node = self._memory.get_node(name)
-            if node is not None and not (node.get(ATTRIBUTE) and _is_same(self._told.get(name), where)):
+            edge = self._memory.get_edge(WORLD, name, "Virtual_RT")
+            shown = None if edge is None else edge.get("pose")
+            if node is not None and not (node.get(ATTRIBUTE) and _is_same(self._told.get(name), where, shown)):
                 changed = True
                 with contextlib.suppress(GraphError):
-                    self._memory.update_node(name, **{ATTRIBUTE: encoded(where)})
+                    self._memory.update_node(name, **{ATTRIBUTE: encoded(where, shown)})
                     self._told[name] = where
         if changed:
             self._worlds.update()
@@ -132,15 +142,18 @@ def _deviation(pose: Pose) -> float:
     return math.inf if pose.cov is None else position_deviation(pose)
 
 
-def _is_same(told: Whereabouts | None, where: Whereabouts) -> bool:
-    """Whether what was told last still says the same, up to the tolerances."""
+def _is_same(told: Whereabouts | None, where: Whereabouts, shown: Pose | None) -> bool:
+    """Whether what was told last still says the same, up to the tolerances; `shown` is the pose of the edge."""
+    best, follows = where.best.pose, True
+    if best is not None and shown is not None:
+        follows = SAME_PLACE.covers(best, shown)
     if told is None or told.island != where.island or len(told.weights) != len(where.weights):
         return False
     pairs = list(zip(told.alternatives, where.alternatives, strict=False))
     return (
         len(told.alternatives) == len(where.alternatives)
         and _are_close(told.weights, where.weights)
-        and all(_is_same_alternative(old, new, (told.best, where.best)) for old, new in pairs)
+        and all(_is_same_alternative(old, new, (told.best, where.best), follows=follows) for old, new in pairs)
     )
 
 
@@ -148,15 +161,17 @@ def _are_close(old: Sequence[float], new: Sequence[float]) -> bool:
     return all(abs(one - other) <= _SAME_WEIGHT for one, other in zip(old, new, strict=True))
 
 
-def _is_same_alternative(old: Alternative, new: Alternative, best: tuple[Alternative, Alternative]) -> bool:
-    """Whether an alternative is as it was; what is where the `best` was and is follows the edge."""
+def _is_same_alternative(
+    old: Alternative, new: Alternative, best: tuple[Alternative, Alternative], *, follows: bool
+) -> bool:
+    """Whether an alternative is as it was; what is where the `best` was and is follows the edge, if that one does."""
     if (old.holders, old.reason, old.worlds, old.is_gone) != (new.holders, new.reason, new.worlds, new.is_gone):
         return False
-    if new is best[1] or old.pose is None or new.pose is None:
+    if (follows and new is best[1]) or old.pose is None or new.pose is None:
         return True
     before, now = position_deviation(old.pose), position_deviation(new.pose)
     if abs(before - now) > max(_LEAST_MOVE, _SAME_SHARE * before):
         return False
-    if are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
+    if follows and are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
         return True
     return math.dist(old.pose.t, new.pose.t) <= max(_LEAST_MOVE, _SAME_SHARE * before)

@@ -45,7 +45,7 @@ class ObjectEvidence:
     velocity: Vector3
     """(3,) m/s of its body in the simulation"""
     percept: Pose | None
-    """world_from_object of the newest percept, with stamp (s) and covariance; None if it was never seen"""
+    """world_from_object of the newest percept, with stamp (s); None if it was never seen"""
     is_recognised: bool
     """Whether that percept is recent."""
     agreeing: int
@@ -208,10 +208,9 @@ class EvidenceReader:
 
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
-    """A percept without its known systematic error, with the covariance of its noise."""
+    """A percept without its known systematic error."""
     x, y, z = (percept.position - (item.bias or 0.0) * percept.ray).tolist()
-    pose = Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
-    return with_world_covariances(pose, percept.position_covariance, percept.rotation_covariance)
+    return Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
 
 
 SharesQuery = Callable[[Evidence, str, list[Pose]], list[float]]

@@ -61,6 +61,16 @@ def test_places_that_differ_by_noise_are_one_alternative() -> None:
             assert len(list(distributions(Island(("ball",), worlds), near))) == told
 
 
+def test_the_best_place_is_told_where_the_simulation_has_another_one(memory: Memory) -> None:
+    writer = AlternativesWriter(memory, 3)
+    writer.update([Island(("ball",), (WeightedWorld(0.6, {"ball": ObjectState(THERE)}, "as perceived"),
+                                      WeightedWorld(0.4, {"ball": BALL}, "rests in view")))])  # fmt: skip
+    told = memory.belief("ball")
+    assert told is not None and told.best.pose is not None
+    assert told.best.pose.t == pytest.approx(THERE.t) and told.best.reason == "as perceived"
+    writer.close()
+
+
 def test_equal_states_of_several_worlds_are_one_alternative() -> None:
     cup = ObjectState(HERE)
     worlds = tuple(
