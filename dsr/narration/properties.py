@@ -60,6 +60,35 @@ def closest(moment: Moment, query: Query) -> Response:
     return understood(f"{text} {joined(places)}", places, names=[name])
 
 
+def distance(moment: Moment, query: Query) -> Response:
+    """How far the centres of two things are apart, as believed."""
+    one, other = (node_of(moment, asked) for asked in query.things)
+    poses = [moment.memory.get_transform(WORLD, node.name, types=BELIEVED) for node in (one, other)]
+    if poses[0] is None or poses[1] is None:
+        return understood(f"Nobody knows where {one.name if poses[0] is None else other.name} is.")
+    far = poses[0].distance(poses[1])[0]
+    told = [place_of_thing(moment, node) for node in (one, other) if node.type in THINGS]
+    text = f"{one.name} and {other.name} are {far:.2f} m apart, from centre to centre."
+    return understood(f"{text} {joined(told)}".strip(), told, names=[one.name, other.name])
+
+
+def which_state(moment: Moment, query: Query) -> Response:
+    """Which things of a kind are gone, hidden, seen, surprising or there, and whether any is."""
+    found = []
+    for node in nodes_called(moment, query.things[0] if query.things else "thing"):
+        there, seen = is_present(node), is_seen(node, moment.now)
+        holds = {
+            "there": there, "gone": not there, "visible": there and seen, "unseen": there and not seen,
+            "surprising": node.get("surprising") is True,
+        }[query.word]  # fmt: skip
+        found += [node] if holds else []
+    told = [place_of_thing(moment, node) for node in found]
+    names = [node.name for node in found]
+    begin = "Yes: " if query.kind == "any_state" and names else "No: " if query.kind == "any_state" else ""
+    text = f"{begin}{listed(names) or 'none of them'}. {joined(told)}".strip()
+    return understood(text, told, verdict=bool(names) if query.kind == "any_state" else None, names=names)
+
+
 def what_unseen(moment: Moment, query: Query) -> Response:
     """Which things the robot, a camera or a person does not see."""
     viewer = query.things[-1]
