@@ -102,7 +102,7 @@ def relations_of(moment: Moment, name: str) -> tuple[list[Edge], list[Edge], lis
 def relation_evidence(edge: Edge) -> dict[str, Any]:
     """What a relation rests on, as plain data."""
     known = {"relation": edge.type, "of": edge.src, "to": edge.dst}
-    return known | {name: edge[name] for name in ("source", "since", "grip") if name in edge}
+    return known | {name: edge[name] for name in ("source", "since", "handling") if name in edge}
 
 
 def seen_elsewhere(moment: Moment, node: Node) -> float:

@@ -97,13 +97,13 @@ def test_grippers_feel_what_they_hold_and_hands_only_seem_to(memory: Memory) -> 
     assert told(Moment.of(memory), "gripper", Subject.HOLDING).claims == (StatedClaim("empty", ("gripper",)),)
     memory.add_edge("gripper", "ball", "grasping", source="gripper", since=NOW)
     memory.add_node("hand", "hand", perceived=True, last_seen=NOW)
-    memory.add_edge("hand", "cup", "grasping", source="contact", grip="touch", since=NOW)
+    memory.add_edge("hand", "cup", "grasping", source="contact", handling="touching", since=NOW)
     moment = Moment.of(memory)
     assert told(moment, "gripper", Subject.HOLDING).text == "gripper holds ball."
     hand = told(moment, "hand", Subject.HOLDING)
     assert hand.text == "hand is believed to touch cup." and hand.claims == (StatedClaim("touching", ("hand", "cup")),)
     memory.remove_edge("cup", "table", "on")
-    memory.add_edge("hand", "cup", "grasping", grip="pinch")
+    memory.add_edge("hand", "cup", "grasping", handling="pinching")
     assert told(Moment.of(memory), "cup").text == "cup is believed to be held by hand."
     assert told(Moment.of(memory), "hand", Subject.HOLDING).text == "hand is believed to hold cup."
 
