@@ -38,7 +38,9 @@ _ANSWERS: dict[str, Callable[[Moment, Query], Response]] = {
     "any_state": properties.which_state, "which_state": properties.which_state, "unmoved": staying.unmoved,
     "how_long_there": staying.how_long_there, "why_not_so": staying.why_not_so, "did_by": deeds.did_by,
     "when_did": deeds.when_did, "which_did": deeds.which_did, "last_done": deeds.which_did,
-    "deeds_of": deeds.deeds_of,
+    "deeds_of": deeds.deeds_of, "any_did": deeds.any_did, "has_seen": retrospect.has_seen,
+    "any_held": present.any_held, "any_seen": present.any_seen, "extreme": properties.extreme,
+    "which_on": properties.which_on, "any_on": properties.which_on,
 }  # fmt: skip
 """Who answers each kind of question of the grammar; what-if questions are answered by a simulation."""
 

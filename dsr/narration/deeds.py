@@ -129,6 +129,13 @@ def which_did(moment: Moment, query: Query) -> Response:
     return understood(_ended(_shortened(shown) or nothing, moment, span, shown), shown, names=names)
 
 
+def any_did(moment: Moment, query: Query) -> Response:
+    """Whether any thing was moved, fell, ...: at a time, or lately."""
+    found = which_did(moment, query)
+    text = f"{'Yes' if found.names else 'No'}: {found.text}"
+    return understood(text, found.evidence, verdict=bool(found.names), names=found.names)
+
+
 def deeds_of(moment: Moment, query: Query) -> Response:
     """What somebody did, or what was done with a thing, at a time or at all."""
     span = span_asked(moment, query)

@@ -7,7 +7,7 @@ WORDS = {
     "HAS": "has have had", "WHERE": "where", "WHAT": "what which", "WHO": "who", "WHEN": "when", "WHY": "why",
     "HOW": "how", "LONG": "long", "MANY": "many", "IF": "if", "THERE": "there", "AT": "at", "SINCE": "since",
     "LAST": "last", "LATELY": "lately recently", "NOW": "now currently",
-    "ANY": "anything something anyone anybody someone somebody nothing nobody", "SURE": "sure certain",
+    "ANY": "anything something anyone anybody someone somebody nothing nobody another", "SURE": "sure certain",
     "CLOSEST": "closest nearest", "CHANGE": "change changes changed", "ABOUT": "about", "GO": "go goes went",
     "COLOUR": "colour color", "LARGE": "big large tall wide high size", "HEAVY": "heavy weigh weighs",
     "DET": "the a an my your this that", "ON": "on onto upon", "IN": "in into inside within",
@@ -16,20 +16,23 @@ WORDS = {
     "SEEN": "seen", "VISIBLE": "visible", "UNSEEN": "unseen hidden invisible", "HIDE": "hide hides hiding",
     "HOLD": "hold holds holding carrying grasping gripping", "HELD": "held", "THINK": "think thinks believe believes",
     "BELIEVED": "believed thought", "KNOW": "know knows", "LOOK": "look search", "WRONG": "wrong mistaken",
-    "SURPRISING": "surprising surprised surprise surprises", "GONE": "gone missing", "WANT": "want wants",
+    "SURPRISING": "surprising surprised surprise surprises odd strange unusual weird unexpected",
+    "GONE": "gone missing", "WANT": "want wants",
     "WAIT": "wait waits waiting", "DOING": "doing", "GOAL": "goal mission task plan",
     "HAPPEN": "happen happens happened",
     "MOVE": "move moves moved moving push pushed slide slid shift shifted bring brought carry carried",
-    "FALL": "fall falls fell fallen", "STAY": "stay stays stand stands",
-    "REST": "rest rests resting lie lies lying sit sits sitting",
+    "BUMP": "bump bumped knock knocked kick kicked hit",
+    "FALL": "fall falls fell fallen", "STAY": "stay stays stayed remain remained stand stands",
+    "REST": "standing rest rests resting lie lies lying sit sits sitting",
     "APPEAR": "appear appeared", "VANISH": "disappear disappeared vanish vanished",
     "PICK": "pick picked take took taken lift lifted grab grabbed", "PUT": "put place placed lay laid",
     "DROP": "drop dropped release released", "UP": "up", "DOWN": "down", "AWAY": "away", "REMOVE": "remove removed",
-    "STOP": "stop stopped standing", "COME": "come came get got", "SECONDS": "s sec secs seconds",
+    "STOP": "stop stopped", "COME": "come came get got", "SECONDS": "s sec secs seconds",
     "MINUTES": "min mins minutes", "AND": "and", "SOME_OF": "any either some", "ALL_OF": "all both each every",
     "BEHIND": "behind", "FRONT": "front", "LEFT": "left", "RIGHT": "right", "FROM": "from", "AS": "as",
     "EMPTY": "empty", "WITH": "with", "END": "end ended", "FIND": "find", "MAKE": "makes make", "DONE": "done",
-    "WATCH": "looking watching", "SAME": "same", "USED": "used", "FAR": "far",
+    "WATCH": "looking watching", "SAME": "same",
+    "TOP": "top topmost upper uppermost highest", "BOTTOM": "bottom lower lowest", "USED": "used", "FAR": "far",
 }  # fmt: skip
 """The words of each terminal. None of them can be the name of a thing."""
 GRAMMAR = r"""
@@ -40,7 +43,8 @@ question: where | where_in | where_by | last_seen | last_seen_by | contents | co
     | when_was | since_when | how_long | how_long_so | why_so | why_state | why_waits | why_moved | happened | who_did
     | what_if | would | wants | doing | count | which | any_so | was_done | what_unseen | surprises | sure | closest
     | property | was_so | why_not_so | unmoved | how_long_there | any_sees | is_empty | any_state | which_state
-    | did_by | when_did | which_did | last_done | deeds_of | distance
+    | did_by | any_did | has_seen | any_held | any_seen | extreme | which_on | any_on
+    | when_did | which_did | last_done | deeds_of | distance
 
 where: WHERE BE thing (GONE | COME TO | GO)? | WHERE thing BE | WHERE (DO | HAS) thing (GO | COME TO | GONE | END UP)
     | WHERE CAN thing FIND thing
@@ -66,11 +70,14 @@ any_sees: (CAN | DO) ANY SEE thing | BE ANY WATCH thing
 is_visible: BE thing VISIBLE (TO thing)?
 who_sees: WHO CAN? SEE thing | WHO BE SEE thing
 what_sees: WHAT thing? (CAN | DO) thing SEE | WHAT BE thing (SEE | WATCH AT?)
+any_seen: (CAN | DO) thing SEE ANY
+has_seen: HAS thing SEEN thing
 what_unseen: WHAT thing? (CAN | DO) (NOT thing | thing NOT) SEE
 hides: WHAT (BE)? HIDE thing
 holder: WHO BE? (HOLD | HELD) thing | WHO HAS thing | WHERE BE thing HELD
 held: WHAT BE thing HOLD | WHAT DO thing (HOLD | HAS)
 is_holding: BE thing HOLD thing | DO thing (HOLD | HAS) thing
+any_held: BE ANY HOLD thing | (DO | HAS) ANY HOLD thing
 is_empty: BE thing EMPTY
 when_was: WHEN (BE | DO) thing did
 when_did: WHEN (DO | HAS) (ANY | thing) did_what thing ending?
@@ -80,22 +87,29 @@ how_long_so: HOW LONG HAS thing BE REST? relation thing | HOW LONG BE thing REST
 how_long_there: HOW LONG HAS thing BE (REST | STOP | HELD)? (THERE | WHERE thing BE)? | HOW LONG BE thing (THERE | HELD)
 why_so: WHY BE thing (BE? BELIEVED TO? BE?)? relation thing | WHY DO thing THINK that? thing BE relation thing
 why_not_so: WHY BE (thing NOT | NOT thing) REST? relation thing | WHY thing BE NOT REST? relation thing
-unmoved: BE thing WHERE thing (BE | USED TO BE) | BE thing WHERE thing LEFT thing | BE thing (IN | AT) DET? SAME PUT
+unmoved: (DO | HAS) thing (STAY | BE) WHERE thing BE
+    | BE thing WHERE thing (BE | USED TO BE) | BE thing WHERE thing LEFT thing | BE thing (IN | AT) DET? SAME PUT
 why_state: WHY BE thing state | WHY BE NOT thing (VISIBLE | SEEN)
-    | WHY CAN thing NOT SEE thing
-why_waits: WHY DO thing (WAIT | STOP | NOT MOVE) | WHY BE thing (WAIT | STOP | NOT did)
+    | WHY (CAN | DO) (thing NOT | NOT thing) SEE thing
+why_waits: WHY DO thing (WAIT | STOP | NOT MOVE) | WHY BE thing (WAIT | STOP | REST | NOT did)
     | WHY (BE | DO) (NOT thing | thing NOT) (DOING | DO) ANY | WHY BE NOT thing MOVE
 why_moved: WHY DO thing (MOVE | FALL) | WHY BE thing did
-happened: WHAT HAS? (HAPPEN | CHANGE) (TO thing | ABOUT thing)? | (HAS | DO) ANY (HAPPEN | CHANGE) (TO thing)?
+happened: WHAT HAS? (HAPPEN | CHANGE) ((TO | WITH | ABOUT) thing)? | (HAS | DO) ANY (HAPPEN | CHANGE) (TO thing)?
 surprises: WHAT (BE | HAS)? SURPRISING thing? | (BE | HAS | DO) (ANY | thing) SURPRISING thing?
+    | BE THERE ANY SURPRISING
 who_did: (WHO | WHAT) (HAS | BE)? did_what thing ending? | WHO (HAS | BE)? placed thing relation thing
     | (DO | HAS) ANY did_what thing ending? -> did_any | (DO | HAS) ANY placed thing relation thing -> did_any
 did_by: (DO | HAS) thing did_what thing ending? | (DO | HAS) thing placed thing relation thing
+any_did: (DO | HAS | BE) ANY BE? did
 which_did: WHAT thing? (HAS | BE)? BE? did | WHAT thing? (DO | HAS) (ANY | thing) did_what ending?
 last_done: WHAT BE DET? LAST thing that? (ANY | thing) (HAS | BE)? did_what ending?
     | WHAT BE DET? LAST thing (TO BE)? did | WHAT thing? (HAS | BE)? BE? did LAST
     | WHAT thing? (DO | HAS) (ANY | thing) did_what ending? LAST
 deeds_of: WHAT (DO | HAS) (ANY | thing) (DO | DONE) ((WITH | TO) thing)? | WHAT (BE | HAS) BE? DONE (WITH | TO) thing
+extreme.2: WHAT thing? BE DET? (TOP | BOTTOM) thing? ((OF | IN | ON) thing)? | WHAT thing? BE ON DET? (TOP | BOTTOM)
+which_on: WHAT thing? BE REST? relation another
+any_on: BE ANY REST? relation another
+another: ANY WORD?
 ending: UP | DOWN | AWAY | THERE
 placed: MOVE | PUT | DROP
 any_state: BE ANY state
@@ -120,8 +134,8 @@ change: thing BE (REMOVE | PICK AWAY | GONE) -> remove
     | thing BE (PUT | MOVE) ON thing -> put
     | thing PUT thing ON thing -> put
 falls: (FALL | MOVE | STAY) ABOVE? DOWN?
-did: MOVE | PICK UP? | PICK AWAY | PUT DOWN? | DROP | FALL | APPEAR | VANISH | REMOVE
-did_what: MOVE | PICK (UP | AWAY)? | PUT DOWN? | DROP | REMOVE
+did: MOVE | BUMP IN? | PICK UP? | PICK AWAY | PUT DOWN? | DROP | FALL | APPEAR | VANISH | REMOVE
+did_what: MOVE | BUMP IN? | PICK (UP | AWAY)? | PUT DOWN? | DROP | REMOVE
 view: (AS? SEEN)? FROM thing
 state: SURPRISING | GONE | UNSEEN | THERE | VISIBLE | NOT VISIBLE | NOT SEEN
 relation: ON | IN | UNDER | ABOVE | BELOW | NEAR | NEXT TO | BEHIND | IN FRONT OF | (TO | ON)? DET? (LEFT | RIGHT) OF
@@ -129,7 +143,7 @@ when: SPAN -> span | AT NUMBER unit? -> at | SINCE AT? NUMBER unit? -> since | L
 unit: SECONDS -> seconds | MINUTES -> minutes
 thing: single (AND single)*
 single: ((SOME_OF | ALL_OF) OF?)? DET? word+
-?word: WORD | LARGE | HEAVY | COLOUR | CHANGE | GO | LEFT | RIGHT | FRONT | END | SAME
+?word: WORD | LARGE | HEAVY | COLOUR | CHANGE | GO | LEFT | RIGHT | FRONT | END | SAME | TOP | BOTTOM
 
 NUMBER: /\d+(\.\d+)?/
 WORD: /[^\W\d][\w.\-]*/
@@ -139,6 +153,7 @@ SPAN: "\x02"
 TIMED = frozenset({
     "where", "where_in", "contents", "any_so", "is_so", "holder", "when_was", "happened", "surprises", "who_did",
     "did_any", "was_done", "was_so", "did_by", "when_did", "which_did", "last_done", "deeds_of", "unmoved",
+    "any_did", "has_seen",
 })  # fmt: skip
 """Kinds of questions that can be about the past. All others are answered as of now."""
 EXAMPLES = {
@@ -167,6 +182,10 @@ EXAMPLES = {
     "last_done": "what was picked up last?", "deeds_of": "what did anybody do with the THING?",
     "why_not_so": "why is the THING not on the table?", "distance": "how far is the THING from the OTHER?",
     "groups": "are the THING and the OTHER on the table?", "any_of": "is any of the cubes hidden?",
+    "any_did": "did anything move?", "has_seen": "have you seen the THING?",
+    "any_held": "is anybody holding the THING?",
+    "any_seen": "can you see anything?", "extreme": "what is on top?", "which_on": "what is on top of something?",
+    "any_on": "is anything on another thing?",
     "wants": "what does the robot want?", "count": "how many cubes are there?", "which": "what is there?",
 }  # fmt: skip
 """A question of each kind, to show when another is not understood."""

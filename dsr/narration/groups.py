@@ -17,6 +17,7 @@ _MOST = 12
 """Things that one question is answered for: more no person listens to"""
 _OF_SEVERAL = frozenset({
     "count", "which", "which_state", "any_state", "which_did", "last_done", "what_unseen", "closest",
+    "extreme", "which_on", "any_on",
 })  # fmt: skip
 """Kinds of questions whose first thing may be words for several: those answer for all that fit."""
 _FIRST_MAY_BE_KIND = frozenset({"any_so", "contents", "where_in"})

@@ -286,6 +286,18 @@ def is_holding(moment: Moment, query: Query) -> Response:
     return understood(_yes(holds, found.text), found.evidence, verdict=holds)
 
 
+def any_held(moment: Moment, query: Query) -> Response:
+    """Whether anybody holds a thing."""
+    found = holder(moment, query)
+    return understood(_yes(bool(found.names), found.text), found.evidence, verdict=bool(found.names), names=found.names)
+
+
+def any_seen(moment: Moment, query: Query) -> Response:
+    """Whether somebody sees any thing."""
+    found = what_sees(moment, query)
+    return understood(_yes(bool(found.names), found.text), found.evidence, verdict=bool(found.names), names=found.names)
+
+
 def is_empty(moment: Moment, query: Query) -> Response:
     """Whether a hand or gripper holds nothing, or nothing is in a box or cup."""
     if is_robot(query.things[0]) or node_of(moment, query.things[0]).type in _HOLDERS:

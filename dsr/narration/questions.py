@@ -26,7 +26,7 @@ _POLITE = re.compile(
 """What people say before a question that asks for nothing."""
 _FILLERS = re.compile(
     r"(?<![\w.\-])(please|still|just|actually|exactly|really|already|again|right(?= now)|any ?more|any longer"
-    r"|at all|at the moment|yet|most recently(?= )|perhaps|maybe)(?![\w.\-])"
+    r"|at all|at the moment|yet|back(?= (on|in|at|under|to)\b)|most recently(?= )|perhaps|maybe)(?![\w.\-])"
 )
 """Words that change nothing in a question about what is so."""
 _SHORT = (
@@ -35,7 +35,8 @@ _SHORT = (
 )  # fmt: skip
 _ALSO = (
     (" on top of ", " on "), (" on the top of ", " on "), (" inside of ", " in "), (" in side ", " in "),
-    ("how come ", "why "), ("no longer ", "not "), ("same spot", "same place"), ("same position", "same place"),
+    ("how come ", "why "), ("which of ", "which "), (" on top?", " on the top?"), ("no longer ", "not "),
+    ("same spot", "same place"), ("same position", "same place"),
     (" most recently", " last"), ("what makes you think ", "why do you think "),
 )
 _TAG = re.compile(
@@ -53,6 +54,7 @@ _AND = re.compile(
 """Between two questions in one."""
 _SIDES = ("behind", "front", "left", "right")
 _QUANTIFIERS = {"SOME_OF": "any", "ALL_OF": "all"}
+_ENDS = ("TOP", "BOTTOM")
 _PROPERTIES = ("COLOUR", "LARGE", "HEAVY")
 _BODIES = ("anyone", "anybody", "someone", "somebody", "nobody")
 _IT = ("it", "they", "them")
@@ -243,7 +245,8 @@ class _Reader(Transformer[Token, Query]):
 
     def did(self, children: list[Token]) -> _Part:
         """What was done."""
-        return _Part("word", "remove" if children[-1].type == "AWAY" else children[0].type.lower())
+        kind = "remove" if children[-1].type == "AWAY" else children[0].type.lower()
+        return _Part("word", "move" if kind == "bump" else kind)
 
     did_what = placed = did
 
@@ -298,6 +301,8 @@ def _query(rule: str, children: list[Any]) -> Query:
     word = changes[0].word if changes else parts.get("word", "there" if rule == "is_there" else "")
     if rule == "any_so" and any(isinstance(child, Token) and str(child) in _BODIES for child in children):
         word = "body"
+    if rule == "extreme":
+        word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _ENDS)
     if rule == "property":
         word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _PROPERTIES)
     things = (*_names(children), *(name for change in changes for name in change.things))

@@ -87,6 +87,15 @@ def last_seen_by(moment: Moment, query: Query) -> Response:
     return understood(text, told, time=known["last_seen"])
 
 
+def has_seen(moment: Moment, query: Query) -> Response:
+    """Whether the robot or a person has seen a thing: ever, or since a time."""
+    found, span = last_seen_by(moment, query), span_asked(moment, query)
+    since = 0.0 if span is None else span.begin
+    seen = found.time is not None and found.time >= since
+    text = f"{'Yes' if seen else 'No'}: {found.text}"
+    return understood(text, found.evidence, verdict=seen, time=found.time)
+
+
 def when_was(moment: Moment, query: Query) -> Response:
     """When a thing was last picked up, put down, moved, ...: the newest event that tells so."""
     name, span = name_of(moment, query.things[0]), span_asked(moment, query)
@@ -134,7 +143,8 @@ def why_state(moment: Moment, query: Query) -> Response:
     if query.word == "gone" and is_present(node):
         return understood(f"{node.name} is not believed to be gone. {joined(place)}", place)
     if query.word in ("unseen", "") and (not is_seen(node, moment.now) or len(query.things) > 1):
-        viewer = node_of(moment, query.things[0]).name if len(query.things) > 1 else None
+        is_by_other = len(query.things) > 1 and not is_robot(query.things[0])
+        viewer = node_of(moment, query.things[0]).name if is_by_other else None
         edges = [edge for edge in moment.memory.edges("sees", dst=node.name) if viewer in (None, edge.src)]
         names = sorted({str(hider) for edge in edges if (hider := edge.get("covered_by") or edge.get("hidden_by"))})
         whom = f" from {viewer}" if viewer else ""
