@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import math
 
-from agents.action_inference.attribution import Attribution
+from agents.action_inference.attribution import REMEMBERED, Attribution
 from agents.action_inference.bumps import FRESH, Bumps
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
-from agents.action_inference.observation import ObservedThing, Snapshot
+from agents.action_inference.observation import ObservedEnd, ObservedThing, Snapshot
 from agents.action_inference.policy import Inference
 from agents.action_inference.track import ThingTrack
 from dsr.clock import ROUNDING
 from dsr.math3d import quaternions
+from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
 _SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
@@ -224,9 +225,25 @@ class AttributedPolicy:
         if thing.grasps:
             track.by, track.resting_since = thing.grasps[-1].holder, None
             return None
+        if thing.let_go is not None and thing.let_go.holder == track.by and thing.let_go != track.told:
+            self._take_in(thing.let_go, track, snapshot)
         if track.last_grasp is not None and track.let_go is not None:
             return self._after_grasp(thing, track, snapshot, track.last_grasp, track.let_go)
         return self._by_motion(thing, track, snapshot)
+
+    def _take_in(self, end: ObservedEnd, track: ThingTrack, snapshot: Snapshot) -> None:
+        """Note when and how a hand let go, and where it and the thing were then."""
+        track.told = end
+        if track.last_grasp is None:
+            return
+        track.last_grasp, track.how = min(end.time, track.last_grasp), end.how
+        seen, believed = track.seen.before(end.time), track.believed.before(end.time)
+        is_fresh = seen is not None and end.time - seen.time <= FRESH
+        track.let_go = (seen if is_fresh else believed) or track.let_go
+        if snapshot.now - end.time < REMEMBERED:
+            track.palm_height = self._attribution.palm_height(track.by, end.time)
+        if track.rested is not None and track.rested.time > end.time:
+            track.rested = None
 
     def _after_grasp(
         self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot, let_go_at: float, let_go: Height
@@ -238,6 +255,8 @@ class AttributedPolicy:
         current = seen if seen is not None and seen.time > let_go_at else believed
         if current is None:
             return None
+        if track.how == Handling.DROPPED:
+            return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"it fell when {track.by} let go of it")
         lowered = let_go.bottom - current.bottom
         if seen is not None and seen.time > let_go_at and track.seen.speed() < _FASTER_THAN_PUT:
             track.hidden = None
@@ -374,6 +393,7 @@ class AttributedPolicy:
         stayed = found is not None and last is not None and math.dist(found.position, last.position) < _HAND_MOVED
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
         track.returned, track.found, track.rested, track.probability = False, None, None, 1.0
+        track.how = Handling.FREE
         track.seen.forget()
         track.believed.forget()
         return None if stayed else Inference(action, confidence, why)

@@ -1,6 +1,6 @@
 """Parts of a graph of which each process holds some: are they right under faults, and what do they cost?
 
-    python -m benchmarks.interest --histories 200             # seeds 0, 1, ...: all must be right
+    python -m benchmarks.interest --histories 60              # seeds 0, 1, ...: all must be right
     python -m benchmarks.interest --seed 17                   # one history again, made shorter if it fails
     python -m benchmarks.interest --mutants                   # each wrong design must be seen
     python -m benchmarks.interest --curves --json interest.json --plot interest.png
