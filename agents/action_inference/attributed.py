@@ -225,7 +225,7 @@ class AttributedPolicy:
         if thing.grasps:
             track.by, track.resting_since = thing.grasps[-1].holder, None
             return None
-        if thing.let_go is not None and thing.let_go.holder == track.by and thing.let_go.time != track.told:
+        if thing.let_go is not None and thing.let_go.holder == track.by and thing.let_go != track.told:
             self._take_in(thing.let_go, track, snapshot)
         if track.last_grasp is not None and track.let_go is not None:
             return self._after_grasp(thing, track, snapshot, track.last_grasp, track.let_go)
@@ -233,7 +233,7 @@ class AttributedPolicy:
 
     def _take_in(self, end: ObservedEnd, track: ThingTrack, snapshot: Snapshot) -> None:
         """Note when and how a hand let go, and where it and the thing were then."""
-        track.told = end.time
+        track.told = end
         if track.last_grasp is None:
             return
         track.last_grasp, track.how = min(end.time, track.last_grasp), end.how

@@ -126,9 +126,10 @@ class Writing:
                 self._memory.remove_edge(edge.src, edge.dst, "let_go")
         for relation, end in ended.items():
             written = self._memory.get_edge(*relation, "let_go")
-            if written is None or written.get("since") != end.since:
+            values = {"handling": end.state.value, "since": end.since}
+            if written is None or any(written.get(name) != value for name, value in values.items()):
                 with contextlib.suppress(GraphError):
-                    self._memory.add_edge(*relation, "let_go", handling=end.state.value, since=end.since)
+                    self._memory.add_edge(*relation, "let_go", **values)
 
     def _probability(self, kind: str, relation: Relation, written: Edge | None) -> float:
         """That a relation holds, by the weighted worlds; what is written, if that says so within the tolerance."""

@@ -148,6 +148,10 @@ class Touching:
                 self._letting_go.begin((item.hand, item.name))
             if before and not item.hand:
                 self._let_go(item, before, now)
+        for hand, thing in self._letting_go.ended:
+            item = self._bodies.objects[thing]
+            if hand in self._hands and now - item.track.last_stamp <= UNSEEN:
+                self._letting_go.resolve((hand, thing), self._hands[hand], item)
         held = [item for item in self._bodies.objects.values() if item.hand]
         self._going_along.keep(held, now)
         for item in held:
@@ -251,7 +255,7 @@ class Touching:
             yield Sign.SHOWN
         if is_pinched:
             yield Sign.OPPOSED
-        if is_seen and item.hand == relation[0] and self._drops(relation):
+        if is_seen and self._drops(relation):
             yield Sign.FALLS
         if is_pinched:
             return
