@@ -73,6 +73,7 @@ LAYERS = (
     "dsr.graph.graph",
     "dsr.replication",
     "dsr.geometry",
+    "dsr.parts",
     "dsr.images dsr.worlds dsr.believing.distribution",
     "dsr.memory",
     "dsr.agent dsr.vocabulary dsr.geometry.boxes dsr.geometry.placing",

@@ -6,10 +6,10 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any
 
-from dsr.crdt.context import Dot
+from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
@@ -21,6 +21,7 @@ from dsr.graph.sharing import Groups
 from dsr.graph.stamping import Stamping
 from dsr.graph.watches import Watches
 from dsr.math3d.transforms import Pose
+from dsr.network.keys import part_of
 
 _POSE = "pose"
 
@@ -158,6 +159,14 @@ class Graph(Stamping):
         self._apply(delta)
         if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
             self._attach_or_bury()
+
+    def restore(self, delta: Delta, now: float) -> None:
+        """Join what was kept of this graph, at physical time `now` (s)."""
+        self.join(delta, now)
+
+    def contexts(self) -> Iterator[DotRange]:
+        """All dots that have been seen here, as ranges."""
+        yield from self.store.context.ranges()
 
     def make_durable(self, patience: int = 3) -> Delta:
         """Make stream samples durable; to be called about once a second.
@@ -407,6 +416,8 @@ class Graph(Stamping):
             elif self._is_dead(entry):
                 del self._unattached[dot]
                 self._bury([entry])
+            elif any(part_of(rid) for rid, _ in (*entry.sources, *entry.destinations)):
+                del self._unattached[dot]  # it waits for a part of the graph that is not held here (see dsr/parts)
 
     def _bury(self, dead: list[Incarnation]) -> None:
         """Drop edges that no replica can ever show again, so that state does not grow with history."""
