@@ -43,23 +43,23 @@ class SimulationHandler(Agent):
     rate_hz = 20.0  # Hz, ticks
     reads = Access(
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", CALIBRATION, *WRITTEN_NODES),
-        edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "has"),
+        edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "let_go", "has"),
         attributes=(
             *("size", "shape", "mass", "friction", "rolling_friction", "plausible", "source", "since", "bounds"),
             *(*INTRINSICS, *SEEN),
-            *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip"),
+            *("surprising", "present", "skill", "target", "destination", "status", "held_at", "handling"),
             *("perceived", "last_seen", "side", "mount", "mesh", "report"),
         ),
     )
     writes = Access(
         nodes=(*OBJECTS, *WRITTEN_NODES, WORLD_RECORD, WORLD),
-        edges=("Virtual_RT", "on", "in", "sees", "grasping", *WRITTEN_EDGES),
+        edges=("Virtual_RT", "on", "in", "sees", "grasping", "let_go", *WRITTEN_EDGES),
         attributes=(
-            *("plausible", "source", "since", "grip", "held_at", "probability", *SEEN),
+            *("plausible", "source", "since", "handling", "held_at", "probability", *SEEN),
             *(WHEREABOUTS, "weight", "things", "note"),
             *("present", "explanation", "score", "alternatives", "changes", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "in", "plausible", "present", "detectable", "covered_by", WHEREABOUTS),
+        exclusive=("Virtual_RT", "on", "in", "let_go", "plausible", "present", "detectable", "covered_by", WHEREABOUTS),
         worlds=(BASE, f"{PREFIX}{EVERYTHING}"),
     )
     publishes = (KEY,)

@@ -21,6 +21,7 @@ from simulation_handler.contact.relations import ContactRelations, Relation, res
 from simulation_handler.explaining import ExplainingPolicy, Explanation, VisibilityQuery, make_policy
 from simulation_handler.explaining.explainer import Explainer
 from simulation_handler.hands.fingers import Fingers
+from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.correction import Correction
@@ -64,8 +65,9 @@ class Belief:
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
         self._evidence = EvidenceReader(
-            self._bodies, self._relations, self._containment, self._touching, self._driving.lead
-        )
+            self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
+            self._explainer.in_doubt, self.config,
+        )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
         self._now: float | None = None
@@ -215,6 +217,10 @@ class Belief:
     def grasps(self) -> Mapping[Relation, HandGrasp]:
         """Objects that human hands may hold, by (hand, object)."""
         return self._touching.holds
+
+    def let_go(self) -> Mapping[Relation, LetGo]:
+        """How the last hold of each object ended that no human hand holds now, by (hand, object)."""
+        return self._touching.let_go
 
     def explanations(self) -> list[tuple[float, Explanation]]:
         """Explanations since the last call, with the time (s) of each."""

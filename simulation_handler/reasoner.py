@@ -12,6 +12,7 @@ from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining import Explanation, VisibilityQuery
+from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.physics.rollouts.scene import RolloutScene
@@ -98,6 +99,9 @@ class Reasoner(Protocol):
 
     def grasps(self) -> Mapping[Relation, HandGrasp]:
         """Objects that human hands touch, by (hand, object)."""
+
+    def let_go(self) -> Mapping[Relation, LetGo]:
+        """How the last hold of each object ended that no human hand holds now, by (hand, object)."""
 
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""

@@ -25,9 +25,9 @@ class ActionInference(Agent):
     shares_process = True
     reads = Access(
         nodes=(*THINGS, *SURFACES, *HOLDERS, "finger", "camera", "world", *WRITTEN_NODES),
-        edges=("RT", "Virtual_RT", "on", "in", "grasping", "has"),
+        edges=("RT", "Virtual_RT", "on", "in", "grasping", "let_go", "has"),
         attributes=(
-            *("size", "perceived", "last_seen", "plausible", "present", "since", "mount", "probability"),
+            *("size", "perceived", "last_seen", "plausible", "present", "since", "mount", "probability", "handling"),
             *WRITTEN_ATTRIBUTES,
         ),
     )

@@ -28,6 +28,11 @@ class Attribution:
             (snapshot.now, perceived)
         ]
 
+    def palm_height(self, name: str, time: float) -> float | None:
+        """World z (m) of a hand's palm at `time` (s), of the last moments; None if it was not seen then."""
+        _, holders = min(self._seen, key=lambda entry: abs(entry[0] - time), default=(0.0, {}))
+        return holders[name].points[0][2] if name in holders else None
+
     def nearest(self, thing: ObservedThing, pose: Pose, time: float) -> str:
         """Name of the hand that was nearest to the thing at `pose` around `time` (s), within reach; `UNKNOWN` if there
         was none.

@@ -10,6 +10,10 @@ from typing import NamedTuple
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.handling import Handling
+
+FOUND_OUT = 1.5
+"""s, longer than it takes until it is known that a hand came back empty, that a thing is missing, or a camera bumped"""
 
 
 class ObservedGrasp(NamedTuple):
@@ -21,6 +25,17 @@ class ObservedGrasp(NamedTuple):
     """Begin of the grasp, s."""
     probability: float = 1.0
     """1, that it is so by the belief"""
+
+
+class ObservedEnd(NamedTuple):
+    """An edge `let_go`."""
+
+    holder: str
+    """Node of the hand that held the thing last."""
+    time: float
+    """s, until when it did, as far as is known"""
+    how: str = Handling.FREE
+    """`Handling` in the end"""
 
 
 @dataclass(frozen=True)
@@ -44,6 +59,8 @@ class ObservedThing:
     """Names of the containers of the thing."""
     grasps: tuple[ObservedGrasp, ...] = ()
     """Grasps of the thing, the newest last."""
+    let_go: ObservedEnd | None = None
+    """How the last grasp by a hand ended; None while one grasps it, or if none is known to have"""
 
     def bottom(self, pose: Pose) -> float:
         """World z of its lowest point at `pose`, by its bounding box, m."""

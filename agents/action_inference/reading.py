@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from agents.action_inference.observation import Holder, ObservedGrasp, ObservedThing, Snapshot
+from agents.action_inference.observation import Holder, ObservedEnd, ObservedGrasp, ObservedThing, Snapshot
 from dsr.errors import DsrError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
@@ -14,6 +14,7 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.calibration import IN_DOUBT
+from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present
 
@@ -63,6 +64,10 @@ class SnapshotReader:
             ObservedGrasp(edge.src, edge.get("since", 0.0), edge.get("probability", 1.0))
             for edge in memory.edges("grasping", dst=name)
         )
+        ends = [
+            ObservedEnd(edge.src, edge.get("since", 0.0), edge.get("handling", Handling.FREE))
+            for edge in memory.edges("let_go", dst=name)
+        ]
         return ObservedThing(
             name=name,
             size=node.get("size", (0.0, 0.0, 0.0)),
@@ -74,6 +79,7 @@ class SnapshotReader:
             on=frozenset(edge.dst for edge in memory.edges("on", src=name)),
             inside=frozenset(edge.dst for edge in memory.edges("in", src=name)),
             grasps=tuple(sorted(grasps, key=lambda grasp: (grasp.since, grasp.holder))),
+            let_go=max(ends, key=lambda end: (end.time, end.holder), default=None),
         )
 
     def _holder(self, node: Node, now: float) -> Holder | None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.action_inference.heights import Height, Heights
+from agents.action_inference.observation import ObservedEnd
+from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import UNKNOWN
 
 
@@ -20,6 +22,10 @@ class ThingTrack:
     """Time (s) when something was last known to hold the thing since it was picked; None without any."""
     probability: float = 1.0
     """1, that who was last known to hold the thing does, by the belief"""
+    how: str = Handling.FREE
+    """What the hand that held the thing had to do with it in the end, if that is known"""
+    told: ObservedEnd | None = None
+    """The end of the last hold that was taken in"""
     let_go: Height | None = None
     """Believed height of the thing when it was let go; None while it is held."""
     rested: Height | None = None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from agents.plant.hand_figure import TIP_RADIUS, palm_pose, relaxed
 from agents.plant.hands import SimulatedHand, Style
 from agents.plant.world import World
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ MOST_SPREAD = 0.08
 RAISED = 0.02
 """m, distance out of the palm's plane of fingers that do not touch"""
 _MOST_HITS = 6
+_MOST_RAISED = 4  # times that, at which a finger is straight up
 
 
 class HandGrip(NamedTuple):
@@ -55,10 +57,10 @@ def pinch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float
     towards = _unit(np.array([*side, 0.0]))
     across = np.array([towards[1], -towards[0], 0.0]) * (-1.0 if hand.side == "left" else 1.0)
     centre = _contact_height(world, name, above)
-    thumb = surface(world, name, centre, across) + TIP_RADIUS * across
-    index = surface(world, name, centre, -across) - TIP_RADIUS * across
+    thumb = _laid_on(world, name, centre, across)
+    index = _laid_on(world, name, centre, -across)
     moved = {0: (thumb, across), 1: (index, -across)}
-    return _grip(hand, "pinch", 0.5 * (thumb + index), side, moved)
+    return _grip(world, hand, "pinch", 0.5 * (thumb + index), side, moved)
 
 
 def touch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float], above: float | None) -> HandGrip:
@@ -68,9 +70,8 @@ def touch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float
     centre = _contact_height(world, name, above)
     moved = {}
     for finger, offset in ((1, 0.5 * SPREAD), (2, -0.5 * SPREAD)):
-        point = surface(world, name, centre + offset * across, towards)
-        moved[finger] = (point + TIP_RADIUS * towards, towards)
-    return _grip(hand, "touch", 0.5 * (moved[1][0] + moved[2][0]), side, moved)
+        moved[finger] = (_laid_on(world, name, centre + offset * across, towards), towards)
+    return _grip(world, hand, "touch", 0.5 * (moved[1][0] + moved[2][0]), side, moved)
 
 
 def take(
@@ -78,6 +79,14 @@ def take(
 ) -> HandGrip:
     """Compute how a hand takes an object in the style `style`."""
     return (pinch if style == "pinch" else touch)(world, hand, name, side, above)
+
+
+def _laid_on(world: World, name: str, centre: Array, outwards: Array) -> Array:
+    """(3,) the centre of a fingertip that touches an object from outside, on the ray from `centre` outwards."""
+    tip = surface(world, name, centre, outwards) + TIP_RADIUS * outwards
+    for _ in range(_MOST_HITS):  # where the surface is askew, a ball is still in it
+        tip = tip + world.depth(_vector(tip), TIP_RADIUS, name) * outwards
+    return np.asarray(tip)
 
 
 def surface(world: World, name: str, centre: Array, outwards: Array) -> Array:
@@ -111,7 +120,12 @@ def _contact_height(world: World, name: str, above: float | None) -> Array:
 
 
 def _grip(
-    hand: SimulatedHand, style: Style, middle: Array, side: tuple[float, float], moved: dict[int, tuple[Array, Array]]
+    world: World,
+    hand: SimulatedHand,
+    style: Style,
+    middle: Array,
+    side: tuple[float, float],
+    moved: dict[int, tuple[Array, Array]],
 ) -> HandGrip:
     """The palm `REACH` from `middle`; `moved` gives place and outward direction (world) of fingertips that touch."""
     mirror = -1.0 if hand.side == "left" else 1.0
@@ -128,6 +142,7 @@ def _grip(
     for finger, (tip, _) in moved.items():
         closed[finger] = palm_from_world.apply(tip)
     _spread(closed, max(moved), mirror)
+    _raise(world, pose, closed, max(moved))
     opened = closed.copy()
     for finger, (tip, outwards) in moved.items():
         opened[finger] = palm_from_world.apply(tip + OPENED * outwards)
@@ -140,6 +155,19 @@ def _spread(tips: Array, last: int, mirror: float) -> None:
         beside = mirror * tips[last, 1] - SPREAD * (finger - last) - SPREAD
         tips[finger, 2] += RAISED
         tips[finger, 1] = mirror * max(beside, mirror * tips[finger, 1] - MOST_SPREAD)
+
+
+def _raise(world: World, pose: Pose, tips: Array, last: int) -> None:
+    """Lift fingers after the last one that touches out of what they would be in, as far as they can be lifted."""
+    for finger in range(last + 1, len(tips)):
+        lifts = [tips[finger] + (0.0, 0.0, times * RAISED) for times in range(_MOST_RAISED)]
+        depths = [world.depth(_vector(pose.apply(tip)), TIP_RADIUS) for tip in lifts]
+        tips[finger] = lifts[depths.index(min(depths))]
+
+
+def _vector(point: Array) -> Vector3:
+    x, y, z = point.tolist()
+    return x, y, z
 
 
 def _unit(vector: Array) -> Array:

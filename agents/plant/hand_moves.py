@@ -8,6 +8,7 @@ import numpy as np
 
 from agents.plant.hand_figure import palm_pose, relaxed
 from agents.plant.hand_grips import OPENED, PITCH, HandGrip, take
+from agents.plant.hand_ways import opened, way, withdrawn
 from agents.plant.hands import Array, SimulatedHand, Style
 from agents.plant.moves import MOVES, TURN_SPEED, Move, Steps, follow, move, turned
 from agents.plant.person_moves import PERSON_MOVES
@@ -86,7 +87,6 @@ FINGER_SPEED = 0.1
 """m/s, of a fingertip in the palm's frame"""
 HAND_SPEED = 0.4
 """m/s, speed of a hand that comes to do another move"""
-_BACK = 0.06  # m, along the palm, from which a hand closes in on an object
 _RISEN = 0.08  # m, how much higher a hand comes and leaves
 
 
@@ -149,7 +149,7 @@ def leave(event: HandLeave, stage: Stage) -> Steps:
     hand = _present(stage, event.hand)
     if hand.held is not None:
         yield from _release(stage, hand)
-    yield from _reach(hand, _away(hand.pose, event.side or hand.from_side), relaxed(hand.side), event.speed)
+    yield from _go(stage, hand, _away(hand.pose, event.side or hand.from_side), relaxed(hand.side), event.speed)
     hand.leave()
 
 
@@ -195,12 +195,13 @@ def _grasp(
     if hand.is_present and hand.held is not None:
         yield from _release(stage, hand)
     grip = take(stage.world, hand, name, style, side, above)
-    before = grip.pose @ Pose((-_BACK, 0.0, 0.0))
+    tips = opened(stage.world, grip.pose, grip.closed, grip.opened)
+    before = withdrawn(stage.world, grip.pose, tips, side)
     if not hand.is_present:
         _appear(hand, before, side)
     hand.from_side = side
-    yield from _reach(hand, before, grip.opened, speed)
-    yield from _reach(hand, grip.pose, grip.opened, min(speed, 0.2))
+    yield from _go(stage, hand, before, tips, speed)
+    yield from _reach(hand, grip.pose, tips, min(speed, 0.2))
     yield from _close(hand, grip)
     hand.hold(name, stage.world.pose(name), style)
     if style == "pinch":
@@ -218,15 +219,15 @@ def _keep(stage: Stage, hand: SimulatedHand, name: str) -> None:
 
 
 def _release(stage: Stage, hand: SimulatedHand) -> Steps:
-    """Open the fingers and draw back a little; what another hand holds as well stays in that."""
+    """Open the fingers and draw back; what another hand holds as well stays in that."""
     if hand.held is not None and hand.style == "pinch" and not _is_held_by_another(stage, hand):
         stage.release(hand.held)
     hand.let_go()
-    middle = hand.tips[:2].mean(axis=0)
-    opened = hand.tips.copy()
-    opened[:2] += OPENED * _unit_rows(hand.tips[:2] - middle)
-    yield from _reach(hand, hand.pose, opened, 1.0)
-    yield from _reach(hand, hand.pose @ Pose((-_BACK, 0.0, 0.0)), opened, 0.3)
+    wide = hand.tips.copy()
+    if hand.style == "pinch":
+        wide[:2] += OPENED * _unit_rows(hand.tips[:2] - hand.tips[:2].mean(axis=0))
+    yield from _reach(hand, hand.pose, opened(stage.world, hand.pose, hand.tips, wide), 1.0)
+    yield from _reach(hand, withdrawn(stage.world, hand.pose, hand.tips, hand.from_side), hand.tips, 0.3)
 
 
 def _is_held_by_another(stage: Stage, hand: SimulatedHand) -> bool:
@@ -242,6 +243,12 @@ def _pushing(stage: Stage, hand: SimulatedHand, name: str, steps: Steps) -> Step
         x, y, _z = stage.world.pose(name).t
         hand.pose = Pose((pose.t[0] + x - start[0], pose.t[1] + y - start[1], pose.t[2]), pose.q)
         yield
+
+
+def _go(stage: Stage, hand: SimulatedHand, goal: Pose, tips: Array, speed: float) -> Steps:
+    """The same as `_reach`, past the things on the way or over them."""
+    for pose, there in way(stage.world, (hand.pose, hand.tips), (goal, tips)):
+        yield from _reach(hand, pose, there, speed)
 
 
 def _reach(hand: SimulatedHand, goal: Pose, tips: Array, speed: float) -> Steps:

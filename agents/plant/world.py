@@ -92,6 +92,7 @@ class World:
         self.specs = {spec.name: spec for spec in objects}
         self._bodies: dict[str, int] = {}
         self._held: set[str] = set()
+        self._balls: dict[float, int] = {}  # collision shapes by radius, m
         with tempfile.TemporaryDirectory(prefix="dsr-plant-") as folder:  # the physics engine keeps what it read
             files = Path(folder)
             self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
@@ -204,6 +205,31 @@ class World:
         for base in found:
             found += [other for other in self._bodies if other not in found and self._rides(other, base, enclosed)]
         return found[1:]
+
+    @property
+    def top(self) -> float:
+        """The height of the highest point of all objects, or of the table, m."""
+        bodies = (self.table, *self._bodies.values())
+        return max(float(self.bullet.getAABB(body)[1][2]) for body in bodies)
+
+    def depth(self, point: Vector3, radius: float, name: str | None = None) -> float:
+        """How deep (m) a ball there is in an object, of all and the table at most; 0 if it is in none."""
+        if radius not in self._balls:
+            self._balls[radius] = self.bullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
+        bodies = (self.table, *self._bodies.values()) if name is None else (self.body(name),)
+        found = [
+            hit
+            for body in bodies
+            for hit in self.bullet.getClosestPoints(
+                bodyA=-1,
+                bodyB=body,
+                distance=0.0,
+                collisionShapeA=self._balls[radius],
+                collisionShapePositionA=point,
+                collisionShapeOrientationA=(0.0, 0.0, 0.0, 1.0),
+            )
+        ]
+        return max((-hit[8] for hit in found), default=0.0)
 
     def step(self) -> None:
         """Advance physics by `STEP`."""

@@ -11,6 +11,7 @@ from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subj
 from dsr.visibility import PERSON
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.halting import HALT_NODE, order_of
+from dsr.vocabulary.handling import HOLDING, Handling
 from dsr.vocabulary.intentions import ACTIVE, EXECUTING, FULFILLED, GIVEN_UP, PLANNING, WAITING, WANTED, nobody_pursues
 from dsr.vocabulary.relations import Relation, nodes_by_name
 from dsr.vocabulary.sentences import RELATION_WORDS, TOUCHING, RelationWords, listed
@@ -35,7 +36,7 @@ def holding_statements(moment: Moment) -> list[Statement]:
 
 def grip_words(moment: Moment, edge: Edge) -> RelationWords:
     """The words of an edge `grasping`: a hand only touches what it has hold of on one side while that rests on more."""
-    is_touch = edge.get("grip") == "touch" and bool(moment.memory.edges("on", src=edge.dst))
+    is_touch = edge.get("handling", Handling.PINCHING) not in HOLDING and bool(moment.memory.edges("on", src=edge.dst))
     return TOUCHING if is_touch else RELATION_WORDS["grasping"]
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 from dsr.frames.tree import WORLD
-from dsr.graph.elements import Node
+from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, query
 from dsr.vocabulary.explained import changes_of
+from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.relations import is_present
 from simulation_handler.contact.relations import BOUNDS, CONTACT
 from simulation_handler.explaining.explainer import EXPLANATION
-from simulation_handler.hands.state import TOUCH, HandGrasp
+from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
 
 SOURCES = (CONTACT, EXPLANATION, BOUNDS)
@@ -58,8 +59,14 @@ class Recalling:
         for edge in self._memory.edges("grasping", dst=node.name):
             held_at, source = edge.get("held_at"), edge.get("source")
             if source in (CONTACT, EXPLANATION) and held_at is not None:
-                since, covered = edge.get("since", now), source == EXPLANATION
-                grasp = HandGrasp(since, edge.get("grip", TOUCH), held_at, covered=covered)
+                since = edge.get("since", now)
+                grasp = HandGrasp(since, held_at, _handling(edge))
                 self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
         for edge in self._memory.edges("in", src=node.name):
             self._belief.recall_contents((edge.src, edge.dst), edge.get("since", now), now)
+
+
+def _handling(edge: Edge) -> Handling:
+    """What a hand had to do with an object; that it touched it, if the edge does not say what is known here."""
+    told = edge.get("handling", Handling.TOUCHING)
+    return Handling(told) if told in set(Handling) else Handling.TOUCHING

@@ -37,7 +37,9 @@ class Writing:
         self._belief = belief
         self._written: dict[str, Pose] = {}
         self._events = Events(memory, belief.config.policy, log)
-        self._alternatives = AlternativesWriter(memory, belief.config.worlds)
+        config = belief.config
+        near = PoseTolerance(config.surprise_distance, config.surprise_angle)
+        self._alternatives = AlternativesWriter(memory, config.worlds, near)
         self._islands: Sequence[Island] = ()
         self._due = -math.inf
         self._related: set[tuple[str, Relation]] = set()
@@ -60,6 +62,7 @@ class Writing:
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
         self._write_grasps()
+        self._write_let_go()
         for time, explanation in self._belief.explanations():
             self._events.record(time, explanation)
 
@@ -106,13 +109,27 @@ class Writing:
                 self._memory.remove_edge(edge.src, edge.dst, "grasping")
         for (hand, name), grasp in grasps.items():
             written = self._memory.get_edge(hand, name, "grasping")
-            values = {"source": EXPLANATION if grasp.covered else CONTACT, "since": grasp.since, "grip": grasp.grip}
+            values = {"source": EXPLANATION if grasp.is_covered else CONTACT, "since": grasp.since}
+            values["handling"] = grasp.state.value
             values["probability"] = self._probability("grasping", (hand, name), written)
-            told = () if written is None else tuple(map(written.get, ("grip", "source", "probability")))
-            now_told = (values["grip"], values["source"], values["probability"])
+            told = () if written is None else tuple(map(written.get, ("handling", "source", "probability")))
+            now_told = (values["handling"], values["source"], values["probability"])
             if told != now_told or (written and _is_regrasped(written, grasp)):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
+
+    def _write_let_go(self) -> None:
+        """Let the edges `let_go` of human hands tell how they came to hold nothing more of what they held."""
+        ended = self._belief.let_go()
+        for edge in self._memory.edges("let_go"):
+            if (edge.src, edge.dst) not in ended:
+                self._memory.remove_edge(edge.src, edge.dst, "let_go")
+        for relation, end in ended.items():
+            written = self._memory.get_edge(*relation, "let_go")
+            values = {"handling": end.state.value, "since": end.since}
+            if written is None or any(written.get(name) != value for name, value in values.items()):
+                with contextlib.suppress(GraphError):
+                    self._memory.add_edge(*relation, "let_go", **values)
 
     def _probability(self, kind: str, relation: Relation, written: Edge | None) -> float:
         """That a relation holds, by the weighted worlds; what is written, if that says so within the tolerance."""

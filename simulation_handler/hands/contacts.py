@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
+from simulation_handler.hands.relation import PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -117,7 +118,7 @@ class Contacts:
     def _was_put_down(self, relation: Relation, now: float) -> bool:
         """Whether a hand was seen to open about what rested, which is not seen now, so that it looks pinched again."""
         grasp, item = self._grasps.get(relation), self._bodies.objects[relation[1]]
-        return grasp is not None and grasp.put_down and now - item.track.last_stamp > UNSEEN
+        return grasp is not None and grasp.state is PUT_DOWN and now - item.track.last_stamp > UNSEEN
 
     def _touched(
         self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float

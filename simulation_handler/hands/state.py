@@ -10,12 +10,18 @@ from typing import NamedTuple
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.handling import Handling
+from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
 from simulation_handler.perception.paths import Path
 
-TOUCH, PINCH = "touch", "pinch"
-"""Grips: fingertips on one side, or on two opposite ones."""
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
+ELSEWHERE = 0.05
+"""m from where its hand would have it, from which an object that is seen is not in that hand as it was"""
+PALM_GOES = 0.04
+"""m, farther than a palm, of which a part is hidden, seems to go by itself, or than it goes while a hand closes"""
+SLOWLY = 0.1
+"""Weight of the newest, by which what changes little is averaged"""
 _MEASURED = 0.15  # s up to which a fingertip is known
 FINGERS = 5
 """count of fingers: a hand of which so many are measured hides none"""
@@ -58,23 +64,11 @@ class HandGrasp:
 
     since: float
     """Begin of the grasp, s."""
-    grip: str
-    """`TOUCH` or `PINCH`."""
     hand_from_object: Pose
-    slipped: bool = False
-    """The hand has moved along the object that it touches: it passes by, and does not hold the object."""
-    presumed: bool = False
-    """Whether the object is very likely held: the hand hides it, and so the place of the finger that would oppose."""
-    opened: bool = False
-    """Whether a pinch ended because its fingertips were seen apart while the object was unseen: it is held no more."""
-    put_down: bool = False
-    """Whether a pinch ended because the hand was seen to open about an object at rest."""
-    stopped: bool = False
-    """While it is unseen, its palm would have taken it through a wall: it stays where it is, for all that is known."""
+    state: Handling = Handling.FREE
+    """What they have to do with one another."""
     places: dict[str, Vector3] = field(default_factory=dict)
     """Places where fingertips touched the object while that could be seen, in the object's frame, m, by fingertip."""
-    covered: bool = False
-    """The hand covered it: that it touches it is presumed, not seen."""
     aloft: float = -math.inf
     """s, when it was last seen in the air with its hand, or nothing spoke against that."""
     sure: Pose | None = None
@@ -83,6 +77,15 @@ class HandGrasp:
     def __post_init__(self) -> None:
         self.met = self.hand_from_object.t
         """m, where the object was in the frame of the palm when the hand came to touch it."""
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether the hand covered the object: that it touches it is presumed, not seen."""
+        return self.state in (COVERING, TAKING)
+
+    def note(self, sign: Sign) -> None:
+        """Take in evidence."""
+        self.state = after(self.state, sign)
 
     def at_fingertips(self, fingertips: Mapping[str, Vector3], rotation: Quaternion) -> Vector3 | None:
         """Where (m) fingertips, which touched the object while that could be seen, have it if it is turned like that.

@@ -7,34 +7,28 @@ the hand has it; while neither is seen, nothing changes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.contact.containment import Containment, with_contents
-from simulation_handler.contact.placement import separate
+from dsr.vocabulary.handling import ENDED, HOLDING, Handling
+from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
-from simulation_handler.hands.carrying import Carrying, levelled, without_yaw
+from simulation_handler.hands.carrying import Carrying
 from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
-from simulation_handler.hands.left_behind import LeftBehind
-from simulation_handler.hands.state import FINGERS, HALF, PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.going_along import GoingAlong
+from simulation_handler.hands.letting_go import LetGo, LettingGo
+from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, PALM_GOES, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _TIP_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
-_NOT_HELD = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
-_PALM_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
-_DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
-_DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
-_JUMPED = 0.05  # m from where a hand would have an object to where it is seen, from which the palm is misplaced
-_PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
-_WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
-_LEFT_THERE = 0.02  # m from where a hand left it, within which an object is there
 _GRIP_BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
@@ -51,22 +45,29 @@ class Touching:
         self._contacts = Contacts(bodies, self._hands, self._grasps)
         self._covering = Covering(bodies)
         self._carrying = Carrying(bodies)
-        self._left_behind = LeftBehind(bodies)
+        self._going_along = GoingAlong(bodies, containment, self._hands, self._grasps, self._contacts, self._covering)
+        self._letting_go = LettingGo()
+        self._over: dict[Relation, Handling] = {}  # how the grasps that have just ended did
         self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
 
     @property
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """Grasps of touched objects that were not let go of just now, by (hand, object)."""
-        return {relation: grasp for relation, grasp in self._grasps.items() if not grasp.opened}
+        """Grasps of objects that hands touch, by (hand, object)."""
+        return {relation: grasp for relation, grasp in self._grasps.items() if grasp.state not in ENDED}
 
     @property
     def holds(self) -> Mapping[Relation, HandGrasp]:
-        """Grasps of objects that may be held, by (hand, object): all but those of hands that pass by."""
+        """Grasps of objects that may be held, by (hand, object)."""
         return {
             (hand, thing): grasp
-            for (hand, thing), grasp in self.grasps.items()
-            if not grasp.slipped or self._bodies.objects[thing].hand == hand
+            for (hand, thing), grasp in self._grasps.items()
+            if is_told(grasp.state, held=self._bodies.objects[thing].hand == hand)
         }
+
+    @property
+    def let_go(self) -> Mapping[Relation, LetGo]:
+        """How the last hold of each object ended that no hand holds now, by (hand, object)."""
+        return self._letting_go.ended
 
     @property
     def hands(self) -> Mapping[str, Hand]:
@@ -87,6 +88,7 @@ class Touching:
         """Take in the percepts of all hands; hands that are not among them are gone."""
         for name in self._hands.keys() - hands.keys():
             del self._hands[name]
+            self._letting_go.forget(name)
         for name, percept in hands.items():
             hand = self._hands.setdefault(name, Hand())
             hand.perceived = percept.perceived
@@ -108,12 +110,12 @@ class Touching:
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
         """Restore a grasp that held in an earlier run."""
-        if grasp.covered:
+        if grasp.is_covered:
             self._covering.recall(relation, grasp.hand_from_object, grasp.since)
             return
         self._grasps[relation] = grasp
         self._recalled[relation] = math.inf
-        if grasp.grip == PINCH:
+        if grasp.state is PINCHING:
             self._contacts.recall_pinch(relation, grasp.since, now)
 
     def forget(self, name: str) -> None:
@@ -122,6 +124,7 @@ class Touching:
             del self._grasps[relation]
         self._contacts.forget(name)
         self._covering.forget(name)
+        self._letting_go.forget(name)
 
     def take(self, name: str, now: float) -> str:
         """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none
@@ -139,102 +142,41 @@ class Touching:
         for item in self._bodies.objects.values():
             before, item.hand = item.hand, holders.get(item.name, "")
             item.turned_by_hand = item.place_by_hand = None
+            if item.hand and item.hand != before:
+                self._letting_go.begin((item.hand, item.name))
             if before and not item.hand:
-                item.let_go_at = now
-                self._leave_behind(item, before, now)
+                self._let_go(item, before, now)
+        for hand, thing in self._letting_go.ended:
+            item = self._bodies.objects[thing]
+            if hand in self._hands and now - item.track.last_stamp <= UNSEEN:
+                self._letting_go.resolve((hand, thing), self._hands[hand], item)
         held = [item for item in self._bodies.objects.values() if item.hand]
-        self._left_behind.keep({(item.hand, item.name) for item in held if now - item.track.last_stamp > UNSEEN})
+        self._going_along.keep(held, now)
         for item in held:
-            if self._hands[item.hand].perceived:
-                self._follow_hand(item, now)
-            elif now - item.track.last_stamp > UNSEEN:
-                self._left_behind.hide((item.hand, item.name))
+            relation = item.hand, item.name
+            if not self._hands[item.hand].perceived:
+                continue
+            if not self._contacts.opens(relation):
+                self._letting_go.keep(relation, self._hands[item.hand], item, now)
+            self._going_along.follow(item, self.visibility, now)
+            if self._grasps[relation].state is LEFT_BEHIND:
+                self._let_go(item, item.hand, now)
 
-    def _follow_hand(self, item: BelievedObject, now: float) -> None:
-        """An object is held by a hand in sight: it leans as that says, and goes with it while it is not seen."""
-        pose, relation = self._hands[item.hand].path.last, (item.hand, item.name)
-        grasp = self._grasps[relation]
-        there = self._covering.place(*relation) if grasp.covered else pose @ grasp.hand_from_object
-        leaning = without_yaw(levelled(item.solid(there.t, there.q)))
-        is_seen = now - item.track.last_stamp <= UNSEEN
-        if not is_seen and not grasp.covered:
-            sure = grasp.sure or item.path.at(item.track.last_stamp)
-            is_absent = self._left_behind.is_absent(relation, there, sure, self.visibility, now)
-            if is_absent is not None:
-                if is_absent:
-                    self._contacts.end(relation)
-                    del self._grasps[relation]
-                    item.hand, item.let_go_at = "", now
-                    self._leave_behind(item, relation[0], now)
-                return
-        if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
-            item.turned_by_hand, item.place_by_hand = leaning, there.t
-        if not is_seen:
-            turned = there.q if item.shows_rotation else leaning
-            grasp.stopped = grasp.stopped or self._is_through_wall(item, there)
-            if grasp.covered or not (grasp.stopped or self._contacts.opens(relation)):
-                item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
-            elif (left := self._left(item)) is not None:
-                item.path.add(left.with_stamp(pose.stamp))
+    def _let_go(self, item: BelievedObject, hand: str, now: float) -> None:
+        """A hand does not hold an object any more."""
+        item.hand, item.let_go_at = "", now
+        relation = hand, item.name
+        state = self._grasps[relation].state if relation in self._grasps else self._over.get(relation, FREE)
+        self._letting_go.end(relation, state, now)
+        self._going_along.leave(item, hand, self.visibility, now)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
         """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""
         (name, thing), hand = relation, self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[thing].track.last_stamp <= UNSEEN
-        if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= FINGERS:
+        if is_seen or self._grasps[relation].state is not HIDING or hand is None or hand.measured >= FINGERS:
             return False
         return any(visible.hidden_by == name for visible in self._visibilities(thing))
-
-    def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
-        """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
-        there, bodies = self._left_behind.place((hand, item.name), self.visibility), self._bodies
-        if there is None or now - item.track.last_stamp <= UNSEEN:
-            return
-        if math.dist(there.t, bodies.sim.position(item.name)) < _LEFT_THERE:
-            return
-        moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
-        for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
-            bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
-        item.path.add(there.with_stamp(now))
-
-    def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
-        """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
-
-        A palm of which little is in sight seems to move, and so does a fingertip that opens.
-        """
-        grasp, hand = self._grasps[item.hand, item.name], self._hands[item.hand]
-        touching = {
-            tip: path.last.t
-            for tip, path in hand.tips.items()
-            if (tip, item.name) in self._contacts.touches and hand.measures(path)
-        }
-        by_fingertips = grasp.at_fingertips(touching, there.q)
-        if by_fingertips is None:
-            known = grasp.sure or item.path.at(item.track.last_stamp)
-            rest = item.path.at(palm.stamp - 0.5 * _PALM_AT_REST[0])
-            has_gone_on = math.dist(known.t, rest.t) > _DRAWN_BACK
-            grasp.sure = rest if has_gone_on and hand.path.is_still(*_PALM_AT_REST) else known
-            return Pose.unchecked(there.t, there.q, palm.stamp)
-        before = item.path.last.t
-        position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
-        held = Pose.unchecked(position, there.q, palm.stamp)
-        grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
-        grasp.sure = held
-        return held
-
-    def _is_through_wall(self, item: BelievedObject, there: Pose) -> bool:
-        """Whether an object that is `there` would be through a wall of what it is in: its hand has left it behind."""
-        hollows = [hollow for inner, hollow in self._containment.current() if inner == item.name]
-        solids = [self._bodies.solid(hollow).face_down()[0] for hollow in hollows if hollow in self._bodies.sim]
-        solid = item.solid(there.t, there.q).face_down()[0]
-        moved = separate([*solids, solid], {item.name: 1.0}).get(item.name, there.t)
-        return math.dist(moved, there.t) > _WALL
-
-    def _left(self, item: BelievedObject) -> Pose | None:
-        """Where a hand that is seen to have opened let go of an unseen object, before it drew back; None if unknown."""
-        left = self._grasps[item.hand, item.name].sure
-        is_near = left is not None and math.dist(left.t, item.path.last.t) <= _DRAWN_BACK
-        return left if is_near else None
 
     def _update_grasps(self, now: float) -> None:
         """Begin, go on and end."""
@@ -243,15 +185,17 @@ class Touching:
                 del self._recalled[relation]
             elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
                 self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
+        self._over = {}
         touched, pinched = self._contacts.since(), self._contacts.pinches
-        for relation in [relation for relation, grasp in self._grasps.items() if not grasp.covered]:
+        for relation in [relation for relation, grasp in self._grasps.items() if not grasp.is_covered]:
             is_touched = relation in touched or self._is_aloft(relation, now) or self._goes_on_hiding(relation, now)
             if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
                 self._contacts.end(relation)
+                self._over[relation] = self._opened(relation, now)
                 del self._grasps[relation]
         for relation, since in self._contacts.since().items():
             name, thing = relation
-            is_covered = relation in self._grasps and self._grasps[relation].covered and relation not in pinched
+            is_covered = relation in self._grasps and self._grasps[relation].is_covered and relation not in pinched
             if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived and not is_covered:
                 self._go_on(relation, since, relation in pinched, now)
 
@@ -260,50 +204,80 @@ class Touching:
         busy = {
             relation
             for relation, grasp in self._grasps.items()
-            if not grasp.covered and (grasp.grip == PINCH or self._hands[relation[0]].measured >= RESOLVED)
+            if not grasp.is_covered and (grasp.state is PINCHING or self._hands[relation[0]].measured >= RESOLVED)
         }
         self._covering.update(self._hands, busy, self.visibility, now)
         covers = self._covering.covers
-        for relation in [relation for relation, grasp in self._grasps.items() if grasp.covered]:
+        for relation in [relation for relation, grasp in self._grasps.items() if grasp.is_covered]:
             if relation not in covers:
                 del self._grasps[relation]
         for relation, cover in covers.items():
-            grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, TOUCH, cover.hand_from_object))
-            grasp.hand_from_object, grasp.presumed = cover.hand_from_object, cover.taken
-            grasp.covered, grasp.opened = True, False
+            grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, cover.hand_from_object))
+            grasp.hand_from_object = cover.hand_from_object
+            grasp.note(Sign.COVERED)
+            if cover.taken:
+                grasp.note(Sign.TAKEN)
 
     def _update_carried(self, now: float) -> None:
         """Begin grasps of what hovers and moves with a hand whose fingertips are not all seen."""
         held = {thing for _, thing in self._grasps} | {thing for thing, _ in self._containment.current()}
         for relation, (since, hand_from_object) in self._carrying.update(self._hands, held, now).items():
-            self._grasps[relation] = HandGrasp(since, TOUCH, hand_from_object, aloft=now)
+            self._grasps[relation] = grasp = HandGrasp(since, hand_from_object, aloft=now)
+            grasp.note(Sign.TOUCHES)
 
     def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:
         """A hand in sight touches an object: begin that grasp, or bring it up to date."""
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands[name]
         there = self._hand_from_object(hand, item, now)
-        grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
-        grasp.covered = False
-        grasp.slipped = not is_pinched and (grasp.slipped or math.dist(there.t, grasp.met) > _PASSING)
+        grasp = self._grasps.setdefault(relation, HandGrasp(since, there))
         is_seen = now - item.track.last_stamp <= UNSEEN
-        grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
-        if is_pinched:
-            grasp.put_down = False
-        elif is_seen and grasp.grip == PINCH:
-            grasp.put_down = item.hovering_since is None
-        grasp.grip = PINCH if is_pinched else TOUCH
+        for sign in self._signs(relation, grasp, since, now, is_pinched=is_pinched, is_seen=is_seen):
+            grasp.note(sign)
         if is_seen:
-            grasp.presumed = grasp.stopped = False
             grasp.sure = None
-        elif not is_pinched and not grasp.presumed and not grasp.opened:
-            grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
         if is_seen or not item.hand:
             before = grasp.hand_from_object
             if not item.shows_tilt:
                 there = Pose.unchecked(there.t, before.q)
             grasp.hand_from_object = between(before, there, _GRIP_BLEND)
             self._note_places(grasp, hand, item, now)
+
+    def _signs(
+        self, relation: Relation, grasp: HandGrasp, since: float, now: float, *, is_pinched: bool, is_seen: bool
+    ) -> Iterator[Sign]:
+        """Evidence of fingertips that touch an object."""
+        item, hand = self._bodies.objects[relation[1]], self._hands[relation[0]]
+        yield Sign.TOUCHES
+        if is_seen:
+            yield Sign.SHOWN
+        if is_pinched:
+            yield Sign.OPPOSED
+        if is_seen and self._drops(relation):
+            yield Sign.FALLS
+        if is_pinched:
+            return
+        at_rest = Sign.OPEN_ALOFT if item.hovering_since is not None else Sign.OPEN_AT_REST
+        yield at_rest if is_seen else Sign.OPEN_UNSEEN
+        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > PALM_GOES:
+            yield Sign.ALONG
+        if not is_seen and since < now - _PRESUMED and self._hides(*relation):
+            yield Sign.HIDDEN
+
+    def _drops(self, relation: Relation) -> bool:
+        """Whether an object has come down from fingertips that may have opened."""
+        hand, item = self._hands[relation[0]], self._bodies.objects[relation[1]]
+        return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item)
+
+    def _opened(self, relation: Relation, now: float) -> Handling:
+        """The state of a hand and an object which that touches no more: as seen as the hand opened, if it was."""
+        grasp, item = self._grasps[relation], self._bodies.objects[relation[1]]
+        if relation[0] in self._hands and now - item.track.last_stamp <= UNSEEN:
+            if self._drops(relation):
+                grasp.note(Sign.FALLS)
+            elif item.hovering_since is None:
+                grasp.note(Sign.OPEN_AT_REST)
+        return grasp.state
 
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
@@ -380,12 +354,12 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
         rests = not item.driven and item.placement is not None and item.placement.rests
-        return (rests and away > _NOT_HELD) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+        return (rests and away > ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
 
     def _pinches(self, thing: str, besides: str) -> bool:
         """Whether a hand in sight pinches an object, besides the one of that name."""
         return any(
-            held == thing and name != besides and grasp.grip == PINCH and self._hands[name].perceived
+            held == thing and name != besides and grasp.state is PINCHING and self._hands[name].perceived
             for (name, held), grasp in self._grasps.items()
             if name in self._hands
         )
@@ -400,10 +374,10 @@ class Touching:
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
             hovers = item.static or item.hovering_since is not None
-            was_left = grasp.put_down and now - item.track.last_stamp > UNSEEN
-            if grasp.grip == PINCH or grasp.presumed:
+            is_seen = now - item.track.last_stamp <= UNSEEN
+            if grasp.state in HOLDING:
                 holders.setdefault(thing, hand)
-            elif (hovers or (item.hand == hand and not was_left)) and not grasp.opened:
+            elif holds(grasp.state, held=item.hand == hand, hovers=hovers, seen=is_seen):
                 carried.setdefault(thing, hand)
         held = carried | holders
         inside = [pair for pair in self._containment.current() if held.get(pair[0]) == held.get(pair[1])]

@@ -65,7 +65,7 @@ def test_a_grasp_is_written_and_ends(table: Table) -> None:
     table.run(2.0)
     run_with_hand(table, AT_THE_CUBE, 1.0)
     edge = table.memory.edge("human_hand_0", "cube_1", "grasping")
-    assert (edge["source"], edge["grip"]) == ("contact", "pinch")
+    assert (edge["source"], edge["handling"]) == ("contact", "pinching")
     assert math.dist(edge["held_at"].t, (0.1, 0.0, -0.06)) < 0.01
     run_with_hand(table, ((0.4, 0.17, 0.02), (0.4, 0.03, 0.02)), 1.0)
     assert table.memory.edges("grasping") == []
@@ -103,7 +103,7 @@ def test_after_a_restart_a_hand_out_of_sight_still_holds(table: Table) -> None:
     table.lockstep.kill(NAME)
     table.lockstep.restart(NAME)
     table.run(2.0)
-    assert [edge["grip"] for edge in table.memory.edges("grasping", dst="cube_1")] == ["pinch"]
+    assert [edge["handling"] for edge in table.memory.edges("grasping", dst="cube_1")] == ["pinching"]
 
 
 def test_after_a_restart_a_hand_in_sight_holds_all_the_time(table: Table) -> None:
@@ -116,7 +116,7 @@ def test_after_a_restart_a_hand_in_sight_holds_all_the_time(table: Table) -> Non
     for _ in range(10):
         run_with_hand(table, AT_THE_CUBE, 0.1)
         edge = table.memory.edge("human_hand_0", "cube_1", "grasping")
-        assert (edge["since"], edge["grip"]) == (since, "pinch")
+        assert (edge["since"], edge["handling"]) == (since, "pinching")
     table.lockstep.kill(NAME)
     table.lockstep.restart(NAME)
     run_with_hand(table, ((0.4, 0.17, 0.02), (0.4, 0.03, 0.02)), 1.0)

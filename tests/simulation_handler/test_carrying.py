@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulation_handler.hands.state import TOUCH
+from simulation_handler.hands.relation import TOUCHING
 from tests.simulation_handler.occluded import SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")
@@ -28,7 +28,7 @@ def test_what_a_palm_lifts_is_held(seed: int) -> None:
     world = hand_beside(seed)
     world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
     world.run(0.4)
-    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: TOUCH}
+    assert {relation: grasp.state for relation, grasp in world.belief.grasps().items()} == {HELD: TOUCHING}
     world.move("cup", standing(0.3, 0.2, SMALL, on=0.15))
     world.run(3.0)
     assert world.belief.grasps().keys() == {HELD}

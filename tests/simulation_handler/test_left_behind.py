@@ -8,7 +8,7 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import VisibilityQuery
-from simulation_handler.hands.state import PINCH
+from simulation_handler.hands.relation import PINCHING
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
@@ -45,7 +45,7 @@ def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusio
     world.seen.discard("cup")
     world.hand_seen = False
     world.run(1.5)
-    assert world.belief.grasps()[HELD].grip == PINCH
+    assert world.belief.grasps()[HELD].state is PINCHING
     return world
 
 
@@ -196,7 +196,7 @@ def put_down_and_hidden() -> Occlusion:
 
 def test_a_hand_that_was_seen_to_put_something_down_does_not_hold_it_again_unseen() -> None:
     world = put_down_and_hidden()
-    assert PINCH not in {grasp.grip for grasp in world.belief.grasps().values()}
+    assert PINCHING not in {grasp.state for grasp in world.belief.grasps().values()}
     world.move("cup", SHOWN)
     assert world.pose("cup").t == pytest.approx((0.3, 0.0, 0.5 * SMALL[2]), abs=0.02)
 

@@ -13,7 +13,8 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.carrying import levelled, without_yaw
-from simulation_handler.hands.state import PINCH, TOUCH, HandPercept
+from simulation_handler.hands.relation import PINCHING, TOUCHING
+from simulation_handler.hands.state import HandPercept
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
@@ -33,14 +34,14 @@ def cup_in_a_hand(seed: int = 0, grip: str = "pinch") -> Occlusion:
 @pytest.mark.parametrize("seed", range(3))
 def test_two_opposite_fingertips_pinch(seed: int) -> None:
     world = cup_in_a_hand(seed)
-    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: PINCH}
+    assert {relation: grasp.state for relation, grasp in world.belief.grasps().items()} == {HELD: PINCHING}
     assert world.error("cup") < 0.006
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_two_fingertips_on_one_side_touch_and_lift_nothing(seed: int) -> None:
     world = cup_in_a_hand(seed, "touch")
-    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: TOUCH}
+    assert {relation: grasp.state for relation, grasp in world.belief.grasps().items()} == {HELD: TOUCHING}
     world.seen = set()
     world.palm = Pose((0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0)) @ world.palm
     world.run(2.0)
@@ -80,7 +81,7 @@ def test_a_palm_that_seems_to_turn_does_not_open_the_fingertips(yaw: float) -> N
     world.palm_askew = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
     world.move("cup", standing(0.3, 0.1, SMALL, on=0.15))
     world.run(1.0)
-    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: PINCH}
+    assert {relation: grasp.state for relation, grasp in world.belief.grasps().items()} == {HELD: PINCHING}
     assert world.error("cup") < 0.06
 
 
@@ -96,7 +97,7 @@ def test_a_hand_beside_an_object_does_not_touch_it() -> None:
 def test_what_a_hand_lifts_goes_with_it_behind_something_and_is_right_when_it_comes_back(seed: int) -> None:
     world = cup_in_a_hand(seed)
     world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
-    assert world.belief.grasps()[HELD].grip == PINCH
+    assert world.belief.grasps()[HELD].state is PINCHING
     assert not world.belief.plausible("cup")
     world.seen.discard("cup")
     world.move("cup", standing(0.3, -0.3, SMALL, on=0.2))
@@ -294,7 +295,7 @@ def test_fingertips_are_hidden_before_the_palm() -> None:
     world.run(0.5)
     world.hand_seen = False
     world.run(3.0)
-    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: PINCH}
+    assert {relation: grasp.state for relation, grasp in world.belief.grasps().items()} == {HELD: PINCHING}
     assert world.error("cup") < 0.02
     world.hand_seen, world.tips_from_object = True, tips
     world.run(1.0)
@@ -350,7 +351,7 @@ def test_fingertips_that_are_hidden_with_what_they_hold_open_with_the_one_that_i
     world.seen.discard("cup")
     del world.tips_from_object["hand_finger_1"]
     world.run(2.0)
-    assert world.belief.grasps()[HELD].grip == PINCH
+    assert world.belief.grasps()[HELD].state is PINCHING
     x, y, z = world.tips_from_object["hand_finger_0"]
     world.tips_from_object["hand_finger_0"] = (x, y + 0.03, z)
     world.run(1.0)
@@ -461,7 +462,7 @@ def test_a_cube_that_a_hand_takes_from_a_tower_is_no_surprise() -> None:
     world.run(0.8)
     world.move("cube_1", standing(0.3, 0.0, CUBE, on=0.2))
     world.move("cube_1", standing(0.1, 0.1, CUBE, on=0.2))
-    assert world.belief.grasps()["hand", "cube_1"].grip == PINCH
+    assert world.belief.grasps()["hand", "cube_1"].state is PINCHING
     assert world.error("cube_1") < 0.04
     assert world.error("cube_0") < 0.004
     assert world.texts() == []

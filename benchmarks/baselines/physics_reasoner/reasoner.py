@@ -17,6 +17,7 @@ from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import BOUNDS, Relation
 from simulation_handler.explaining import Explanation, VisibilityQuery
+from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
@@ -161,6 +162,10 @@ class PublishedReasoner:
         """It knows nothing of hands."""
 
     def grasps(self) -> Mapping[Relation, HandGrasp]:
+        """None: it knows nothing of hands."""
+        return {}
+
+    def let_go(self) -> Mapping[Relation, LetGo]:
         """None: it knows nothing of hands."""
         return {}
 

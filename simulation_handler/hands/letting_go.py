@@ -1,0 +1,92 @@
+"""Keeps when hands last had hold of objects, whether objects have fallen since, and how each hold ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.handling import Handling
+from simulation_handler.contact.relations import Relation
+from simulation_handler.hands.contacts import TOUCH_DELAY
+from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
+from simulation_handler.hands.state import Hand
+from simulation_handler.state.objects import BelievedObject
+
+FALLEN = 0.015
+"""m that an object must have come down, farther than its hand, to have fallen: five times the noise of percepts"""
+
+
+class LetGo(NamedTuple):
+    """How a hand came to hold an object no more."""
+
+    state: Handling
+    """What they had to do with one another in the end"""
+    since: float
+    """s, when the hand last had hold of the object, as far as is known"""
+
+
+class _Hold(NamedTuple):
+    """A hand that has hold of an object."""
+
+    time: float
+    """s"""
+    palm: Pose
+    """World_from_hand"""
+    place: Pose
+    """World_from_object"""
+
+    def lowered_by(self, palm: Pose) -> float:
+        """How far (m) the object comes down with the palm, which is there now: as it is shifted, or turned as well."""
+        turned = palm @ self.palm.inverse() @ self.place
+        return max(0.0, self.palm.t[2] - palm.t[2], self.place.t[2] - turned.t[2])
+
+
+class LettingGo:
+    """Remembers holds and their ends, by (hand, object)."""
+
+    def __init__(self) -> None:
+        self._holds: dict[Relation, _Hold] = {}
+        self._ended: dict[Relation, LetGo] = {}
+
+    @property
+    def ended(self) -> Mapping[Relation, LetGo]:
+        """How the last hold of each object ended, until a hand holds it again."""
+        return self._ended
+
+    def keep(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
+        """Fingertips have hold of an object at time `now` (s); for a moment they may seem to, as it falls."""
+        hold = self._holds.get(relation)
+        if hold is not None and now - hold.time <= 2.0 * TOUCH_DELAY and self.has_fallen(relation, hand, item):
+            return
+        self._holds[relation] = _Hold(min(now, item.path.newest), hand.path.last, item.path.last)
+
+    def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject) -> bool:
+        """Whether an object is seen to have come down since the hand last had hold of it, by more than the hand."""
+        hold = self._holds.get(relation)
+        if hold is None or item.path.newest <= hold.time:
+            return False
+        by_hand = hold.lowered_by(hand.path.last) if hand.perceived else 0.0
+        return hold.place.t[2] - item.path.last.t[2] - by_hand > FALLEN
+
+    def begin(self, relation: Relation) -> None:
+        """A hand holds an object again."""
+        self._ended = {known: end for known, end in self._ended.items() if known[1] != relation[1]}
+        self._holds = {known: hold for known, hold in self._holds.items() if known[1] != relation[1]}
+
+    def end(self, relation: Relation, state: Handling, now: float) -> None:
+        """A hand does not hold an object any more at time `now` (s)."""
+        hold = self._holds.get(relation)
+        self._ended[relation] = LetGo(state, now if hold is None else hold.time)
+
+    def resolve(self, relation: Relation, hand: Hand, item: BelievedObject) -> None:
+        """An object that a hand was seen to open about, unseen, is seen again: it has fallen, or lies where it was."""
+        end = self._ended.get(relation)
+        if end is not None and end.state is LET_GO:
+            state = DROPPED if self.has_fallen(relation, hand, item) else PUT_DOWN
+            self._ended[relation] = LetGo(state, end.since)
+
+    def forget(self, name: str) -> None:
+        """Forget an object or a hand that is no more."""
+        self._holds = {relation: hold for relation, hold in self._holds.items() if name not in relation}
+        self._ended = {relation: end for relation, end in self._ended.items() if name not in relation}
