@@ -29,6 +29,7 @@ from benchmarks import session, workload
 from benchmarks.links import Closable, DsrLink, Link, Received, Sender
 from benchmarks.pairs import Latencies
 from benchmarks.peers import zenoh_query
+from benchmarks.peers.documents import Document
 from benchmarks.peers.zenoh_link import KEY, ZenohLink, open_session, publisher
 from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import number
@@ -38,6 +39,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta, Write
 from dsr.crdt.pieces import all_pieces
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.replication.collector import collector_paused
 from dsr.replication.piece_wire import decode_piece, encode_piece
@@ -173,8 +175,8 @@ class _NoGraph:
         self._sent = []
 
 
-def local(rounds: int) -> Times:
-    """1000 updates of an attribute in one process."""
+def updates(rounds: int) -> Times:
+    """1000 updates of an attribute in one process, and 1000 of a pose."""
     memory, keeping, stamping = workload.local_memory(), _NoGraph(), _NoGraph()
     workload.fill(memory)
     changes = workload.changes()
@@ -186,20 +188,47 @@ def local(rounds: int) -> Times:
     }
     times: Times = {}
     spark = _spark()
-    for _ in range(rounds):
+    for turn in range(rounds):
         if spark is not None:
-            times.setdefault("Spark-DSG, get_node and a field", []).append(_processor_time(spark))
-        updates = list(itertools.islice(changes, workload.NODES))
+            times.setdefault("Spark-DSG, get_node and a field", []).append(_processor_time(spark.update))
+        values = list(itertools.islice(changes, workload.NODES))
+        poses = [(workload.name(index), workload.pose(index, turn + 2.0)) for index in range(workload.NODES)]
         for name, call in calls.items():
-            times.setdefault(name, []).append(_processor_time(partial(_apply, call, updates)))
+            times.setdefault(name, []).append(_processor_time(partial(_apply, call, values)))
+        times.setdefault("the memory: update_edge, a pose", []).append(
+            _processor_time(partial(_place, memory, poses))
+        )
         memory.flush()
         stamping.flush()
     return times
 
 
-def _apply(call: Callable[..., object], updates: list[tuple[str, dict[str, Any]]]) -> None:
-    for name, attributes in updates:
+def _apply(call: Callable[..., object], values: list[tuple[str, dict[str, Any]]]) -> None:
+    for name, attributes in values:
         call(name, **attributes)
+
+
+def _place(memory: Memory, poses: list[tuple[str, Pose]]) -> None:
+    for name, pose in poses:
+        memory.update_edge("world", name, "RT", pose=pose)
+
+
+def inserts(rounds: int) -> Times:
+    """1000 new nodes with five attributes each."""
+    values = [(workload.name(index), workload.attributes(index)) for index in range(workload.NODES)]
+    times: Times = {}
+    spark = _spark()
+    for _ in range(rounds):
+        if spark is not None:
+            times.setdefault("Spark-DSG, add_node and five fields", []).append(_processor_time(spark.insert))
+        memory = workload.local_memory()
+        times.setdefault("the memory: add_node", []).append(_processor_time(partial(_insert, memory, values)))
+    return times
+
+
+def _insert(memory: Memory, values: list[tuple[str, dict[str, Any]]]) -> None:
+    for name, attributes in values:
+        memory.add_node(name, workload.TYPE, **attributes)
 
 
 def _processor_time(work: Callable[[], object]) -> float:
@@ -208,12 +237,12 @@ def _processor_time(work: Callable[[], object]) -> float:
     return process_time() - begin
 
 
-def _spark() -> Callable[[], None] | None:
+def _spark() -> Document | None:
     try:
         from benchmarks.peers.spark_document import SparkDocument
     except ImportError:
         return None
-    return SparkDocument().update
+    return SparkDocument()
 
 
 def late_join(rounds: int) -> Times:
@@ -264,7 +293,8 @@ def _kept(piece: Any) -> dict[Any, Any]:
 
 def _tables(rounds: int) -> Iterator[Table]:
     for title, measure, per in (
-        ("one update, one way", one_way, 1), ("1000 local updates, each", local, workload.NODES),
+        ("one update, one way", one_way, 1), ("one of 1000 local updates", updates, workload.NODES),
+        ("one of 1000 nodes with five attributes", inserts, workload.NODES),
         ("late join, 10 000 nodes and as many RT edges", late_join, 1),
     ):  # fmt: skip
         times = measure(rounds)
