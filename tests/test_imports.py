@@ -42,6 +42,7 @@ SHARED_BY_AGENTS = (
     "agents.arm_controller.model.kinematics",
     "agents.arm_controller.model.urdf",
     "agents.camera_feed",
+    "agents.checked_frames",
     "agents.colors",
     "agents.depth_alignment",
     "agents.drivers",
