@@ -272,11 +272,14 @@ class Touching:
     def _opened(self, relation: Relation, now: float) -> Handling:
         """The state of a hand and an object which that touches no more: as seen as the hand opened, if it was."""
         grasp, item = self._grasps[relation], self._bodies.objects[relation[1]]
-        if relation[0] in self._hands and now - item.track.last_stamp <= UNSEEN:
-            if self._drops(relation):
-                grasp.note(Sign.FALLS)
-            elif item.hovering_since is None:
-                grasp.note(Sign.OPEN_AT_REST)
+        if relation[0] not in self._hands:
+            return grasp.state
+        if now - item.track.last_stamp > UNSEEN:
+            grasp.note(Sign.OPEN_UNSEEN)
+        elif self._drops(relation):
+            grasp.note(Sign.FALLS)
+        elif item.hovering_since is None:
+            grasp.note(Sign.OPEN_AT_REST)
         return grasp.state
 
     def _hides(self, name: str, thing: str) -> bool:
