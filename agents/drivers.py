@@ -154,9 +154,6 @@ class ArmDriver(Protocol):
     def state(self) -> ArmState | None:
         """The newest sample, or None before the first."""
 
-    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
-        """Go to joint `positions` (rad) at `speed` (0 to 1 of the joint limits)."""
-
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
         """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""
 

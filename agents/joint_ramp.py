@@ -1,6 +1,6 @@
-"""Commanded positions of joints: smooth ways to targets, trajectories, and stops within the limits, step by step.
+"""Commanded positions of joints: along trajectories, and to rest within the limits, step by step.
 
-`ruckig` makes the motions: the fastest ones within limits of velocity, acceleration and jerk (L. Berscheid, T. Kroeger,
+`ruckig` makes the stops: the fastest ones within limits of acceleration and jerk (L. Berscheid, T. Kroeger,
 "Jerk-limited Real-time Trajectory Generation with Arbitrary Target States", RSS 2021).
 """
 
@@ -22,10 +22,13 @@ JERK = 50.0
 """rad/s^3 of every joint at most: the greatest acceleration builds up in 0.1 s, so the links hardly ring"""
 CATCH_UP = 1.1
 """Share of the velocity limits with which the arm catches up with a trajectory that is elsewhere"""
+ASIDE = 0.1
+"""rad that a trajectory may begin beside the arm, as far as the arm may be off its way: more is the way of another arm,
+or of one that is believed to be elsewhere"""
 
 
 class Ramp:
-    """Positions (n,) in rad that move to a target; from rest, in a straight line in joint space.
+    """Positions (n,) in rad that follow trajectories, and come to rest.
 
     Args:
         positions: (n,) where it starts, at rest.
@@ -40,24 +43,30 @@ class Ramp:
         self._limits: Array = np.array(limits, dtype=float)
         self._period = period
         self._generator = Ruckig(count, period)
-        self._aim = InputParameter(count)
+        self._rest = InputParameter(count)
+        self._rest.control_interface = ControlInterface.Velocity
+        self._rest.synchronization = Synchronization.Phase
+        self._rest.max_acceleration, self._rest.max_jerk = [ACCELERATION] * count, [JERK] * count
+        self._rest.target_velocity = self._rest.target_acceleration = [0.0] * count
         self._next = OutputParameter(count)
-        self._aim.max_acceleration, self._aim.max_jerk = [ACCELERATION] * count, [JERK] * count
-        self._is_aiming = False
+        self.is_braking = False
+        """Whether the ramp comes to rest after `stop`."""
         self._trajectory: tuple[Array, Array] | None = None
         self._elapsed = 0.0
 
-    def aim(self, target: Sequence[float], speed: float = 1.0) -> None:
-        """Go to `target` (n,) rad at `speed` (0 to 1) of the limits; may be called while moving."""
-        self._begin(ControlInterface.Position)
-        self._aim.target_position = list(target)
-        self._aim.target_velocity = [0.0] * len(self.positions)
-        self._aim.max_velocity = (self._limits * speed).tolist()
-        self._aim.synchronization = Synchronization.Phase
+    def aside(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> tuple[int, float] | None:
+        """The joint, by index, that cannot come to the begin of a trajectory in time, and how far (rad) it is away.
+
+        None if the trajectory, as of `follow`, begins where the joints are or can be by then.
+        """
+        away = np.abs(np.array(positions[0], dtype=float) - self.positions)
+        left = away - self._limits * times[0]
+        worst = int(left.argmax())
+        return (worst, float(away[worst])) if left[worst] > ASIDE else None
 
     def follow(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> None:
         """Pass through `positions` (m, n) rad at `times` (m,) s from now, straight in between; stay at the last."""
-        self._is_aiming = False
+        self.is_braking = False
         self._trajectory = np.array(times, dtype=float), np.array(positions, dtype=float)
         self._elapsed = 0.0
 
@@ -72,49 +81,33 @@ class Ramp:
         if positions is not None and velocities is not None:
             self.positions = np.array(positions, dtype=float)
             self.velocities = np.clip(velocities, -self._limits, self._limits)
-        self._begin(ControlInterface.Velocity)
-        self._aim.target_velocity = [0.0] * len(self.positions)
-        self._aim.synchronization = Synchronization.Phase
+        self.is_braking, self._trajectory = True, None
+        self._rest.current_position = self.positions.tolist()
+        self._rest.current_velocity = self.velocities.tolist()
+        self._rest.current_acceleration = [0.0] * len(self.positions)
 
     @property
     def is_resting(self) -> bool:
         """Whether the ramp has arrived: another step would change nothing."""
-        return self._trajectory is None and not self._is_aiming
-
-    @property
-    def is_braking(self) -> bool:
-        """Whether the ramp comes to rest after `stop`."""
-        return self._is_aiming and self._aim.control_interface == ControlInterface.Velocity
+        return self._trajectory is None and not self.is_braking
 
     def step(self) -> None:
         """Advance by a period."""
         if self._trajectory is not None:
             self._play(*self._trajectory)
-        elif self._is_aiming:
-            self._approach()
+        elif self.is_braking:
+            self._brake()
 
-    def _begin(self, interface: ControlInterface) -> None:
-        """Start a motion from the present state."""
-        was_aiming, self._is_aiming, self._trajectory = self._is_aiming, True, None
-        known = was_aiming and self._next.new_velocity == self.velocities.tolist()
-        self._aim.control_interface = interface
-        self._aim.current_position = self.positions.tolist()
-        self._aim.current_velocity = self.velocities.tolist()
-        self._aim.current_acceleration = self._next.new_acceleration if known else [0.0] * len(self.positions)
-        self._aim.target_acceleration = [0.0] * len(self.positions)
-
-    def _approach(self) -> None:
-        result = self._generator.update(self._aim, self._next)
+    def _brake(self) -> None:
+        result = self._generator.update(self._rest, self._next)
         if result not in (Result.Working, Result.Finished):
-            raise DsrError(f"no motion of the joints from {self._aim.current_position}: ruckig says {result}")
-        self._next.pass_to_input(self._aim)
+            raise DsrError(f"no way to rest of the joints from {self._rest.current_position}: ruckig says {result}")
+        self._next.pass_to_input(self._rest)
         self.positions = np.array(self._next.new_position)
         self.velocities = np.array(self._next.new_velocity)
         if result == Result.Finished:
-            self._is_aiming = False
+            self.is_braking = False
             self.velocities[:] = 0.0
-            if self._aim.control_interface == ControlInterface.Position:
-                self.positions = np.array(self._aim.target_position)
 
     def _play(self, times: Array, positions: Array) -> None:
         self._elapsed += self._period

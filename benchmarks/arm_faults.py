@@ -1,11 +1,12 @@
-"""Does the arm ever move on blindly? Injects one fault into each run, in the middle of a pick, and times the stop.
+"""Does the arm ever move on blindly? Injects one fault into each run, in the middle of a motion, and times the stop.
 
     python -m benchmarks.arm_faults                      # 500 runs, about a quarter of an hour
     python -m benchmarks.arm_faults --seeds 0-35
     python -m benchmarks.arm_faults --fault jump --seeds 0-4
 
-The simulated arm has driver, agent and memory of a real one, in lockstep. A fault comes while the arm moves, at a time
-that the seed gives; a wrong target comes while the arm rests. A run is good if
+The simulated arm has driver, agent and memory of a real one, in lockstep. In every second run, by chance, it picks a
+cube. In the others it goes to joint positions that somebody wrote by hand. A fault comes while the arm moves, at a time
+that the seed gives. A wrong target, for an action or by hand, comes while the arm rests. A run is good if
 
 - the arm brakes within the time that the table names (`within`), or never begins to move;
 - it then stands still for a second, and says why.
@@ -56,8 +57,11 @@ WATCHED = 1.0
 """s for which an arm must stand still"""
 PATIENCE = 3.0
 """s in which an arm that does not brake counts as one that moves on"""
+TURN = 1.4
+"""rad of the first joint, away from the forbidden zone, that a target by hand asks for: 2.4 s"""
 _JITTER = 0.02  # m, of the places, by seed
 _ZONE = {"lower": [0.35, 0.25, 0.0], "upper": [0.65, 0.55, 0.6]}  # m, world: beside the cubes
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -71,6 +75,8 @@ class Fault:
     """s until the arm brakes"""
     at_rest: bool = False
     """Whether it is a wrong target, which must not move the arm at all"""
+    by_hand: bool = False
+    """Whether it only makes sense while the arm goes to a target by hand"""
 
 
 def _lie(change: Callable[[ArmState, np.random.Generator], ArmState]) -> Callable[[Bench, np.random.Generator], None]:
@@ -88,6 +94,12 @@ def _with_joint(
     positions = list(state.positions)
     positions[index] = change(positions[index])
     return replace(state, positions=tuple(positions))
+
+
+def _swapped(state: ArmState, rng: np.random.Generator) -> ArmState:
+    """Two joints far apart tell each other's positions."""
+    order = [2, 1, 0, 3, 4, 5, 6]
+    return replace(state, positions=tuple(state.positions[index] for index in order))
 
 
 def _renamed(state: ArmState, rng: np.random.Generator) -> ArmState:
@@ -128,17 +140,52 @@ def _halt_alone(bench: Bench, rng: np.random.Generator) -> None:
     _halt(bench, rng)
 
 
-def _move_to(x: float, y: float, z: float) -> Callable[[Bench, np.random.Generator], None]:
+def _halt_twice(bench: Bench, rng: np.random.Generator) -> None:
+    """Two orders of different people, as one presses the button while another types."""
+    _halt(bench, rng)
+    send_order(bench.lockstep.bus, bench.lockstep.keys, HaltOrder("2", True, "ben", "a hand"))
+
+
+def _appear(kind: str, size: tuple[float, float, float]) -> Callable[[Bench, np.random.Generator], None]:
+    """A thing or a zone comes to where a target by hand leads the tool."""
+
     def inject(bench: Bench, rng: np.random.Generator) -> None:
-        dx, dy = rng.uniform(-_JITTER, _JITTER, 2).tolist()
-        bench.request("move", target_pose=Pose((x + dx, y + dy, z), BELOW))
+        goal = _arm(bench).model.chain.forward(bench.memory.node("arm")["target_joints"])
+        edge = "RT" if kind == "zone" else "Virtual_RT"
+        bench.memory.add_node("newcomer", kind, size=size)
+        bench.memory.add_edge("world", "newcomer", edge, pose=Pose(goal.t))
 
     return inject
 
 
+def _reach_in(bench: Bench, rng: np.random.Generator) -> None:
+    """Somebody's hand comes to the gripper."""
+    arm = _arm(bench)
+    x, y, z = arm.link_pose(arm.model.tool).t
+    side = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.15))
+    bench.memory.add_node("hand_1", "hand")
+    bench.memory.add_edge("world", "hand_1", "RT", pose=Pose((x, y + side, z)))
+
+
+def _move_to(x: float, y: float, z: float) -> Callable[[Bench, np.random.Generator], None]:
+    def inject(bench: Bench, rng: np.random.Generator) -> None:
+        dx, dy = rng.uniform(-_JITTER, _JITTER, 2).tolist()
+        _ask(bench, Pose((x + dx, y + dy, z), BELOW), rng)
+
+    return inject
+
+
+def _ask(bench: Bench, target: Pose, rng: np.random.Generator) -> None:
+    """Ask for the tool to go there: as an action, or by hand."""
+    if rng.random() < 0.5:
+        bench.request("move", target_pose=target)
+    else:
+        bench.memory.update_node("arm", target_pose=target)
+
+
 def _into_cube(bench: Bench, rng: np.random.Generator) -> None:
     x, y, _ = bench.pose(f"cube_{3 + int(rng.integers(0, 4))}").t
-    bench.request("move", target_pose=Pose((x, y, -0.01), BELOW))
+    _ask(bench, Pose((x, y, -0.01), BELOW), rng)
 
 
 def _beyond_limits(bench: Bench, rng: np.random.Generator) -> None:
@@ -158,6 +205,8 @@ FAULTS = {
         Fault("positions beyond limits", _lie(lambda s, r: _with_joint(s, r, lambda q: 2.6, 1)), "beyond its limits"),
         Fault("positions that jump", _lie(lambda s, r: _with_joint(s, r, lambda q: q + 0.3, 0)), "jumped"),
         Fault("positions that are no numbers", _lie(lambda s, r: _with_joint(s, r, lambda q: float("nan"))), "finite"),
+        Fault("stamps far ahead", _lie(lambda s, r: replace(s, stamp=s.stamp + 100.0)), "ahead of the clock"),
+        Fault("joints that are swapped", _lie(_swapped), "jumped"),
         Fault("a fault of the device", _lie(lambda s, r: replace(s, fault="servo 3 is too hot")), "too hot"),
         Fault("joints that do not follow", _frozen(stamps_go_on=True), "stands still", GETS_ON),
         Fault("stale joint states", _frozen(stamps_go_on=False), "no sample of the arm"),
@@ -166,7 +215,11 @@ FAULTS = {
         Fault("lost memory", _partition(["plant-1", "arm_controller-1"], ["observer"]), "nobody else holds the memory"),
         Fault("lost camera", _blind, "no frame for", THREE_FRAMES),
         Fault("emergency stop", _halt, "halted by anna"),
+        Fault("emergency stop, twice", _halt_twice, "halted by"),
         Fault("emergency stop, controller dead", _halt_alone, "halted by anna"),
+        Fault("a hand at the gripper", _reach_in, "stands still: hand_1 is near"),
+        Fault("a thing in the way", _appear("cube", (0.1, 0.1, 0.1)), "newcomer is in the way", by_hand=True),
+        Fault("a zone in the way", _appear("zone", (0.2, 0.2, 0.2)), "newcomer is in the way", by_hand=True),
         Fault("target in a cube", _into_cube, "in the way", at_rest=True),
         Fault("target in the table", _move_to(0.36, 0.0, -0.05), "in the way", at_rest=True),
         Fault("target in a forbidden zone", _move_to(0.45, 0.35, 0.2), "cupboard is in the way", at_rest=True),
@@ -217,8 +270,13 @@ def play(seed: int, fault: Fault) -> Outcome:
     }
     with _bench(places, seed, config) as bench:
         if not fault.at_rest:
-            bench.request("pick", target=f"cube_{3 + int(rng.integers(0, 4))}")
-            bench.run(float(rng.uniform(0.3, 2.2)))
+            by_hand = fault.by_hand or rng.random() < 0.5
+            if by_hand:
+                first, *others = _arm(bench).positions
+                bench.memory.update_node("arm", target_joints=(first + TURN, *others))
+            else:
+                bench.request("pick", target=f"cube_{3 + int(rng.integers(0, 4))}")
+            bench.run(float(rng.uniform(0.3, 1.2 if by_hand else 2.2)))
             bench.lockstep.run_for(10.0, lambda now: _speed(bench) > MOVES)
         return _watched(bench, Outcome(seed, fault.name), fault, rng)
 
@@ -239,13 +297,16 @@ def _watched(bench: Bench, outcome: Outcome, fault: Fault, rng: np.random.Genera
             outcome.brakes = 0.0 if fault.at_rest else now - began
         if outcome.brakes is not None and outcome.still is None and _speed(bench) < STILL and not arm.is_driven:
             outcome.still = now - began
+        if fault.said not in outcome.reason:  # what is over is no longer said of a target by hand
+            outcome.reason = _reason(bench)
         return outcome.still is not None
 
     bench.lockstep.run_for(PATIENCE, look)
     place = before if fault.at_rest else np.array(arm.positions)
     bench.run(WATCHED)
     outcome.stays = outcome.still is not None and float(np.abs(np.array(arm.positions) - place).max()) < STAYS
-    outcome.reason = _reason(bench)
+    if fault.said not in outcome.reason:
+        outcome.reason = _reason(bench)
     in_time = outcome.brakes is not None and outcome.brakes <= fault.within + 1e-6
     outcome.good = in_time and outcome.stays and fault.said in outcome.reason
     return outcome

@@ -22,10 +22,10 @@ from benchmarks.group import Group, Run
 from benchmarks.links import Closable, Link, Received, Sender
 from benchmarks.pairs import Latencies
 from benchmarks.peers.zenoh_frames import ZenohFrameLink
+from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile
 from benchmarks.workers import BenchmarkError, Worker, commands
-from dsr.network.rendezvous import free_port
 
 _WHAT = "RGB-D 640x480 at 30 Hz to five readers"
 _ABOUT = "put_frame to FrameReader.wait; peer: put of a shared buffer until the callback has its bytes"
@@ -83,8 +83,8 @@ def measure(run: Run) -> None:
     """All three in turns, then look where frames lie in a reader's memory."""
     links: dict[str, Link] = {
         _OURS: FrameLink("frames"),
-        _ZENOH: ZenohFrameLink(f"tcp/127.0.0.1:{free_port()}", _SIZE, read_out=True),
-        _UNREAD: ZenohFrameLink(f"tcp/127.0.0.1:{free_port()}", _SIZE, read_out=False),
+        _ZENOH: ZenohFrameLink(reserved_endpoint(), _SIZE, read_out=True),
+        _UNREAD: ZenohFrameLink(reserved_endpoint(), _SIZE, read_out=False),
     }
     samples = _take_turns(run, links)
     for spec, share in ((P50, 0.5), (P99, 0.99)):

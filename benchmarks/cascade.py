@@ -23,11 +23,11 @@ from benchmarks.group import Group, Run
 from benchmarks.links import Closable, DsrLink, Link, Received, Sender
 from benchmarks.pairs import Latencies
 from benchmarks.peers.zenoh_link import ZenohLink, forward
+from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile, sleep
 from benchmarks.workers import Worker, commands
 from dsr.graph.watch import Change
-from dsr.network.rendezvous import free_port
 
 _ABOUT = "1000 nodes x 5 attributes in each graph; peer: bytes forwarded in callbacks"
 SPECS = {
@@ -83,7 +83,7 @@ def _routes(graphs: int) -> dict[str, tuple[Link, _Copy, list[str]]]:
     """By name: a link, the copier's process, and the places from the first to the last."""
     names = [f"cascade-{graphs}-{index}" for index in range(graphs + 1)]
     ends = _Ends(DsrLink(names[0], "attribute"), DsrLink(names[-1], "attribute"))
-    endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in names]
+    endpoints = [reserved_endpoint() for _ in names]
     size = workload.message_size(rt=False)
     zenoh = _Ends(ZenohLink(endpoints[0], size), ZenohLink(endpoints[-1], size))
     return {_OURS: (ends, _copy, names), _ZENOH: (zenoh, forward, endpoints)}

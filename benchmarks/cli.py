@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from benchmarks import curves, groups, session
+from benchmarks.progress import progress_on
 from benchmarks.report import rows_table, specs_table
 from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError
@@ -68,10 +69,10 @@ def bench(
     findings = Findings()
     code = 0
     try:
-        with session.private_runtime(), errors.status("starting", spinner="line") as status:
+        with session.private_runtime(), progress_on(errors) as progress:
             for group, specs in chosen:
                 try:
-                    session.measure(group, specs, findings, quick=quick, repeat=repeat, tell=status.update)
+                    session.measure(group, specs, findings, quick=quick, repeat=repeat, progress=progress)
                 except BenchmarkError as error:
                     errors.print(f"[bold red]{escape(str(error))}[/]", soft_wrap=True)
                     code = 1

@@ -15,10 +15,10 @@ import dsr
 from benchmarks import workload
 from benchmarks.group import Group, Run
 from benchmarks.peers import documents, zenoh_query
+from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import duration, monotonic, sleep
 from benchmarks.workers import BenchmarkError, Worker, commands
-from dsr.network.rendezvous import free_port
 
 _ABOUT = "nodes with 5 attributes each; from dsr.connect to complete"
 SPECS = {
@@ -59,7 +59,7 @@ def _joins(run: Run, nodes: int, *, edges: bool) -> tuple[list[float], list[floa
     zenoh: list[float] = []
     with Worker(_hold, graph, nodes, edges) as holder:
         size = holder.receive()
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        endpoint = reserved_endpoint()
         with Worker(_hold_bytes, endpoint, size) as bytes_holder:
             bytes_holder.receive()
             for number in range(run.pick(9, 5)):

@@ -18,9 +18,9 @@ from benchmarks.links import DsrLink, Link
 from benchmarks.pairs import Latencies
 from benchmarks.peers.tcp_link import TcpLink
 from benchmarks.peers.zenoh_link import ZenohLink
+from benchmarks.ports import reserved_endpoint, reserved_port
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile
-from dsr.network.rendezvous import free_port
 
 _BETWEEN = "update between two processes, 100 Hz, one way, written to readable"
 _BUSY = "the same while the reader's main thread is busy in Python"
@@ -71,13 +71,13 @@ def _links(run: Run) -> Iterator[tuple[str, Link]]:
     yield _ATTRIBUTE, DsrLink("latency-attribute", "attribute")
     yield _RT, DsrLink("latency-rt", "RT")
     yield _WATCH, DsrLink("latency-watch", "attribute", watched=True)
-    yield _peer(ZENOH, _ATTRIBUTE), ZenohLink(f"tcp/127.0.0.1:{free_port()}", attribute)
-    yield _peer(ZENOH, _RT), ZenohLink(f"tcp/127.0.0.1:{free_port()}", rt, reliable=False)
-    yield "raw TCP", TcpLink(free_port(), attribute)
+    yield _peer(ZENOH, _ATTRIBUTE), ZenohLink(reserved_endpoint(), attribute)
+    yield _peer(ZENOH, _RT), ZenohLink(reserved_endpoint(), rt, reliable=False)
+    yield "raw TCP", TcpLink(reserved_port(), attribute)
     if run.has("zmq"):
         from benchmarks.peers.zmq_link import ZmqLink
 
-        yield "ZeroMQ", ZmqLink(free_port(), attribute)
+        yield "ZeroMQ", ZmqLink(reserved_port(), attribute)
 
 
 def _peer(name: str, kind: str) -> str:

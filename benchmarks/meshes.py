@@ -20,10 +20,10 @@ import numpy as np
 import dsr
 from benchmarks.group import Group, Run
 from benchmarks.peers import zenoh_query
+from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import monotonic
 from benchmarks.workers import Worker, all_of, commands
-from dsr.network.rendezvous import free_port
 
 _WHAT = "mesh of 100 000 vertices"
 _ABOUT = (
@@ -140,7 +140,7 @@ def _read(connection: Connection, graph: str, cache: str) -> None:
 
 @contextlib.contextmanager
 def _raw(size: int) -> Iterator[Sequence[Worker]]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = reserved_endpoint()
     with Worker(_hold_bytes, endpoint, size) as holder:
         holder.receive()
         with all_of(Worker(_read_bytes, endpoint, size) for _ in range(_READERS)) as readers:

@@ -1,4 +1,4 @@
-"""Whether answers of `dsr ask` are right: eighty questions over ten scenarios in lockstep, against the judge's truth.
+"""Whether answers of `dsr ask` are right: 120 questions over 27 scenarios in lockstep, against the truth.
 
     python -m benchmarks.questions
     python -m benchmarks.questions c_pour --json answers.json
@@ -20,7 +20,7 @@ from typing import NamedTuple
 from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import make_run
 from agents.scenario.truth.history import History
-from benchmarks.question_list import NAIVE, QUESTIONS, Asked, Truth
+from benchmarks.question_list import FRESH, LATER, NAIVE, QUESTIONS, Asked, Truth
 from dsr.imagining import Thinking
 from dsr.memory import Memory
 from dsr.narration import Moment
@@ -93,10 +93,10 @@ def outcomes(scenario: str, questions: Sequence[Asked]) -> list[Outcome]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Ask the questions of the scenarios that are named, or all; returns 1 if an answer is wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenarios", nargs="*", help="names; all ten by default")
+    parser.add_argument("scenarios", nargs="*", help="names; all 27 by default")
     parser.add_argument("--json", type=Path, help="write questions and answers to this file")
     options = parser.parse_args(arguments)
-    questions = (*QUESTIONS, *NAIVE)
+    questions = (*QUESTIONS, *NAIVE, *FRESH, *LATER)
     wanted = options.scenarios or list(dict.fromkeys(asked.scenario for asked in questions))
     found: list[Outcome] = []
     for scenario in wanted:
@@ -104,7 +104,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found.append(one)
             print(f"{one.worth:15} {scenario} {one.asked.time:g} s: {one.asked.question}")
             print(f"{'':15} {one.response.text}", flush=True)
-    for name, some in (("questions", QUESTIONS), ("of those who do not know the grammar", NAIVE)):
+    lists = (
+        ("questions", QUESTIONS), ("of those who do not know the grammar", NAIVE),
+        ("over other scenarios", FRESH), ("asked later", LATER),
+    )  # fmt: skip
+    for name, some in lists:
         counts = Counter(one.worth for one in found if one.asked in some)
         told = f"{counts[RIGHT]} right, {counts[WRONG]} wrong, {counts[UNKNOWN]} not understood"
         print(f"{counts.total()} {name}: {told}")

@@ -29,6 +29,7 @@ from benchmarks.links import Closable, Received, Sender
 from benchmarks.observer import on_each_change
 from benchmarks.pairs import Latencies
 from benchmarks.peers.zenoh_link import ZenohLink, forward, open_router
+from benchmarks.ports import reserved_endpoint
 from benchmarks.ros_links import EDGE, TF_IN, TF_OUT
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import monotonic, percentile, sleep_until
@@ -36,7 +37,6 @@ from benchmarks.workers import BenchmarkError, Worker, all_of, commands
 from dsr import Pose
 from dsr.clock import WALL_CLOCK
 from dsr.graph.elements import Edge, Node
-from dsr.network.rendezvous import free_port
 from dsr.runtime.agent_process import StopSignal, run_agent
 
 _FRAMES, _HZ = 100, 100.0
@@ -178,7 +178,7 @@ class _Side(NamedTuple):
 def _measure_cores(run: Run, spec: Spec, *, into_memory: bool) -> None:
     """Tf one way: the bridge and its peer in turns."""
     seconds, rounds = run.pick(5.0, 2.0), run.pick(4, 2)
-    endpoint, graph = f"tcp/127.0.0.1:{free_port()}", f"ros-{'in' if into_memory else 'out'}"
+    endpoint, graph = reserved_endpoint(), f"ros-{'in' if into_memory else 'out'}"
     starts: list[tuple[Callable[..., None], list[str]]] = [
         (robot, [endpoint]), (bridge, [endpoint, graph]), (memory, [graph]), (memory, [_BASE]), (memory, [_BASE])
     ]  # fmt: skip
@@ -302,7 +302,7 @@ def _edge_reader(graph: str, received: Received) -> Closable:
 def _measure_latency(run: Run) -> None:
     """From tf to an edge in another process; beside it raw Zenoh through a third process, and a memory without ROS."""
     rounds, count = run.pick(8, 3), run.pick(80, 40)
-    first, last, router, heard = (f"tcp/127.0.0.1:{free_port()}" for _ in range(4))
+    first, last, router, heard = (reserved_endpoint() for _ in range(4))
     link = BridgeLink(router, "ros-edge")
     taken: dict[str, list[float]] = {"ours": [], "raw": [], "written": []}
     with contextlib.ExitStack() as stack:

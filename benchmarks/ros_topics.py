@@ -21,10 +21,10 @@ from benchmarks.group import Run
 from benchmarks.links import Closable, Link, Received, Sender
 from benchmarks.pairs import PERIOD, Latencies
 from benchmarks.peers.zenoh_link import ZenohLink, open_router
+from benchmarks.ports import reserved_endpoint
 from benchmarks.ros_links import IMAGE, TF
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile
-from dsr.network.rendezvous import free_port
 
 _TYPES = types_of("jazzy")
 _IMAGE = "sensor_msgs/msg/Image"
@@ -112,8 +112,8 @@ def _measure(run: Run, spec: Spec, kind: Kind, period: float) -> None:
     rounds, count = run.pick(8, 3), run.pick(100, 50)
     size = len(encoded(kind, 1))
     links: dict[str, Link] = {
-        _OURS: RosTopicLink(f"tcp/127.0.0.1:{free_port()}", kind),
-        _RAW: ZenohLink(f"tcp/127.0.0.1:{free_port()}", size, reliable=False),
+        _OURS: RosTopicLink(reserved_endpoint(), kind),
+        _RAW: ZenohLink(reserved_endpoint(), size, reliable=False),
     }
     taken: dict[str, list[float]] = {name: [] for name in links}
     with contextlib.ExitStack() as stack:

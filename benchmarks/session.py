@@ -8,13 +8,14 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from benchmarks.group import Curve, Group, Measured, Message, Missing, Step
+from benchmarks.progress import Progress
 from benchmarks.rows import Row, Spec, median_row
 from benchmarks.shared_memory import remove_leftovers
 from benchmarks.workers import BenchmarkError
@@ -50,7 +51,7 @@ def private_runtime() -> Iterator[None]:
 
 
 def measure(
-    group: Group, specs: Sequence[Spec], findings: Findings, *, quick: bool, repeat: int, tell: Callable[[str], None]
+    group: Group, specs: Sequence[Spec], findings: Findings, *, quick: bool, repeat: int, progress: Progress
 ) -> None:
     """Add the rows `specs` of a group to the findings, as medians of `repeat` runs.
 
@@ -58,14 +59,17 @@ def measure(
         BenchmarkError: if the group's process fails or leaves out a row.
     """
     runs: dict[str, list[Row]] = {spec.row: [] for spec in group.specs}
+    wanted = {spec.row for spec in specs}
     for number in range(repeat):
         again = f", run {number + 1} of {repeat}" if repeat > 1 else ""
         for message in _messages(group, quick=quick):
             match message:
                 case Step(text):
-                    tell(text + again)
+                    progress.step(text + again)
                 case Measured(row):
                     runs[row.row].append(row)
+                    if row.row in wanted:
+                        progress.row(row)
                 case Curve(name, data):
                     findings.curves[name] = data
                 case Missing(module):

@@ -85,7 +85,9 @@ class TruthJudge:
                     continue
                 when = time if statement.time is None else statement.time - self._start
                 is_event = statement.time is not None
-                one = Judged(time, statement, claim, self._holds(claim, when, is_event), self._holds_at(claim, when))
+                long = 0.0 if statement.since is None or statement.time is None else statement.time - statement.since
+                is_true = self._holds(claim, when, is_event, long)
+                one = Judged(time, statement, claim, is_true, self._holds_at(claim, when))
                 (beliefs if statement.basis is Basis.BELIEVED else judged).append(one)
         count = [statement.basis for _, statement in listed]
         return Verdict(len(listed), count.count(Basis.OWN), count.count(Basis.BELIEVED), judged, beliefs)
@@ -97,11 +99,12 @@ class TruthJudge:
     def _is_judged(self, claim: StatedClaim) -> bool:
         return claim.relation not in _UNJUDGED
 
-    def _holds(self, claim: StatedClaim, time: float, is_event: bool) -> bool:
+    def _holds(self, claim: StatedClaim, time: float, is_event: bool, unseen: float = 0.0) -> bool:
+        """Whether a claim was true at a time (s); of an action, also within the `unseen` time (s) before."""
         if claim.relation in KINDS:
             return any(
                 action.kind == claim.relation and action.thing == claim.participants[0]
-                and -EARLY <= time - action.time <= LATE
+                and -EARLY <= time - action.time <= LATE + unseen
                 for action in self._actions
             )  # fmt: skip
         if is_event:

@@ -20,10 +20,10 @@ from benchmarks.links import DsrLink, Link
 from benchmarks.peers import documents
 from benchmarks.peers.tcp_link import TcpLink
 from benchmarks.peers.zenoh_link import ZenohLink
+from benchmarks.ports import reserved_endpoint, reserved_port
 from benchmarks.rows import Peer, Spec, number
 from benchmarks.timing import monotonic, rate, sleep
 from benchmarks.workers import Worker, commands
-from dsr.network.rendezvous import free_port
 
 _ABOUT = "register changes applied in each reader; peers: messages of the same size"
 ATTRIBUTES = Spec("saturated updates delivered and merged, attributes, one reader", "per s", 100_000, "higher", _ABOUT)
@@ -85,12 +85,12 @@ def _links(run: Run) -> Iterator[tuple[str, Link]]:
     size = workload.message_size(rt=False)
     yield "attributes", DsrLink("saturated-attributes", "any attribute")
     yield "RT", DsrLink("saturated-rt", "RT")
-    yield "raw Zenoh", ZenohLink(f"tcp/127.0.0.1:{free_port()}", size)
-    yield "raw TCP", TcpLink(free_port(), size)
+    yield "raw Zenoh", ZenohLink(reserved_endpoint(), size)
+    yield "raw TCP", TcpLink(reserved_port(), size)
     if run.has("zmq"):
         from benchmarks.peers.zmq_link import ZmqLink
 
-        yield "ZeroMQ", ZmqLink(free_port(), size)
+        yield "ZeroMQ", ZmqLink(reserved_port(), size)
 
 
 class _Crowd(contextlib.ExitStack):

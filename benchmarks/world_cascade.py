@@ -25,11 +25,11 @@ from benchmarks.links import Closable, Received, Sender
 from benchmarks.observer import on_each_change
 from benchmarks.pairs import Latencies
 from benchmarks.peers.zenoh_mesh import ZenohMesh
+from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile, sleep
 from benchmarks.workers import Worker, all_of, commands
 from dsr.errors import DsrError
-from dsr.network.rendezvous import free_port
 from dsr.runtime.agent_process import StopSignal, run_agent
 
 NODES = 100
@@ -88,7 +88,7 @@ def measure(run: Run) -> None:
     curve: dict[str, list[float]] = {}
     for worlds, spec in SPECS.items():
         link = _Cascade(f"cascade-{worlds}", tuple(f"world_{index}" for index in range(worlds)))
-        mesh = ZenohMesh(tuple(f"tcp/127.0.0.1:{free_port()}" for _ in range(worlds + 1)), _message_size())
+        mesh = ZenohMesh(tuple(reserved_endpoint() for _ in range(worlds + 1)), _message_size())
         with contextlib.ExitStack() as stack:
             chains: dict[str, Latencies] = {}
             run.step(f"worlds: starting {worlds - 1} filters")

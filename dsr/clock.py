@@ -39,8 +39,8 @@ class WallClock:
         return time.perf_counter()
 
     def wait(self, event: threading.Event, timeout: float) -> bool:
-        """Block for at most `timeout` seconds; true if `event` was set."""
-        return event.wait(max(timeout, 0.0))
+        """Block for at most `timeout` seconds, some centuries if it is longer; true if `event` was set."""
+        return event.wait(min(max(timeout, 0.0), threading.TIMEOUT_MAX))
 
 
 class ManualClock:

@@ -191,10 +191,11 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
 
     def update_node(self, name: str, /, **attributes: Any) -> None:
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
-        with self._replica.lock:
-            self._check_write("node", self._graph.node(name).type, attributes)
-            self._put(lambda: self._graph.write(self._graph.node(name), attributes, self.clock.now()))
-        self._replica.send_soon()
+        replica, graph = self._replica, self._graph
+        with replica.lock:
+            self._check_write("node", graph.node(name).type, attributes)
+            self._put(lambda: graph.write(graph.node(name), attributes, self.clock.now()))
+        replica.send_soon()
 
     def remove_node(self, name: str) -> bool:
         """Remove a node and all edges at it; false if it was not there."""
@@ -263,11 +264,12 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
     def update_edge(self, src: str, dst: str, type: str, /, **attributes: Any) -> None:
         """Write attributes of an edge, as in `add_edge`. Raises `EdgeNotFoundError`, `SchemaError`."""
         values = with_pose(attributes)
-        with self._replica.lock:
-            self._graph.edge(src, dst, type)
+        replica, graph = self._replica, self._graph
+        with replica.lock:
+            graph.edge(src, dst, type)
             self._check_write("edge", type, values)
-            self._put(lambda: self._graph.write(self._graph.edge(src, dst, type), values, self.clock.now()))
-        self._replica.send_soon()
+            self._put(lambda: graph.write(graph.edge(src, dst, type), values, self.clock.now()))
+        replica.send_soon()
 
     def update_poses(self, type: str, poses: Mapping[tuple[str, str], Pose]) -> None:
         """Write the poses of many edges of one type, by (source, destination): at half the cost of one by one.
@@ -477,8 +479,9 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             self._guard(element, type, attributes)
         if self._closed:
             raise TransportError(f"the memory of graph {self.graph_name!r} is closed")
-        if self.clocks.is_ahead:
-            raise ClockDriftError(f"graph {self.graph_name!r}: {self.clocks}; set it right")
+        clocks = self._replica.synchroniser.clocks
+        if clocks.slower and clocks.is_ahead:
+            raise ClockDriftError(f"graph {self.graph_name!r}: {clocks}; set it right")
         if self.extensions.to_publish:
             self._base_memory.publish_names()
             if self._base_memory is not self:  # which sends what it has after its own writes

@@ -15,6 +15,7 @@ from agents.arm_controller.grasping.holding import GraspEdges
 from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
 from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import USUAL_SPEED
 from agents.arm_controller.motion.execution import MotionExecution
 from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.report import NO_DRIVER
@@ -99,6 +100,9 @@ class ArmController(Agent):
         if drawn_only := self._model.robot.drawn_only:
             names = ", ".join(drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
+        if unlimited := [joint.name for joint in self._chain.joints if math.isinf(joint.velocity)]:
+            names = ", ".join(unlimited)
+            self.log.warning("%s: no velocity limit, so %g is taken, of: %s", config.urdf, USUAL_SPEED, names)
         self._check_config()
         self._body = RobotNodes(self.memory, self._model, config, self.name)
         self._body.build()
@@ -121,6 +125,7 @@ class ArmController(Agent):
         self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
         self._fingers = GentleFingers(config.grip_limit, self._driver.move_gripper)
         manipulator = self._make_manipulator()
+        self._right_of_way = manipulator.right_of_way
         self._actions = RunningActions(self.memory, manipulator, config, self.log)
         widest = self._model.gripper.widest or math.inf
         self._motion = MotionControl(
@@ -135,18 +140,19 @@ class ArmController(Agent):
         ordered, danger = self._emergency.reason, self._watchdog.danger
         if ordered or danger:  # before all that may fail
             self._stay(ordered or danger, HALTED if ordered else FAILED)
-        if not ordered:
-            self._driver.keep_alive()
+        self._obeyed = ordered or danger
+        self._emergency.tick(self._is_moving)
         if joints is not None:
             self._body.write(joints)
             self._holding.tick(joints)
+            self._right_of_way.tick(joints)
             self._hear_again(joints)
         if self._gone:
             self._actions.refuse(self._gone)
         elif joints is not None and not (ordered or danger):
             self._follow_targets(joints)
-        self._obeyed = ordered or danger
-        self._emergency.tick(self._is_moving)
+        if not ordered:
+            self._driver.keep_alive()  # after all that may fail: the device stops an arm whose controller is not well
         self.degraded = "; ".join(filter(None, (ordered, danger, self._gone, *(feed.trouble for feed in self._feeds))))
         self.counts = {f"{feed.node} {what}": n for feed in self._feeds for what, n in feed.counts.items()}
 

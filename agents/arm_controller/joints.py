@@ -40,6 +40,8 @@ def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
         raise JointsError(f"{count} joint names, {len(state.positions)} positions, {len(state.velocities)} velocities")
     if len(state.efforts) not in (0, count):
         raise JointsError(f"{count} joint names, {len(state.efforts)} efforts")
+    if twice := sorted({name for name in state.names if state.names.count(name) > 1}):
+        raise JointsError(f"the driver tells joint {twice[0]!r} twice")
     if missing := set(names) - set(state.names):
         raise JointsError(f"the driver does not know joint {min(missing)!r}, only {', '.join(state.names)}")
     gripper = (state.gripper_opening, state.gripper_effort or 0.0)

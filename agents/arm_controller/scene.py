@@ -93,7 +93,11 @@ class ArmScene:
         """List the boxes that no arm may enter: nodes of type `zone` with a size and a pose."""
         nodes = self._memory.nodes("zone")
         found = [(node, node.get("size"), self._memory.get_transform(WORLD, node.name)) for node in nodes]
-        return [Obstacle(node.name, pose, size) for node, size, pose in found if size is not None and pose is not None]
+        return [
+            Obstacle(node.name, pose, (abs(size[0]), abs(size[1]), abs(size[2])))
+            for node, size, pose in found
+            if size is not None and pose is not None
+        ]
 
     def models(self, base: Vector3) -> list[Obstacle]:
         """The boxes around objects with meshes that stand around an arm whose base is at `base` (m, world).

@@ -57,13 +57,13 @@ class ArmSurroundings:
 
     def things(self, now: float) -> list[Obstacle]:
         """All that must not be touched at time `now` (s), without what the gripper holds."""
+        return [*self.things_and_zones(), *self.others.obstacles(now)]
+
+    def things_and_zones(self) -> list[Obstacle]:
+        """All that must not be touched, but for other arms, and for what the gripper holds."""
         objects = [thing for thing in self._scene.objects() if thing.name != self._holding.held]
         models = self._scene.models(self.world_from_arm.t)
-        return [*objects, *self._scene.tables(), *models, *self.forbidden(now)]
-
-    def forbidden(self, now: float) -> list[Obstacle]:
-        """The boxes that are not things: zones, and the other arms with their ways at time `now` (s)."""
-        return [*self._zones.forbidden(), *self.others.obstacles(now)]
+        return [*objects, *self._scene.tables(), *models, *self._zones.forbidden()]
 
     def passed_beside(self) -> set[str]:
         """The names of what no way goes above: zones and arms may be high."""

@@ -1,7 +1,7 @@
 """Moves the arm to the target that its node names, and says in the node how that goes.
 
-The arm goes straight through joint space, past things, in the same way as in actions otherwise: within the limits of
-velocity, acceleration and jerk, more slowly near people, out of zones, and out of the ways of other arms.
+The arm goes straight through joint space, and not at all if something is in that way. It moves as in actions: within
+the limits of velocity, acceleration and jerk, more slowly near people, and out of the ways of other arms.
 
 The target is what is wanted, not an event: it is followed again after the driver or this process was away.
 Writing `target_joints` or `target_pose` (or the same value again) is a new target and takes the other one
@@ -11,6 +11,7 @@ away; removing the target, or `target_speed` 0, stops the arm. While an action r
 from __future__ import annotations
 
 import logging
+import math
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from agents.arm_controller.report import (
 from agents.arm_controller.skills.by_hand import go_straight
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.skills.steps import Steps
+from agents.arm_controller.skills.ways import FARTHEST
 from dsr import Memory, Node
 from dsr.errors import DsrError, TransformError
 
@@ -187,6 +189,8 @@ class MotionControl:
         if self._active == "target_joints":
             return self._checked(node["target_joints"])
         base_from_tool = self._memory.transform(self._config.arm, "world") @ node["target_pose"]
+        if (away := math.hypot(*base_from_tool.t)) > FARTHEST:
+            raise TargetError(f"{away:.3g} m away")
         posture = self._config.posture or None
         return self._chain.inverse(base_from_tool, joints.positions, rng=self._rng, posture=posture).positions
 
@@ -217,6 +221,9 @@ class MotionControl:
             self._halt(UNREACHABLE, f"{self._active}: {error}")
         except DsrError as error:
             self._halt(STOPPED, str(error))
+        except Exception as error:
+            self._halt(STOPPED, f"unexpected {type(error).__name__}: {error}")
+            raise
         else:
             if (whom := self._arm.execution.waits_for) != self._waits_for:
                 self._waits_for = whom

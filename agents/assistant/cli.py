@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 from datetime import tzinfo
 from enum import StrEnum
@@ -27,7 +28,6 @@ from dsr.cli.common import (
     errors,
     joinable,
     print_json,
-    reading,
     shown,
 )
 from dsr.clock import WALL_CLOCK
@@ -38,7 +38,19 @@ from dsr.graph.access import Access, WriteGuard
 from dsr.memory import Memory
 from dsr.narration.calendar import zone_of
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
-from dsr.vocabulary.proposed_acts import ACTS_SERVICE, Confirmation, ProposedAct, decode_acts, encode_confirmation
+from dsr.vocabulary.proposed_acts import (
+    ACTS_SERVICE,
+    CONFIRMER,
+    DECISIONS,
+    ActQuestion,
+    ActState,
+    Confirmation,
+    ProposedAct,
+    decode_acts,
+    encode_confirmation,
+    encode_question,
+    fingerprint,
+)
 
 if TYPE_CHECKING:
     from agents.assistant.server import ToolServer
@@ -51,6 +63,7 @@ _ACTS = Access(
 )  # fmt: skip
 """What a server with --allow-actions may write."""
 _PATIENCE = 10.0  # s to wait for the outcome of an act that was confirmed
+_PERIOD = 0.1  # s between two looks at what became of it
 
 app = typer.Typer(name="assist", help="Let assistants ask the memory, and act as a person confirms.")
 
@@ -135,8 +148,7 @@ def _server_of(memory: Memory, zone: tzinfo | None, *, allow_actions: bool) -> T
     propose = None if acts is None else Proposer(memory, acts).propose
     server = ToolServer(memory, looking, lambda camera: _picture(memory, camera), acts, propose)
     if acts is not None:
-        answer = acts.answer
-        memory.transport.serve(memory.keys.service(ACTS_SERVICE), lambda _key, payload: answer(payload))
+        acts.listen(memory)
     return server
 
 
@@ -156,52 +168,74 @@ def confirm(
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
+    agent: AsOption = CONFIRMER,
 ) -> None:
     """Show what an assistant proposes, and carry out or refuse each act as a person decides.
 
-    With --json and without an id, only lists what waits.
+    Only at a terminal an act can be accepted: a program that runs this command is no person.
+    With --json, lists what waits, or the state of one act, and decides nothing unless with --refuse.
     """
-    with reading(graph, router, security) as memory:
-        if id is not None:
-            decided = _ask(memory, Confirmation(id, not refuse))
-            _report(decided, as_json=as_json)
-            return
-        waiting = _ask(memory, Confirmation())
+    name = joinable(graph, router)
+    routers, guard = [router] if router else [], WriteGuard(agent, Access())
+    with connect(name, agent=agent, connect=routers, guard=guard, security=security, must_exist=False) as memory:
+        check_company(memory, router)
+        acts = _ask(memory, id or "")
         if as_json:
-            print_json(msgspec.to_builtins(waiting))
+            open_acts = [act for act in acts if act.state is ActState.WAITING] if refuse else []
+            refused = {act.id: _decide(memory, act, accept=False) for act in open_acts}
+            print_json(msgspec.to_builtins([refused.get(act.id, act) for act in acts]))
             return
-        if not waiting:
+        if not acts:
             console.print("nothing waits")
-        for act in waiting:
+        for act in acts:
             _show(act)
-            accept = not refuse and typer.confirm("carry it out?", default=False)
-            _report(_ask(memory, Confirmation(act.id, accept)), as_json=False)
+            waits = act.state is ActState.WAITING
+            _report(_decide(memory, act, accept=not refuse and _is_wanted()) if waits else act)
 
 
-def _ask(memory: Memory, decision: Confirmation) -> list[ProposedAct]:
-    """Ask the servers of this graph. Raises `TransportError` if none answers."""
+def _report(act: ProposedAct) -> None:
+    console.print(f"{shown(act.act)}: {act.state.value}{f', {shown(act.outcome)}' if act.outcome else ''}")
+
+
+def _is_wanted() -> bool:
+    """What a person says in the terminal. Raises `ConfigError` if there is none."""
+    if not sys.stdin.isatty():
+        raise ConfigError("a person accepts an act in a terminal, and this is none; --refuse needs no terminal")
+    return typer.confirm("carry it out?", default=False)
+
+
+def _ask(memory: Memory, id: str) -> list[ProposedAct]:
+    """Ask the servers of this graph for one act, or what waits. Raises `TransportError` if none answers."""
     answers: list[bytes] = []
     done = threading.Event()
     memory.transport.request(
-        memory.keys.service(ACTS_SERVICE), encode_confirmation(decision),
+        memory.keys.service(ACTS_SERVICE), encode_question(ActQuestion(id)),
         lambda _key, payload: answers.append(payload), done.set, _PATIENCE,
     )  # fmt: skip
     WALL_CLOCK.wait(done, 2.0 * _PATIENCE)
     if not answers:
-        what = f"proposed act {decision.id!r}" if decision.id else "tool server with --allow-actions"
+        what = f"proposed act {id!r}" if id else "tool server with --allow-actions"
         raise TransportError(f"no {what} in graph {memory.graph_name!r}")
     return [act for payload in answers for act in decode_acts(payload)]
+
+
+def _decide(memory: Memory, act: ProposedAct, *, accept: bool) -> ProposedAct:
+    """Send a decision until the server has it, and wait for what comes of it. Raises `TransportError`."""
+    message = encode_confirmation(Confirmation(act.id, accept, fingerprint(act)))
+    end, never = WALL_CLOCK.monotonic() + _PATIENCE, threading.Event()
+    while WALL_CLOCK.monotonic() < end:
+        memory.transport.publish(memory.keys.service(DECISIONS), message)  # an act is decided on once, whatever comes
+        WALL_CLOCK.wait(never, _PERIOD)
+        for answered in _ask(memory, act.id):
+            if answered.state is not ActState.WAITING:
+                return answered
+    raise TransportError(
+        f"the server did not heed the decision on {act.id}: in a secured graph that takes a certificate such as "
+        f"{CONFIRMER!r}, which may publish {memory.keys.service(DECISIONS)}"
+    )
 
 
 def _show(act: ProposedAct) -> None:
     console.print(f"[bold]{shown(act.act)}[/]")
     for sentence in act.preview:
         console.print(f"  {shown(sentence)}", highlight=False)
-
-
-def _report(acts: list[ProposedAct], *, as_json: bool) -> None:
-    if as_json:
-        print_json(msgspec.to_builtins(acts))
-        return
-    for act in acts:
-        console.print(f"{shown(act.act)}: {act.state.value}{f', {shown(act.outcome)}' if act.outcome else ''}")

@@ -9,7 +9,7 @@ from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.narration.doings import goal_words
 from dsr.vocabulary.contradictions import by_meaning
-from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.halting import HaltOrder, send_order, write_order
 from dsr.vocabulary.intentions import add_intention, nobody_pursues
 from dsr.vocabulary.proposed_acts import ProposedAct
@@ -17,6 +17,8 @@ from dsr.vocabulary.relations import SURFACES, THINGS, read_relations
 
 _MOST_REASON = 200
 """Characters of the reason of a halt: one sentence"""
+_MOST_GOAL = 500
+"""Characters of a goal: more than a person reads before confirming"""
 _WHO = "an assistant, confirmed by a person"
 
 
@@ -40,8 +42,9 @@ class Proposer:
         raise ConfigError(f"no act {act!r}: expected mission or halt")
 
     def _mission(self, text: str) -> ProposedAct:
-        goal = parse_goal(text)
-        goal.check_names({node.name for node in self._memory.nodes((*THINGS, *SURFACES))})
+        if len(text) > _MOST_GOAL:
+            raise ConfigError(f"a goal of {len(text)} characters: expected at most {_MOST_GOAL}")
+        goal = self._checked(text)
         if conflict := by_meaning(goal):
             raise ConfigError(str(conflict))
         missing = goal.missing(read_relations(self._memory))
@@ -51,11 +54,18 @@ class Proposer:
             preview.append(f"Nothing would come of it: {nobody}.")
         return self._acts.propose(f"mission: {goal}", preview, lambda: self._begin(str(goal)))
 
+    def _checked(self, text: str) -> Goal:
+        """The goal of a text, whose things are all there. Raises `GoalError`."""
+        goal = parse_goal(text)
+        goal.check_names({node.name for node in self._memory.nodes((*THINGS, *SURFACES))})
+        return goal
+
     def _begin(self, goal: str) -> str:
+        self._checked(goal)  # something may have been taken away since it was proposed
         return f"intention {add_intention(self._memory, goal)} is written"
 
     def _halt(self, reason: str) -> ProposedAct:
-        why = reason[:_MOST_REASON]
+        why = " ".join(reason[:_MOST_REASON].split())  # on one line, which nobody takes for a preview of ours
         preview = ["All arms would stop, and stay stopped until a person runs: dsr halt --release"]
         return self._acts.propose(f"halt: {why}", preview, lambda: self._stop(why))
 

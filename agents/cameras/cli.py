@@ -140,7 +140,7 @@ def try_driver(
         bus, keys = resources.enter_context(_network(entry, graph))
         driver: Any = make_driver(name, bus, keys, **given)
         resources.enter_context(closing(driver))
-        if isinstance(entry, ArmEntry) or hasattr(driver, "move_joints"):
+        if isinstance(entry, ArmEntry) or hasattr(driver, "follow"):
             resources.enter_context(set_on_signals(stop))
             _try_arm(name, driver, stop, seconds or _READ, move, as_json)
         window = resources.enter_context(_window(name)) if live else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -10,15 +11,21 @@ import msgspec
 import numpy as np
 
 from agents.cameras.errors import CorruptFrameError
-from agents.drivers import CameraDriver, Diagnosed
+from agents.checked_frames import CheckedFrames
+from agents.drivers import CameraDriver
 from agents.frame_images import images
+from agents.recorder.images import is_color
+from dsr.clock import WALL_CLOCK
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
 from dsr.vocabulary.intrinsics import Intrinsics
 
+_log = logging.getLogger("dsr.camera")
 _QUANTILES = (0.05, 0.5, 0.95)
 _AHEAD = 0.05
 """s by which a stamp may be ahead of our clock: what clocks of one machine never are"""
+_LOOKS = 25
+"""Rows and columns of a picture at which the model of its lens is looked at"""
 _LATE = 0.5
 """s by which pictures may be late: no driver needs as long, so that it is rather a clock that is behind"""
 
@@ -58,7 +65,7 @@ class Trial:
     """
 
     def __init__(self, driver: CameraDriver) -> None:
-        self._driver = driver
+        self._taken = CheckedFrames(driver, WALL_CLOCK, _log, "tried")
         self.last: Frame | None = None
         """The newest frame"""
         self._frames = 0
@@ -67,7 +74,7 @@ class Trial:
 
     def look(self, now: float) -> Frame | None:
         """The newest frame at `now` (s), if there is a new one."""
-        frame = self._driver.frame()
+        frame = self._taken.frame()
         if frame is not None:
             self._frames += 1
             self._stamps.append(frame.stamp)
@@ -77,8 +84,7 @@ class Trial:
 
     def findings(self) -> CameraFindings:
         """What was seen until now."""
-        told = self._driver if isinstance(self._driver, Diagnosed) else None
-        counts = {} if told is None else dict(told.counts)
+        counts = dict(self._taken.counts)
         delay = float(np.median(self._delays)) if self._delays else None
         color, depth, intrinsics, missing = _content(self.last)
         if delay is not None and not -_AHEAD <= delay <= _LATE:
@@ -87,7 +93,7 @@ class Trial:
             frames=self._frames, rate_hz=self._rate(counts), width=color[1], height=color[0], delay_s=delay,
             depth_known=None if depth is None else float((depth > 0.0).mean()), depth_m=_spread(depth),
             intrinsics=intrinsics, fov_deg=None if intrinsics is None else _fov(intrinsics), counts=counts,
-            trouble="" if told is None else told.trouble, missing=missing,
+            trouble=self._taken.trouble, missing=missing,
         )  # fmt: skip
 
     def _rate(self, counts: Mapping[str, int]) -> float | None:
@@ -106,10 +112,10 @@ def picture_of(frame: Frame) -> Any:
 
     shown = []
     color, depth = frame.arrays.get("color"), frame.arrays.get("depth")
-    if color is not None and color.ndim == 3:
+    if color is not None and is_color(color):
         shown.append(cv2.cvtColor(color, cv2.COLOR_RGB2BGR))
     spread = _spread(depth)
-    if depth is not None and spread is not None:
+    if depth is not None and depth.ndim == 2 and spread is not None:
         near, _, far = spread
         inverse = np.clip((far - depth) / max(far - near, 1e-3), 0.0, 1.0)
         false = cv2.applyColorMap((255.0 * inverse).astype(np.uint8), cv2.COLORMAP_TURBO)
@@ -137,6 +143,8 @@ def _content(frame: Frame | None) -> tuple[tuple[int, ...], Any, Intrinsics | No
         missing.append("depth is known nowhere: is something too near, or the emitter off?")
     if intrinsics is not None and not (0.0 <= intrinsics.cx < shape[1] and 0.0 <= intrinsics.cy < shape[0]):
         missing.append("the optical axis is not in the picture: are these the intrinsics of another camera or size?")
+    if intrinsics is not None and (blind := _blind(intrinsics)) > 0.0:
+        missing.append(f"by its distortion the lens shows nothing in {blind:.0%} of the picture: is that of another?")
     return shape, depth, intrinsics, missing
 
 
@@ -155,6 +163,13 @@ def _spread(depth: Any) -> tuple[float, float, float] | None:
         return None
     low, middle, high = (float(value) for value in np.quantile(known, _QUANTILES))
     return low, middle, high
+
+
+def _blind(intrinsics: Intrinsics) -> float:
+    """Share of the pixels through which no ray comes, by the model of the lens."""
+    columns, rows = (np.linspace(0.0, most - 1.0, _LOOKS) for most in (intrinsics.width, intrinsics.height))
+    rays = intrinsics.rays(np.stack(np.meshgrid(columns, rows), axis=-1))
+    return float(1.0 - np.isfinite(rays).all(axis=-1).mean())
 
 
 def _fov(intrinsics: Intrinsics) -> float | None:

@@ -21,6 +21,8 @@ from dsr.runtime.native_output import silenced
 
 _LIKELY_FPS = 30.0
 """Hz of a file that tells no rate"""
+_LONGEST = 1e9
+"""s, thirty years: no film is as long, and OpenCV counts no further"""
 _FASTEST_FPS = 1000.0
 """Hz, no camera films faster: a rate beyond is none"""
 
@@ -52,8 +54,8 @@ class VideoFile(CameraReader):
         loop: bool = True, calibration: str = "", fov: float = 0.0,
     ) -> None:  # fmt: skip
         check_installed(["cv2"], "driver video")
-        if not (math.isfinite(speed) and speed > 0.0 and math.isfinite(begin) and begin >= 0.0):
-            raise ConfigError(f"speed {speed}, begin {begin}: expected a positive number, and one that is not negative")
+        if not (math.isfinite(speed) and speed > 0.0 and 0.0 <= begin < _LONGEST):
+            raise ConfigError(f"speed {speed}, begin {begin}: expected a positive number, and 0 to {_LONGEST:g} s")
         intrinsics = GivenIntrinsics(calibration, fov)
         kind = type(self)
         device = VideoDevice(file, begin, speed, loop, kind.clock, kind.capture)

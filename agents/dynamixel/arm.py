@@ -34,6 +34,8 @@ BEHIND = 0.2
 """rad that a joint may be behind its command: servos lag by some hundredths"""
 STALLED = 0.1
 """s for which it may be further behind"""
+SHOWN = 0.2
+"""s for which a fault is told at least, that no sample of it is missed: ten samples"""
 _ENDS_WITHIN = 2.0
 """s in which the thread ends"""
 
@@ -74,7 +76,7 @@ class DynamixelArm:
         self._state: ArmState | None = None
         self._ramp: Ramp | None = None
         self._fault = ""
-        self._alive = self._followed = -np.inf
+        self._alive = self._followed = self._faulty_at = -np.inf
         self._has_torque = False
         self._counts: Counter[str] = Counter()
         self._trouble = ""
@@ -89,17 +91,20 @@ class DynamixelArm:
         """The newest sample, or None before the first."""
         return self._state
 
-    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
-        """Go to joint `positions` (rad) at `speed` (0 to 1 of the option `speed`)."""
-        with self._lock:
-            if (ramp := self._ready()) is not None:
-                ramp.aim(positions, speed)
-
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
-        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""
+        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones.
+
+        A way that begins where the arm is not, and cannot be by then, is refused, and told as a fault.
+        """
         with self._lock:
-            if (ramp := self._ready()) is not None:
+            if (ramp := self._ready()) is None:
+                return
+            if (aside := ramp.aside(times, positions)) is None:
                 ramp.follow(times, positions)
+                return
+            self._counts["motions refused"] += 1
+            self._tell(f"the way begins {aside[1]:.2f} rad from where {self._names[aside[0]]} is")
+            ramp.stop()
 
     def move_gripper(self, opening: float) -> None:
         """Do nothing: this driver knows of no gripper."""
@@ -182,15 +187,20 @@ class DynamixelArm:
         if self._halt.reason:
             ramp.stop()
         elif silence > DEADMAN:
-            self._fault = f"no sign of life of the arm's controller for {silence:.2f} s"
+            self._tell(f"no sign of life of the arm's controller for {silence:.2f} s")
             ramp.stop()
 
     def _judge(self, positions: Sequence[float], faults: Mapping[int, str]) -> None:
-        """Stop if a servo says that something is wrong with it, or does not follow."""
+        """Stop if a servo says that something is wrong with it, or does not follow.
+
+        A fault is over when the arm rests, nothing is wrong, and the controller lives.
+        """
         now, ramp = self.clock.monotonic(), self._ramp
         if faults:
             id, text = min(faults.items())
-            self._fault = f"servo {id} ({self._names[self._ids.index(id)]}): {text}"
+            self._tell(f"servo {id} ({self._names[self._ids.index(id)]}): {text}")
+        elif (ramp is None or ramp.is_resting) and now - self._faulty_at > SHOWN and now - self._alive < DEADMAN:
+            self._fault = ""
         if ramp is None:
             return
         behind = np.abs(ramp.positions - np.array(positions))
@@ -198,9 +208,13 @@ class DynamixelArm:
             self._followed = now
         elif now - self._followed > STALLED and not self._fault:
             worst = int(behind.argmax())
-            self._fault = f"{self._names[worst]} does not follow: {behind[worst]:.2f} rad behind"
+            self._tell(f"{self._names[worst]} does not follow: {behind[worst]:.2f} rad behind")
         if self._fault and not ramp.is_braking and not ramp.is_resting:
             ramp.stop(positions, [0.0] * len(positions))
+
+    def _tell(self, fault: str) -> None:
+        """Tell a fault from now on."""
+        self._fault, self._faulty_at = fault, self.clock.monotonic()
 
     def _send(self) -> None:
         with self._lock:

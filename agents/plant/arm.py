@@ -11,6 +11,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.arm_controller.model.arm_model import ArmModel, load_arm
+from agents.arm_controller.model.kinematics import USUAL_SPEED
 from agents.joint_ramp import Ramp
 from agents.plant.linkage import bars_of
 from agents.plant.robot_file import load_body
@@ -32,8 +33,6 @@ _HOLD_STRENGTH = 200.0  # N, of the constraint
 _TOUCH_STEPS = 6  # with both pads in contact before the gripper holds
 _LET_GO = 0.002  # m, by which the target must exceed the opening to let go
 _POSITION_GAIN = 0.3
-_USUAL_SPEED = 1.0
-"""rad/s or m/s, of a joint whose description gives no velocity: what slow arms do"""
 _USUAL_EFFORT = 100.0
 """N m or N, of a joint whose description gives no effort: as much as arms of 5 kg need at the shoulder"""
 
@@ -93,7 +92,7 @@ class SimulatedArm:
         self._sides = [[self._links[link] for link in side] for side in sides]
         self._palm = self._links.get(self.model.palm, -1)
         start = self._within_limits(start)
-        self._ramp = Ramp(start, [_given(joint.velocity, _USUAL_SPEED) for joint in chain.joints], STEP)
+        self._ramp = Ramp(start, chain.velocity.tolist(), STEP)
         self.widest = gripper.widest
         """m, the largest opening"""
         self._target_opening = self.widest
@@ -153,9 +152,13 @@ class SimulatedArm:
         """Name of the object in the gripper."""
         return self._held
 
-    def move_joints(self, positions: Sequence[float], speed: float = 1.0) -> None:
-        """Go to `positions` (rad, cut to the joints' limits) at `speed` (0 to 1 of theirs)."""
-        self._ramp.aim(self._within_limits(positions), speed)
+    def aside(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> tuple[str, float] | None:
+        """Name of a joint that cannot come to the begin of a trajectory in time, and how far (rad) it is away; or None.
+
+        The trajectory is as of `follow`.
+        """
+        found = self._ramp.aside(times, [self._within_limits(positions[0])])
+        return found and (self.names[found[0]], found[1])
 
     def follow(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> None:
         """Pass through `positions` (rad, cut to the joints' limits) at `times` (s from now), and stay at the last."""
@@ -319,7 +322,7 @@ def _finger_limits(model: ArmModel) -> dict[str, tuple[float, float]]:
     gripper, joints = model.gripper, {joint.name: joint for joint in model.robot.joints}
     closed, wide = gripper.positions(0.0), gripper.positions(gripper.widest)
     ways = {name: abs(wide[name] - closed[name]) for name in gripper.names}
-    seconds = max(way / _given(joints[name].velocity, _USUAL_SPEED) for name, way in ways.items())
+    seconds = max(way / _given(joints[name].velocity, USUAL_SPEED) for name, way in ways.items())
     return {
         name: (way / seconds, 1.0 if joints[name].kind == "prismatic" else gripper.lever(joints[name]))
         for name, way in ways.items()

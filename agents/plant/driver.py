@@ -14,7 +14,6 @@ from agents.plant.messages import (
     Follow,
     KeepAlive,
     MoveGripper,
-    MoveJoints,
     Stop,
     arm_command_key,
     arm_state_key,
@@ -90,10 +89,6 @@ class PlantArm:
         """The newest sample, or None before the first."""
         self._state = self._states.take() or self._state
         return self._state
-
-    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
-        """Go to joint `positions` (rad) at `speed` (0 to 1 of the joint limits)."""
-        self._send(MoveJoints(tuple(map(float, positions)), speed))
 
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
         """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""

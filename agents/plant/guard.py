@@ -6,7 +6,7 @@ The guard is on the device's side, as in a real arm's cabinet. So it works when 
 from __future__ import annotations
 
 from agents.plant.arm import SimulatedArm
-from agents.plant.messages import Command, Follow, KeepAlive, MoveGripper, MoveJoints, Stop
+from agents.plant.messages import Command, Follow, KeepAlive, Stop
 
 SHOWN = 0.2
 """s for which a fault is shown at least, that no sample of it is missed: ten samples"""
@@ -44,12 +44,13 @@ class ArmGuard:
             return
         if self._forbidden:
             return
+        if isinstance(command, Follow) and (aside := self._arm.aside(command.times, command.positions)):
+            self._refuse(f"the way begins {aside[1]:.2f} rad from where {aside[0]} is")
+            return
         self.fault, self._is_asked = "", True
-        if isinstance(command, MoveJoints):
-            self._arm.move_joints(command.positions, command.speed)
-        elif isinstance(command, Follow):
+        if isinstance(command, Follow):
             self._arm.follow(command.times, command.positions)
-        elif isinstance(command, MoveGripper):
+        else:
             self._arm.move_gripper(command.opening)
 
     def forbid(self, reason: str) -> None:
@@ -67,7 +68,9 @@ class ArmGuard:
         self._since += self._period
         self._is_asked = self._is_asked and self._arm.is_driven
         if self._is_asked and self._patience and self._silence > self._patience:
-            self._is_asked = False
-            self._since = 0.0
-            self._arm.stop()
-            self.fault = f"no sign of life of the arm's controller for {self._silence:.2g} s"
+            self._refuse(f"no sign of life of the arm's controller for {self._silence:.2g} s")
+
+    def _refuse(self, reason: str) -> None:
+        """Stop, and show why."""
+        self.fault, self._is_asked, self._since = reason, False, 0.0
+        self._arm.stop()

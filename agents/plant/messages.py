@@ -32,15 +32,6 @@ Seven = tuple[float, float, float, float, float, float, float]
 """A pose: translation (m), then a quaternion (x, y, z, w)."""
 
 
-class MoveJoints(msgspec.Struct, frozen=True, tag="move_joints"):
-    """Go to joint positions."""
-
-    positions: tuple[float, ...]
-    """Wanted joint positions, rad."""
-    speed: Annotated[float, Meta(gt=0, le=1)] = 1.0
-    """Share of the joints' limits."""
-
-
 class Follow(msgspec.Struct, frozen=True, tag="follow"):
     """Pass through joint positions at given times."""
 
@@ -65,7 +56,7 @@ class KeepAlive(msgspec.Struct, frozen=True, tag="keep_alive"):
     """A sign of life of whoever commands the arm: the present motion shall go on."""
 
 
-Command = MoveJoints | Follow | MoveGripper | Stop | KeepAlive
+Command = Follow | MoveGripper | Stop | KeepAlive
 
 
 class ArmTruth(msgspec.Struct, frozen=True):
@@ -132,29 +123,22 @@ def decode_command(payload: bytes, joints: int) -> Command:
     command = decoded(payload, "arm command", _command_decoder.decode)
     if not all(map(math.isfinite, _numbers(command))):
         raise WireError(f"arm command {command!s:.200}: expected finite numbers")
-    for positions in _positions(command):
-        if len(positions) != joints:
-            raise WireError(f"arm command with {len(positions)} positions: expected {joints}")
-    if isinstance(command, Follow) and not _is_timed(command):
-        raise WireError(
-            "arm command with a trajectory: expected increasing times from 0 on, and positions for each of them"
-        )
+    if isinstance(command, Follow):
+        for positions in command.positions:
+            if len(positions) != joints:
+                raise WireError(f"arm command with {len(positions)} positions: expected {joints}")
+        if not _is_timed(command):
+            raise WireError(
+                "arm command with a trajectory: expected increasing times from 0 on, and positions for each of them"
+            )
     return command
 
 
-def _positions(command: Command) -> tuple[tuple[float, ...], ...]:
-    if isinstance(command, Follow):
-        return command.positions
-    return (command.positions,) if isinstance(command, MoveJoints) else ()
-
-
 def _numbers(command: Command) -> Iterator[float]:
-    for positions in _positions(command):
-        yield from positions
     if isinstance(command, Follow):
         yield from command.times
-    elif isinstance(command, MoveJoints):
-        yield command.speed
+        for positions in command.positions:
+            yield from positions
     elif isinstance(command, MoveGripper):
         yield command.opening
 

@@ -60,7 +60,7 @@ def tell(
         typer.Option(metavar="NAME", help="Only what is about this node. Repeatable.", autocompletion=complete_node),
     ] = None,
     person: Annotated[
-        str | None, typer.Option("--person", metavar="NAME", help="What this person sees and believes instead.")
+        str | None, typer.Option("--as", "--person", metavar="PERSON", help="What a person sees and believes.")
     ] = None,
     timezone: ZoneOption = None,
     graph: GraphOption = None,

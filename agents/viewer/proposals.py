@@ -7,7 +7,7 @@ import threading
 
 from agents.viewer.texts import markdown
 from dsr import Memory, WireError
-from dsr.vocabulary.proposed_acts import ACTS_SERVICE, Confirmation, ProposedAct, decode_acts, encode_confirmation
+from dsr.vocabulary.proposed_acts import ACTS_SERVICE, ActQuestion, ProposedAct, decode_acts, encode_question
 
 _PERIOD = 1.0
 """s between two questions: a proposal waits for two minutes"""
@@ -35,7 +35,7 @@ class ProposalsWatch:
                 self._due, self._is_asking, self._heard = now + _PERIOD, True, []
         if is_due:
             key = memory.keys.service(ACTS_SERVICE)
-            memory.transport.request(key, encode_confirmation(Confirmation()), self._hear, self._end, _PATIENCE)
+            memory.transport.request(key, encode_question(ActQuestion()), self._hear, self._end, _PATIENCE)
         with self._lock:
             return [act for act in self._waiting if act.until > now]
 

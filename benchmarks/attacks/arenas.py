@@ -11,6 +11,7 @@ from pathlib import Path
 
 import dsr
 from benchmarks.attacks.attack import GRAPH, Raw
+from benchmarks.ports import reserved_port
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.clock import WALL_CLOCK
 from dsr.graph.access import WriteGuard
@@ -53,7 +54,7 @@ class ZenohArena:
         if self._folder is not None:
             settings = zenoh_settings(self._folder, read_policy(self._folder.policy), agent)
             settings.pop("access_control", None)
-        endpoint = f"{'tls' if self._folder else 'tcp'}/127.0.0.1:{rendezvous.free_port()}"
+        endpoint = f"{'tls' if self._folder else 'tcp'}/127.0.0.1:{reserved_port()}"
         transport = ZenohTransport(endpoint, rendezvous.endpoints(GRAPH), settings)
         self._closing.callback(transport.close)
         return Raw(new_rid(agent), transport, Keys(GRAPH))

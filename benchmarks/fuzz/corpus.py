@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import ArmState, TagReading, TagReadings
-from agents.plant.messages import Follow, MoveGripper, MoveJoints, Stop, Truth
+from agents.plant.messages import Follow, MoveGripper, Stop, Truth
 from dsr import Pose
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
@@ -160,7 +160,7 @@ def tag_readings() -> list[bytes]:
 def commands() -> list[bytes]:
     """Commands to the arm."""
     row = (0.1,) * JOINTS
-    samples = (MoveJoints(row, 0.5), Follow((0.0, 0.5), (row, row)), MoveGripper(0.04), Stop())
+    samples = (Follow((0.0, 0.5), (row, row)), MoveGripper(0.04), Stop())
     return [msgspec.msgpack.encode(command) for command in samples]
 
 

@@ -14,7 +14,7 @@ from benchmarks.learning.holding import learn_holding
 from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, IN_VIEW
 from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
@@ -57,10 +57,14 @@ def _learn_noise(
     rng = np.random.default_rng(0)
     for circumstance in CIRCUMSTANCES:
         found = errors.get(circumstance)
-        noise[circumstance] = START if found is None else learn_noise(_thinned(found))
+        seen = circumstance in IN_VIEW
+        noise[circumstance] = START if found is None else learn_noise(_thinned(found), is_in_view=seen)
         tell(f"{circumstance}: {0 if found is None else len(found.age)} moments, {noise[circumstance]}")
         if found is not None:
-            tried = [learn_noise(_thinned(_resampled(found, rng)), noise[circumstance]) for _ in range(_RESAMPLINGS)]
+            tried = [
+                learn_noise(_thinned(_resampled(found, rng)), noise[circumstance], is_in_view=seen)
+                for _ in range(_RESAMPLINGS)
+            ]
             values = [np.log(np.array(msgspec.structs.astuple(one)) + _NOTHING) for one in tried]
             spread = np.std(values, axis=0, ddof=1).tolist()
             deviations[circumstance] = dict(zip(PlaceNoise.__struct_fields__, spread, strict=True))

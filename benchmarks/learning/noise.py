@@ -11,19 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from benchmarks.honesty.statement import VOLUME
+from benchmarks.honesty.statement import DOUBT, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d import quaternions
+from dsr.math3d.transforms import Pose
 from simulation_handler.worlds.parameters import PlaceNoise
-from simulation_handler.worlds.spread import position_covariance, rotation_covariance
-from simulation_handler.worlds.weighted import WeightedWorlds
+from simulation_handler.worlds.spread import (
+    levels_of_wrong,
+    odds_of_percepts,
+    percept_covariance,
+    position_covariance,
+    rotation_covariance,
+    squared_distance,
+)
+from simulation_handler.worlds.weighted import Followed, WeightedWorlds
 
 Array = NDArray[np.float64]
 
 START = PlaceNoise(scale=1.0, level=0.003, height=0.002, growth=0.003, path=0.1, upwards=0.3, lag=0.05, turn=0.03,
-              turning=0.3, wide=5.0, wrong=0.05)  # fmt: skip
+              turning=0.3, wide=5.0, wrong=0.05, perceived=0.05, trust=0.5, percept=1.0)  # fmt: skip
 """Where the search begins, and to which little evidence is drawn."""
-_SHARES = ("upwards", "wrong")
+_SHARES = ("upwards", "wrong", "perceived")
 _PRIOR = 2.0  # 1, standard deviation of the logarithm (or logit) of each value around its start
 _MOMENTS = 7.0  # moments of an episode that say as much as one: neighbours in time have nearly the same error
 _INDEPENDENT = 20.0  # moments of one episode that count as independent, at most
@@ -46,6 +54,14 @@ class Errors:
     """(n, 3) m, from the simulated to the true place, world frame"""
     turns: Array
     """(n, 3) rad, likewise of rotation vectors; nan of things without a tag"""
+    seen: Array
+    """(n, 3) m, from the simulated to the perceived place, world frame; nan of what is not recognised"""
+    own_seen: Array
+    """(n, 3, 3) m^2, covariance of the perceived place"""
+    seen_turns: Array
+    """(n, 3) rad, from the perceived to the true rotation, world frame; nan as of `turns` and `seen`"""
+    own_seen_turns: Array
+    """(n, 3, 3) rad^2, covariance of the perceived rotation"""
     episode: NDArray[np.int64]
     """(n,) number of the episode"""
 
@@ -66,23 +82,40 @@ def errors_of(episodes: Iterable[tuple[Sequence[Recorded], WeightedWorlds]]) -> 
                     continue
                 pose = followed.pose
                 own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
-                turn = np.array(quaternions.to_rotvec(quaternions.product(truth.q, quaternions.conjugate(pose.q))))
+                turn = _turn(pose, truth) if name in moment.tagged else _UNKNOWN
                 found[followed.circumstance].append(
-                    (*own, followed.age, followed.moved, followed.velocity, np.subtract(truth.t, pose.t),
-                     turn if name in moment.tagged else _UNKNOWN, number)
+                    (*own, followed.age, followed.moved, followed.velocity, np.subtract(truth.t, pose.t), turn,
+                     *_seen(followed, truth, is_tagged=name in moment.tagged), number)
                 )  # fmt: skip
     return {key: Errors(*map(np.array, zip(*rows, strict=True))) for key, rows in found.items()}
+
+
+def _seen(followed: Followed, truth: Pose, *, is_tagged: bool) -> tuple[Array, Array, Array, Array]:
+    """Of the perceived place: shift (3,) m and covariance (3, 3), and turn (3,) rad to the truth and covariance."""
+    seen = followed.seen
+    if seen is None:
+        return _UNKNOWN, _NONE, _UNKNOWN, _NONE
+    place, turn = seen.parent_covariances()
+    return np.subtract(seen.t, followed.pose.t), place, _turn(seen, truth) if is_tagged else _UNKNOWN, turn
+
+
+def _turn(said: Pose, truth: Pose) -> Array:
+    """(3,) rad, rotation vector in the world frame from what is said to the truth."""
+    return np.array(quaternions.to_rotvec(quaternions.product(truth.q, quaternions.conjugate(said.q))))
 
 
 _NONE = np.zeros((3, 3))
 _UNKNOWN = np.full(3, np.nan)
 
 
-def learn_noise(errors: Errors, start: PlaceNoise = START) -> PlaceNoise:
-    """The noise under which the true places and rotations are most probable, drawn to `start` where little is known."""
+def learn_noise(errors: Errors, start: PlaceNoise = START, *, is_in_view: bool = True) -> PlaceNoise:
+    """The noise under which the true places and rotations are most probable, drawn to `start` where little is known.
+
+    What is not in view may be elsewhere, which alternatives tell of: how often that is so is learned beside the noise.
+    """
     if len(errors.age) < _FEWEST:
         return start
-    first = np.append(_to_vector(start), _logit(_ASTRAY))
+    first = np.append(_to_vector(start), _logit(DOUBT if is_in_view else _ASTRAY))
 
     weight = min(len(errors.age) / _MOMENTS, _INDEPENDENT * len(set(errors.episode.tolist())))
 
@@ -90,7 +123,8 @@ def learn_noise(errors: Errors, start: PlaceNoise = START) -> PlaceNoise:
         likelihood = weight * float(np.mean(log_densities(errors, _to_noise(vector[:-1]), vector[-1])))
         return 0.5 * float(np.sum(((vector - first) / _PRIOR) ** 2)) - likelihood
 
-    bounds = [*(_bounds_of(name) for name in PlaceNoise.__struct_fields__), (-7.0, 0.0)]
+    astray = (_logit(DOUBT), _logit(DOUBT) if is_in_view else 0.0)
+    bounds = [*(_bounds_of(name) for name in PlaceNoise.__struct_fields__), astray]
     found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
     return _to_noise(found.x[:-1])
 
@@ -100,30 +134,58 @@ def log_densities(errors: Errors, noise: PlaceNoise, astray: float) -> Array:
 
     `astray` is the logit of the probability of something else than the simulation has: alternatives tell of it.
     """
-    covariance = position_covariance(noise, errors.own_places, errors.age, errors.moved, errors.velocity)
-    covariance = covariance + _GRAIN**2 * np.eye(3)
-    distances = _distances2(errors.places, covariance)
-    _, determinants = np.linalg.slogdet(covariance)
     known = np.isfinite(errors.turns[:, 0])
-    turned = rotation_covariance(noise, errors.own_turns, errors.moved) + _GRAIN_TURN**2 * np.eye(3)
-    turns = np.where(known, _distances2(np.nan_to_num(errors.turns), turned), 0.0)
-    _, turned_determinants = np.linalg.slogdet(turned)
-    size = np.where(known, 6.0, 3.0)
-    scale = determinants + np.where(known, turned_determinants, 0.0) + size * np.log(2.0 * np.pi)
-    near = -0.5 * (distances + turns + scale)
-    far = -0.5 * ((distances + turns) / noise.wide**2 + scale) - size * np.log(noise.wide)
+    covariance = position_covariance(noise, errors.own_places, errors.age, errors.moved, errors.velocity)
+    turning = rotation_covariance(noise, errors.own_turns, errors.moved)
+    distances, scale = _fit(errors.places, covariance, errors.turns, turning)
+    levels = [
+        np.log(share) - 0.5 * (distances / factor**2 + scale) - np.where(known, 6.0, 3.0) * np.log(factor)
+        for share, factor in zip(*levels_of_wrong(noise), strict=True)
+    ]
+    odds, perceived = _perceived(errors, noise, covariance)
+    simulated = np.logaddexp.reduce(levels) - np.log1p(odds)
     indifferent = -np.log(VOLUME) - np.where(known, np.log(8 * np.pi**2), 0.0) + astray
-    parts = (np.log1p(-noise.wrong) + near, np.log(noise.wrong) + far, indifferent)
-    return np.asarray(np.logaddexp.reduce(parts))
+    return np.asarray(np.logaddexp.reduce((simulated, perceived - np.log1p(1.0 / odds), indifferent)))
+
+
+def _perceived(errors: Errors, noise: PlaceNoise, simulated: Array) -> tuple[Array, Array]:
+    """(n,) odds of being where percepts have objects, and (n,) nats of the truth if that is so.
+
+    `simulated` has the covariances (n, 3, 3) m^2 of the simulated places.
+    """
+    recognised = np.isfinite(errors.seen[:, 0])
+    shift = np.nan_to_num(errors.seen)
+    own = percept_covariance(noise, errors.own_seen, errors.velocity)
+    grain = _GRAIN**2 * np.eye(3)
+    odds = np.where(recognised, odds_of_percepts(noise, squared_distance(shift, own + simulated + grain)), _NEVER)
+    distances, scale = _fit(errors.places - shift, own, errors.seen_turns, errors.own_seen_turns)
+    return odds, -0.5 * (distances + scale)
+
+
+def _fit(places: Array, covariances: Array, turns: Array, turning: Array) -> tuple[Array, Array]:
+    """(n,) squared Mahalanobis distances of errors, and (n,) logarithms of what scales their densities.
+
+    Args:
+        places: (n, 3) m.
+        covariances: (n, 3, 3) m^2.
+        turns: (n, 3) rad; nan where it is not known.
+        turning: (n, 3, 3) rad^2.
+    """
+    known = np.isfinite(turns[:, 0])
+    covariances, turning = covariances + _GRAIN**2 * np.eye(3), turning + _GRAIN_TURN**2 * np.eye(3)
+    distances = squared_distance(places, covariances)
+    distances = distances + np.where(known, squared_distance(np.nan_to_num(turns), turning), 0.0)
+    _, scale = np.linalg.slogdet(covariances)
+    _, turned_scale = np.linalg.slogdet(turning)
+    logarithms = scale + np.where(known, turned_scale, 0.0) + np.where(known, 6.0, 3.0) * np.log(2.0 * np.pi)
+    return distances, logarithms
+
+
+_NEVER = 1e-12  # odds of what is not so, of which a logarithm is taken
 
 
 _ASTRAY = 0.02  # 1, where the search for the probability of something else begins
 _GRAIN, _GRAIN_TURN = 1e-4, 1e-3  # m and rad, grain of the truth (benchmarks.honesty.statement)
-
-
-def _distances2(offsets: Array, covariances: Array) -> Array:
-    solved = np.linalg.solve(covariances, offsets[..., None])[..., 0]
-    return np.asarray((offsets * solved).sum(axis=-1))
 
 
 def _to_vector(noise: PlaceNoise) -> Array:

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.ports import reserved_port
 from benchmarks.soak.process import Process, Worker, in_parallel
 from benchmarks.soak.relay import Relay
 from dsr.clock import Clock
 from dsr.errors import TransportError
-from dsr.network.rendezvous import free_port
 
 GRAPH = "soak"
 _HUB_TIMEOUT = 30.0
@@ -45,7 +45,7 @@ class Hub:
     """A router in a process of its own, at a port that stays the same when it starts again."""
 
     def __init__(self, folder: Path, clock: Clock) -> None:
-        self.port = free_port()
+        self.port = reserved_port()
         self._log = folder / "hub.log"
         self._clock = clock
         self.start()

@@ -99,7 +99,7 @@ def whereabouts_of(node: Node, believed: Edge | None) -> Whereabouts | None:
 
     Args:
         node: of the thing.
-        believed: its edge Virtual_RT from the world, which has the pose of the most probable alternative.
+        believed: its edge Virtual_RT from the world, which has the pose of what has no place in the attribute.
 
     Returns:
         None if nothing is believed of it, or what its node says cannot be used.
@@ -139,9 +139,11 @@ class _Written(msgspec.Struct, frozen=True):
     alternatives: tuple[_WrittenAlternative, ...]
 
 
-def encoded(whereabouts: Whereabouts) -> str:
-    """The attribute. It has no place for what is where the edge Virtual_RT says."""
-    written = [_written(one, whereabouts.best) for one in whereabouts.alternatives]
+def encoded(whereabouts: Whereabouts, believed: Pose | None = None) -> str:
+    """The attribute. It has no place for what is where the edge Virtual_RT says: `believed`, or else the best place."""
+    best = whereabouts.best
+    shown = best if believed is None else Alternative(weight=0.0, pose=believed)
+    written = [_written(one, shown, is_best=one is best) for one in whereabouts.alternatives]
     weights = tuple(round(weight, 4) for weight in whereabouts.weights)
     return msgspec.json.encode(_Written(whereabouts.island, weights, tuple(written))).decode()
 
@@ -171,12 +173,12 @@ def are_at_one_place(one: Alternative, other: Alternative) -> bool:
     return SAME_PLACE.covers(one.pose, other.pose)
 
 
-def _written(one: Alternative, best: Alternative) -> _WrittenAlternative:
-    is_there = one.pose is None or are_at_one_place(one, best)
+def _written(one: Alternative, shown: Alternative, *, is_best: bool) -> _WrittenAlternative:
+    is_there = one.pose is None or are_at_one_place(one, shown)
     place = None if one.pose is None or is_there else _rounded(one.pose.t)
     turn = (0.0, 0.0, 0.0, 1.0) if one.pose is None or is_there else _rounded(one.pose.q)
     covariance: tuple[float, ...] = ()
-    if one.pose is not None and one.pose.covariance is not None and one is not best:
+    if one.pose is not None and one.pose.covariance is not None and not (is_best and is_there):
         covariance = tuple(float(f"{value:.3g}") for value in one.pose.covariance[_UPPER])
     return _WrittenAlternative(
         round(one.weight, 4), one.worlds, one.is_gone, place, turn, covariance,  # type: ignore[arg-type]

@@ -22,9 +22,13 @@ class OrderedDots:
     def add(self, dot: Dot) -> None:
         """Include a dot; harmless when repeated."""
         rid, counter = dot
-        lists = self._lists.setdefault(rid, {})
-        counters = lists.setdefault(counter >> _SPAN, [])
-        if not counters or counters[-1] < counter:
+        lists = self._lists.get(rid)
+        if lists is None:
+            lists = self._lists[rid] = {}
+        counters = lists.get(counter >> _SPAN)
+        if counters is None:
+            lists[counter >> _SPAN] = [counter]
+        elif counters[-1] < counter:
             counters.append(counter)
         elif not _holds(counters, counter):
             insort(counters, counter)

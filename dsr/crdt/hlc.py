@@ -19,7 +19,8 @@ _HORIZON = 1 << 62
 
 def stamp_at(time: float) -> int:
     """The first stamp at a physical time (s since the Unix epoch)."""
-    return min(max(int(time * 1e6) << LOGICAL_BITS, 0), _HORIZON)
+    stamp = int(time * 1e6) << LOGICAL_BITS
+    return stamp if 0 <= stamp <= _HORIZON else 0 if stamp < 0 else _HORIZON
 
 
 class HybridClock:
@@ -27,15 +28,19 @@ class HybridClock:
 
     def __init__(self) -> None:
         self.latest = 0
-        self.limit = 0
-        """The greatest stamp that it would follow at the last tick."""
+        self._ticked = 0.0
 
     def tick(self, now: float) -> int:
         """A new stamp at physical time `now` (s)."""
-        physical = stamp_at(now)
-        self.limit = stamp_at(now + MAX_LEAD)
-        self.latest = physical if physical > self.latest else self.latest + 1
-        return self.latest
+        self._ticked = now
+        physical, latest = stamp_at(now), self.latest
+        self.latest = stamp = physical if physical > latest else latest + 1
+        return stamp
+
+    @property
+    def limit(self) -> int:
+        """The greatest stamp that it would follow at the last tick."""
+        return stamp_at(self._ticked + MAX_LEAD)
 
     def observe(self, stamp: int, now: float) -> None:
         """Take note of a stamp from elsewhere at physical time `now` (s): later ones of ours are greater."""

@@ -92,8 +92,8 @@ def _take(store: Store, entry: Incarnation, seen: CausalContext, piece: Piece) -
     else:
         piece.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
         weight += _BYTES_OF_CHANGE
-    missing = [w for w in entry.registers.values() if w.dot is None or w.dot not in seen]
-    total = sum(map(_weight, missing))
+    missing = _missing(entry, seen)
+    total = sum([_weight(write) for write in missing])
     if total <= MAX_WEIGHT and not first:
         piece.writes += missing
         return weight + total
@@ -107,11 +107,19 @@ def _take(store: Store, entry: Incarnation, seen: CausalContext, piece: Piece) -
     return weight
 
 
+def _missing(entry: Incarnation, seen: CausalContext) -> list[Write]:
+    """The writes of one element that `seen` lacks."""
+    known = seen.vector.get
+    beyond = [write for write in entry.registers.values() if (dot := write.dot) is None or dot[1] > known(dot[0], 0)]
+    return [write for write in beyond if write.dot is None or write.dot not in seen] if seen.cloud else beyond
+
+
 def _weight(write: Write) -> int:
     value = write.value
-    if isinstance(value, tuple):
+    kind = value.__class__
+    if kind is tuple:
         return _BYTES_OF_CHANGE + 9 * len(value)
-    return _BYTES_OF_CHANGE + len(value) if isinstance(value, str | bytes) else _BYTES_OF_CHANGE
+    return _BYTES_OF_CHANGE + len(value) if kind is str or kind is bytes else _BYTES_OF_CHANGE
 
 
 def _clipped(ranges: Iterable[DotRange], begin: Dot, end: Dot | None) -> Iterator[DotRange]:

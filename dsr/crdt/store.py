@@ -95,8 +95,9 @@ class Store:
         for dot in delta.removed:
             self._remove(dot)
         added = [entry for add in delta.adds if (entry := self._add(add))] if delta.adds else []
+        writes = self._fill(added, delta.writes) if added else delta.writes
         held_back = []
-        for write in delta.writes:
+        for write in writes:
             if not self._write(write) and write.dot:
                 held_back.append(write.dot)
         self._learn(delta, held_back)
@@ -106,10 +107,26 @@ class Store:
         if added:
             self._announce(added)
 
+    def _fill(self, added: list[Incarnation], writes: list[Write]) -> list[Write]:
+        """Set the registers of new entries, of which nobody knows yet; returns the other writes, and further ones."""
+        fresh = {entry.dot: entry for entry in added}
+        others = []
+        for write in writes:
+            entry = fresh.get(write.owner)
+            if entry is None or write.attribute in entry.registers:
+                others.append(write)
+                continue
+            entry.registers[write.attribute] = write
+            if write.dot is None:
+                self.unsettled[(write.owner, write.attribute)] = 0
+        return others
+
     def _announce(self, added: list[Incarnation]) -> None:
         """Nodes first, so that whoever looks on never sees an edge without its ends."""
-        for entry in added:
-            self.context.add(entry.dot)
+        known = self.context.vector.get
+        for rid, counter in [entry.dot for entry in added]:
+            if counter > known(rid, 0):
+                self.context.add((rid, counter))
         for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)) if len(added) > 1 else added:
             if entry.dot in self.entries:
                 entry.announced = True
@@ -151,17 +168,22 @@ class Store:
 
     def _add(self, add: Add) -> Incarnation | None:
         """A dot already in the context lives already, or was removed: then a late addition is void."""
-        if add.dot in self.entries or add.dot in self.context:
+        dot = add.dot
+        if dot in self.entries or dot in self.context:
             return None
         if self.owned is not None:
             self._observer.before_change(add.key)
-            self.owned.add(add.dot)
-        entry = Incarnation(add)
-        self.entries[add.dot] = entry
-        self._take_place(add.dot)
-        self.by_key.setdefault(add.key, {})[add.dot] = entry
-        self.fingerprint ^= dot_hash(add.dot)
-        for write in self._waiting.pop(add.dot, ()):
+            self.owned.add(dot)
+        entry = self.entries[dot] = Incarnation(add)
+        if self._order is not None:
+            self._order.add(dot)
+        siblings = self.by_key.get(add.key)
+        if siblings is None:
+            self.by_key[add.key] = {dot: entry}
+        else:
+            siblings[dot] = entry
+        self.fingerprint ^= dot_hash(dot)
+        for write in self._waiting.pop(dot, ()) if self._waiting else ():
             self._waiting_count -= _weight(write)
             self._write(write)
             if write.dot:
@@ -178,21 +200,23 @@ class Store:
 
     def _set(self, entry: Incarnation, write: Write) -> None:
         """Let the greater of `write` and what the register holds win."""
-        current = entry.registers.get(write.attribute)
-        if current is not None:
+        attribute, registers = write.attribute, entry.registers
+        current = registers.get(attribute)
+        if current is not None and write.stamp <= current.stamp:
             if write.stamp < current.stamp:
                 return
-            if write.stamp == current.stamp and write.writer <= current.writer:
+            if write.writer <= current.writer:
                 if write.writer == current.writer:
                     self._settle_same(entry, write, current)
                 return
         if self.owned is not None:
             entry = self._own(entry)
-        entry.registers[write.attribute] = write
+            registers = entry.registers
+        registers[attribute] = write
         if write.dot is None:
-            self.unsettled[(write.owner, write.attribute)] = 0
+            self.unsettled[(write.owner, attribute)] = 0
         if entry.announced:
-            self._observer.register_changed(entry, write.attribute)
+            self._observer.register_changed(entry, attribute)
 
     def _settle_same(self, entry: Incarnation, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""

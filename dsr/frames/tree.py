@@ -73,7 +73,12 @@ class FrameTree:
         """
         if self._owned is not None:
             self._before_change(type, child)
-        histories = self._histories.get((type, child), {})
+        histories = self._histories.get((type, child))
+        if histories is None:
+            self._histories[type, child] = {parent: PoseHistory(pose, self._history, self._samples)}
+            self._links(type)[child] = Link(type, parent, pose)
+            self.hangs_elsewhere(child)
+            return
         if parent in histories:
             histories[parent].add(pose)
         else:
@@ -152,19 +157,23 @@ class FrameTree:
 
     def hangs_elsewhere(self, child: str) -> None:
         """Forget all chains if this frame is in a circle now: two ways lead round it, and theirs may not be the one."""
+        if not (self._chains or self._batches) or self._is_in_circle(child):
+            self._chains, self._batches = {}, {}  # not emptied: what a reader is working out now must not come in
+        for reference in self._overlays:
+            overlay = reference()
+            if overlay is not None:
+                overlay.hangs_elsewhere(child)
+
+    def _is_in_circle(self, child: str) -> bool:
         types, seen, waiting = self.types(), {child}, [child]
         while waiting:
             frame = waiting.pop()
             parents = {link.parent for type in types if (link := self.link(type, frame)) is not None}
             if child in parents:
-                self._chains, self._batches = {}, {}
-                break
+                return True
             waiting += parents - seen
             seen |= parents
-        for reference in self._overlays:
-            overlay = reference()
-            if overlay is not None:
-                overlay.hangs_elsewhere(child)
+        return False
 
     def _links(self, type: str) -> Links:
         """The table of one edge type; it stays the same object."""

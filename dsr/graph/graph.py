@@ -198,17 +198,17 @@ class Graph(Stamping):
         self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float
     ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
-        delta = Delta(adds=[add] if add else [])
         rid, first = self.rid, self.counter + (0 if add else 1)
-        tick = self.hlc.tick(now)
-        stamps = [tick if add else self._stamp(key, owners, name, tick) for name in values]
-        for (name, value), stamp in zip(values.items(), stamps, strict=True):
-            stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
+        tick, known, writes = self.hlc.tick(now), self.schema.attributes, []
+        stamps = {} if add else {name: self._stamp(key, owners, name, tick) for name in values}
+        for name, value in values.items():
+            stamp = stamps.get(name, tick)
+            stream = not add and value is not TOMBSTONE and known[name].stream
             for owner in owners:
                 dot = None if stream else self.new_dot()
-                delta.writes.append(Write(owner, name, stamp, rid, dot, value))
-        if self.counter >= first:
-            delta.context.append((rid, first, self.counter))
+                writes.append(Write(owner, name, stamp, rid, dot, value))
+        context = [(rid, first, self.counter)] if self.counter >= first else []
+        delta = Delta([add] if add else [], writes, [], context)
         self._apply(delta)
         return delta
 
@@ -273,15 +273,20 @@ class Graph(Stamping):
             return
         self._note_incident(entry.key)
         if self._has_ends(entry):
-            self._refresh_edge(entry.key)
+            is_new = len(self.store.by_key[entry.key]) == 1 and self.store.owned is None
+            self._refresh_edge(entry.key, (entry,) if is_new else None)
         elif self._is_dead(entry):
             self._bury([entry])
         else:
             self._unattached[entry.dot] = entry
 
     def _note_incident(self, key: EdgeKey) -> None:
+        incident = self.incident
         for name in key[:2]:
-            self.incident.setdefault(name, {})[key] = None
+            keys = incident.get(name)
+            if keys is None:
+                keys = incident.setdefault(name, {})
+            keys[key] = None
 
     def entry_removed(self, entry: Incarnation) -> None:
         """Hide the incarnation and what depended on it."""
@@ -302,7 +307,8 @@ class Graph(Stamping):
 
     def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """Pass on a change of a visible element."""
-        element = self._visible(entry.key)
+        key = entry.key
+        element = self.nodes.get(key) if key.__class__ is str else self.edges.get(key)  # type: ignore[arg-type]
         if element is not None and entry in element._entries:
             self.watches.updated(element, attribute)
 
@@ -345,11 +351,14 @@ class Graph(Stamping):
                 self.watches.updated(element, attribute)
 
     def _refresh_edges_at(self, name: str) -> None:
-        for key in list(self.incident.get(name, ())):
+        keys = self.incident.get(name)
+        for key in list(keys) if keys is not None else ():
             self._refresh_edge(key)
 
-    def _refresh_edge(self, key: EdgeKey) -> None:
-        entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
+    def _refresh_edge(self, key: EdgeKey, entries: tuple[Incarnation, ...] | None = None) -> None:
+        """Show an edge as it is now; `entries` are its incarnations with both ends, if known."""
+        if entries is None:
+            entries = tuple([e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e)])
         old = self.edges.get(key)
         if self.store.owned is not None and entries != (old._entries if old else ()):
             self.before_change(key)

@@ -82,12 +82,14 @@ class Watches:
 
     def added(self, element: Node | Edge) -> None:
         """`element` became visible, with the attributes that it has."""
-        if isinstance(element, Edge):
+        if element.__class__ is not Node and isinstance(element, Edge):
             self.note_pose(element)
-        for overlay in self._told():
-            overlay.below_came(element)
-        for watch in self._who_want(element):
-            watch.offer_all(element)
+        if self._overlays:
+            for overlay in self._told():
+                overlay.below_came(element)
+        if self._watches:
+            for watch in self._who_want(element):
+                watch.offer_all(element)
 
     def removed(self, element: Node | Edge) -> None:
         """`element` is not visible any more."""
@@ -102,10 +104,12 @@ class Watches:
         """An attribute of `element` changed, appeared or went."""
         if attribute == "pose" and isinstance(element, Edge):
             self.note_pose(element)
-        for overlay in self._told():
-            overlay.below_changed(element, attribute)
-        for watch in self._who_want(element, attribute):
-            watch.offer("updated", element, attribute)
+        if self._overlays:
+            for overlay in self._told():
+                overlay.below_changed(element, attribute)
+        if self._watches:
+            for watch in self._who_want(element, attribute):
+                watch.offer("updated", element, attribute)
 
     def incarnations_changed(self, element: Node | Edge) -> None:
         """Other incarnations of `element` are seen now."""

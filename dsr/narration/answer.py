@@ -24,6 +24,8 @@ class Response(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     """Names of nodes that the answer consists of: where, who, which."""
     time: float | None = None
     """s, the answer to a question of when"""
+    since: float | None = None
+    """s, the earliest time that the answer may be, where nobody saw it until `time`; else None"""
     basis: Basis | None = None
     """What the answer rests on: the weakest basis of its evidence."""
     confidence: float = 1.0
@@ -46,14 +48,15 @@ def understood(
     verdict: bool | None = None,
     names: Iterable[str] = (),
     time: float | None = None,
+    since: float | None = None,
 ) -> Response:
     """A response to a question that is understood; its basis and confidence are the weakest of the evidence."""
     given = tuple(evidence)
     bases = [one.basis for one in given]
     basis = next((basis for basis in (Basis.BELIEVED, Basis.PERCEIVED, Basis.OWN) if basis in bases), None)
     return Response(
-        question=question, text=text, understood=True, verdict=verdict, names=tuple(names), time=time, basis=basis,
-        confidence=min((one.confidence for one in given), default=1.0), evidence=given,
+        question=question, text=text, understood=True, verdict=verdict, names=tuple(names), time=time, since=since,
+        basis=basis, confidence=min((one.confidence for one in given), default=1.0), evidence=given,
     )  # fmt: skip
 
 

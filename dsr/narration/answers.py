@@ -8,9 +8,10 @@ import msgspec
 
 from dsr.errors import DsrError
 from dsr.imagining import Thought
-from dsr.narration import deeds, present, properties, retrospect
+from dsr.narration import deeds, present, properties, retrospect, staying
 from dsr.narration.answer import Response, understood
 from dsr.narration.grammar import EXAMPLES, TIMED
+from dsr.narration.groups import ambiguous_in, answer_of_each, several_in
 from dsr.narration.naming import UnknownNameError
 from dsr.narration.questions import Misunderstanding, Query, parse_questions, similar_questions
 from dsr.narration.statements import Moment
@@ -32,7 +33,14 @@ _ANSWERS: dict[str, Callable[[Moment, Query], Response]] = {
     "why_state": retrospect.why_state, "why_moved": retrospect.why_moved, "happened": deeds.happened,
     "who_did": deeds.who_did, "did_any": deeds.did_any, "was_done": deeds.was_done, "surprises": deeds.surprises,
     "any_so": present.any_so, "what_unseen": properties.what_unseen, "sure": properties.sure,
-    "closest": properties.closest, "property": properties.property_of,
+    "closest": properties.closest, "property": properties.property_of, "distance": properties.distance,
+    "was_so": present.was_so, "any_sees": present.any_sees, "is_empty": present.is_empty,
+    "any_state": properties.which_state, "which_state": properties.which_state, "unmoved": staying.unmoved,
+    "how_long_there": staying.how_long_there, "why_not_so": staying.why_not_so, "did_by": deeds.did_by,
+    "when_did": deeds.when_did, "which_did": deeds.which_did, "last_done": deeds.which_did,
+    "deeds_of": deeds.deeds_of, "any_did": deeds.any_did, "has_seen": retrospect.has_seen,
+    "any_held": present.any_held, "any_seen": present.any_seen, "extreme": properties.extreme,
+    "which_on": properties.which_on, "any_on": properties.which_on,
 }  # fmt: skip
 """Who answers each kind of question of the grammar; what-if questions are answered by a simulation."""
 
@@ -73,13 +81,30 @@ def _answered(moment: Moment, query: Query | Misunderstanding, question: str) ->
         if query.kind in ("what_if", "would"):
             response = yield from supposed(moment, query)
         else:
-            response = _ANSWERS[query.kind](moment, query)
+            response = _of_each(moment, query)
     except UnknownNameError as error:
         similar = _with_names(moment, similar_questions(question))
         return Response(question=question, text=f"Not understood: {error}.", part=error.asked, similar=similar)
     except DsrError as error:
         return understood(f"That cannot be told: {error}.", question=question)
     return msgspec.structs.replace(response, question=question)
+
+
+def _of_each(moment: Moment, query: Query) -> Response:
+    """Answer a question; one about several things for each of them."""
+    several = several_in(moment, query)
+    if several is None:
+        try:
+            return _ANSWERS[query.kind](moment, query)
+        except UnknownNameError as error:
+            several = ambiguous_in(error, query)
+            if several is None:
+                raise
+            found = answer_of_each(query, several, lambda one: _of_each(moment, one))
+            if found.verdict is None:
+                raise
+            return found
+    return answer_of_each(query, several, lambda one: _of_each(moment, one))
 
 
 def answer_alone(moment: Moment, question: str, why: str) -> Response:

@@ -6,6 +6,7 @@ The time zone is given, or that of the machine. Days are counted on its calendar
 
 from __future__ import annotations
 
+import math
 import re
 from datetime import date, datetime, timedelta, tzinfo
 from typing import NamedTuple
@@ -80,7 +81,7 @@ class _Said(NamedTuple):
     ago: float | None = None
     """s before now, of an instant"""
     lately: float | None = None
-    """s before now, until now"""
+    """s before now, until now; infinite for `ever`"""
     day: _Day | None = None
     part: str = ""
     clock: _Clock | None = None
@@ -186,6 +187,8 @@ def _time(words: list[re.Match[str]], index: int) -> _Read:
     """A time that begins at a word, and the index behind it."""
     since = _at(words, index) == "since"
     at = index + 1 if since else index
+    if _at(words, at) == "ever":
+        return _Said(lately=math.inf, since=since), at + 1
     read = _relative(words, at)
     if read is None:
         said, end = _Said(), at
@@ -350,7 +353,7 @@ def _resolved(said: _Said, now: float, zone: tzinfo | None) -> tuple[float, floa
     if said.ago is not None:
         return now - said.ago, now - said.ago
     if said.lately is not None:
-        return now - said.lately, now
+        return 0.0 if math.isinf(said.lately) else now - said.lately, now
     today = datetime.fromtimestamp(now, zone).date()
     begin, end = _days(said.day, today)
     if said.clock is None and not said.part:

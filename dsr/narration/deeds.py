@@ -11,21 +11,22 @@ from dsr.narration.answer import Response, joined, understood
 from dsr.narration.asked import span_asked
 from dsr.narration.calendar import TimeSpan
 from dsr.narration.happenings import entry_statements, happening_statements
-from dsr.narration.naming import is_robot, name_of, node_of
+from dsr.narration.naming import ROBOT, is_robot, name_of, node_of, nodes_called
 from dsr.narration.past import doings, limits_of_memory, within
 from dsr.narration.places import surprise_of
 from dsr.narration.questions import Query
 from dsr.narration.retrospect import DID, explanations_of
 from dsr.narration.statements import Moment, Statement
-from dsr.timeline import SURPRISES, Entry, recall
-from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN
+from dsr.timeline import ACTION, SURPRISES, Entry, recall
+from dsr.vocabulary.observed_actions import KINDS, PICK, PLACE, RELEASE, UNKNOWN
 from dsr.vocabulary.sentences import listed
 
 _BY_HAND = {
     "pick": (PICK,), "put": (PLACE,), "drop": (RELEASE,), "move": (PICK, PLACE), "remove": (PICK,),
-    "hold": (PICK,), "held": (PICK,),
+    "hold": (PICK,), "held": (PICK,), "put there": (PLACE, RELEASE),
 }  # fmt: skip
 """Inferred actions that tell who did something, by the word of a question."""
+_ACTORS = ("hand", "gripper", "person")
 _MOST_SENTENCES = 12
 """Sentences of an answer that are told one by one: what a person listens to"""
 
@@ -61,7 +62,7 @@ def surprises(moment: Moment, query: Query) -> Response:
 def who_did(moment: Moment, query: Query) -> Response:
     """Who did something with a thing: last, or at a time, as inferred."""
     name, span = name_of(moment, query.things[0]), span_asked(moment, query)
-    mine = _deeds(moment, name, query.word, span)
+    mine = _deeds(moment, name, _word(query), span)
     if not mine:
         told = [] if span is not None else explanations_of(moment, name)
         then = "" if span is None else f" {span.words}"
@@ -80,6 +81,108 @@ def did_any(moment: Moment, query: Query) -> Response:
     verdict = found.time is not None
     text = f"{'Yes' if verdict else 'No'}: {found.text}"
     return understood(text, found.evidence, verdict=verdict, names=found.names, time=found.time)
+
+
+def did_by(moment: Moment, query: Query) -> Response:
+    """Whether somebody that is named did something with a thing."""
+    found = when_did(moment, query)
+    verdict = found.time is not None
+    text = f"{'Yes' if verdict else 'No'}: {found.text}"
+    return understood(text, found.evidence, verdict=verdict, names=found.names, time=found.time)
+
+
+def when_did(moment: Moment, query: Query) -> Response:
+    """When somebody did something with a thing, last or at a time: anybody, or who is named before the thing."""
+    others = 2 if query.relation else 1
+    actor, name = query.things[: -others or None], name_of(moment, query.things[-others])
+    who = _actors(moment, actor[0]) if actor else None
+    mine = [
+        entry for entry in _deeds(moment, name, _word(query), span_asked(moment, query))
+        if who is None or not who.isdisjoint(entry.participants[1:])
+    ]  # fmt: skip
+    if not mine:
+        by = f" by {listed(sorted(who))}" if who else ""
+        return understood(f"Nothing tells that {name} was {DID[query.word]}{by}.")
+    told = entry_statements(moment, mine[-1:])
+    whom = mine[-1].participants[1:2]
+    return understood(joined(told), told, names=whom, time=mine[-1].begin, since=told[-1].since)
+
+
+def which_did(moment: Moment, query: Query) -> Response:
+    """Which things, of a kind or of all, were moved, fell, were picked up ...: at a time, lately, or the last one."""
+    span, is_last = span_asked(moment, query), query.kind == "last_done"
+    if span is None and not is_last:
+        span = TimeSpan(moment.now - LATELY, moment.now, "lately")
+    kind, actor = "thing", None
+    for asked in query.things:
+        if nodes_called(moment, asked):
+            kind = asked
+        else:
+            actor = _actors(moment, asked)
+    told = [one for node in nodes_called(moment, kind) for one in doings(moment, node.name, query.word, span)]
+    mine = [one for one in told if actor is None or (one.evidence["kind"] in KINDS and not actor.isdisjoint(one.names))]
+    ordered = sorted({one.text: one for one in mine}.values(), key=lambda one: one.time or 0.0)
+    shown = ordered[-1:] if is_last else ordered
+    things = {node.name for node in nodes_called(moment, kind)}
+    names = dict.fromkeys(name for one in reversed(shown) for name in _moved_things(one) if name in things)
+    nothing = f"Nothing tells that any of them was {DID[query.word]}{'' if span is None else f' {span.words}'}."
+    return understood(_ended(_shortened(shown) or nothing, moment, span, shown), shown, names=names)
+
+
+def any_did(moment: Moment, query: Query) -> Response:
+    """Whether any thing was moved, fell, ...: at a time, or lately."""
+    found = which_did(moment, query)
+    text = f"{'Yes' if found.names else 'No'}: {found.text}"
+    return understood(text, found.evidence, verdict=bool(found.names), names=found.names)
+
+
+def deeds_of(moment: Moment, query: Query) -> Response:
+    """What somebody did, or what was done with a thing, at a time or at all."""
+    span = span_asked(moment, query)
+    actor, thing = _actor_and_thing(moment, query)
+    since, until = (None, None) if span is None else (span.begin, span.end)
+    wanted = (*KINDS, ACTION) if actor is not None and _is_own(moment, actor) else KINDS
+    entries = [
+        entry for entry in recall(moment.memory, kind=wanted, since=since, until=until)
+        if (thing is None or thing in entry.participants)
+        and (actor is None or entry.kind == ACTION or not actor.isdisjoint(entry.participants[1:]))
+    ]  # fmt: skip
+    told = entry_statements(moment, entries)
+    nothing = "Nothing tells of that."
+    return understood(_ended(_shortened(told) or nothing, moment, span, told), told)
+
+
+def _actor_and_thing(moment: Moment, query: Query) -> tuple[set[str] | None, str | None]:
+    """Who is meant, and with what: one of the two may be open."""
+    actor, thing = None, None
+    for asked in query.things:
+        if is_robot(asked) or node_of(moment, asked).type in _ACTORS:
+            actor = _actors(moment, asked)
+        else:
+            thing = name_of(moment, asked)
+    return actor, thing
+
+
+def _actors(moment: Moment, asked: str) -> set[str]:
+    """Names of the hands or grippers that are meant: those of the robot, or one."""
+    if is_robot(asked):
+        return {node.name for node in moment.memory.nodes("gripper")}
+    return {node_of(moment, asked).name}
+
+
+def _is_own(moment: Moment, actor: set[str]) -> bool:
+    """Whether the robot itself is meant, whose plans tell more."""
+    return actor == _actors(moment, ROBOT)
+
+
+def _moved_things(told: Statement) -> tuple[str, ...]:
+    """The things that an event is about: of an action the one that was acted on."""
+    return told.names[:1] if told.evidence.get("kind") in KINDS else told.names
+
+
+def _word(query: Query) -> str:
+    """What was done; who put a thing somewhere may have let it fall there."""
+    return "put there" if query.relation else query.word
 
 
 def was_done(moment: Moment, query: Query) -> Response:

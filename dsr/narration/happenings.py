@@ -90,7 +90,9 @@ def entry_evidence(entry: Entry) -> dict[str, object]:
 
 def statement_of(moment: Moment, entry: Entry, told: _Told) -> Statement:
     """One event as a statement."""
-    when = sentence_begin(moment.when(told.time))
+    unseen_from = _unseen_from(moment, entry, told.time)
+    when = moment.when(told.time)
+    when = sentence_begin(when if unseen_from is None else f"between {moment.when(unseen_from)} and {when}, unseen")
     if told.is_own:
         basis, text = Basis.OWN, f"{when}, {told.clause}."
     elif entry.confidence < 1.0:
@@ -101,9 +103,23 @@ def statement_of(moment: Moment, entry: Entry, told: _Told) -> Statement:
         basis, text = Basis.BELIEVED, f"{when}, it is believed, {told.clause}."
     return Statement(
         text=text, subject=Subject.HAPPENED, basis=basis, names=entry.participants,
-        claims=() if told.claim is None else (told.claim,), time=told.time, confidence=entry.confidence,
-        evidence=entry_evidence(entry),
+        claims=() if told.claim is None else (told.claim,), time=told.time, since=unseen_from,
+        confidence=entry.confidence, evidence=entry_evidence(entry),
     )  # fmt: skip
+
+
+def _unseen_from(moment: Moment, entry: Entry, time: float) -> float | None:
+    """Since when (s) the thing of an inferred action was unseen at its `time` (s); None if it was seen then or later.
+
+    A hand may have acted at any time since then: the inference only tells when that was noticed. A gripper is felt.
+    """
+    if entry.kind not in OBSERVED or not entry.participants:
+        return None
+    node, *by = (moment.memory.get_node(name) for name in entry.participants)
+    if any(actor is not None and actor.type == GRIPPER for actor in by):
+        return None
+    last = None if node is None else node.get("last_seen")
+    return last if isinstance(last, float) and last < time - MOST_SILENT else None
 
 
 def _was_seen(moment: Moment, entry: Entry, time: float) -> bool:

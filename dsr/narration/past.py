@@ -9,15 +9,32 @@ from dsr.narration.calendar import TimeSpan, moment_words, span_words
 from dsr.narration.happenings import entry_evidence, entry_statements
 from dsr.narration.statements import Basis, Moment, Statement, Subject, ago, length_of_time, sentence_begin
 from dsr.timeline import EXPLAINED, Entry, recall, stored_summaries
+from dsr.vocabulary.calibration import CALIBRATED
+from dsr.vocabulary.explained import (
+    APPEARED,
+    CAMERA_MOVED,
+    FALSE_PERCEPT,
+    HELD_TOO,
+    KINDS,
+    NOTHING_CHANGED,
+    REMOVED,
+    TAKEN_ALONG,
+    changes_of,
+)
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE
 from dsr.vocabulary.sentences import RELATION_WORDS
 
 _HELD = ("on", "in", "grasping")
 _DOINGS: dict[str, tuple[str, ...]] = {
     "pick": (PICK,), "put": (PLACE,), "drop": (RELEASE,), "remove": (EXPLAINED, PICK),
-    "move": (PICK, EXPLAINED), "fall": (EXPLAINED, RELEASE), "appear": ("present",), "vanish": ("present",),
+    "move": (PICK, EXPLAINED, CALIBRATED), "fall": (EXPLAINED, RELEASE), "appear": ("present",), "vanish": ("present",),
 }  # fmt: skip
 """Kinds of entries that tell of what was done, by the word of a question."""
+_MOVING = {
+    "move": frozenset(KINDS) - {CAMERA_MOVED, FALSE_PERCEPT, NOTHING_CHANGED, APPEARED},
+    "remove": frozenset({REMOVED, TAKEN_ALONG}),
+}  # fmt: skip
+"""Kinds of explained changes that tell that a thing was moved or taken away."""
 _MOST_PERIODS = 3
 """Periods that a sentence tells one by one"""
 
@@ -57,13 +74,28 @@ def doings(moment: Moment, name: str, word: str, span: TimeSpan | None = None) -
         moment.memory, kind=_DOINGS[word], participants=name, since=None if span is None else span.begin,
         until=None if span is None else span.end,
     )  # fmt: skip
-    wanted = [entry for entry in entries if word != "vanish" or entry.end is not None]
+    wanted = [entry for entry in entries if _tells_of(entry, name, word)]
     told = within(entry_statements(moment, wanted), span)
     if word in ("appear", "vanish"):
         return [one for one in told if one.claims[0].relation == ("appeared" if word == "appear" else "disappeared")]
     if word == "fall":
         return [one for one in told if one.evidence["kind"] != EXPLAINED or "fell" in one.text]
     return told
+
+
+def _tells_of(entry: Entry, name: str, word: str) -> bool:
+    """Whether an entry of a fitting kind tells that this was done with a thing; summaries hold no typed changes."""
+    if word == "vanish":
+        return entry.end is not None
+    if entry.kind == CALIBRATED:
+        return entry.participants[:1] == (name,)
+    if entry.kind != EXPLAINED or word not in _MOVING:
+        return True
+    changes = changes_of(entry.details, str(entry.details.get("explanation", "")))
+    return not changes or any(
+        change.kind.removeprefix(HELD_TOO) in _MOVING[word] and any(name in group for group in change.groups)
+        for change in changes
+    )
 
 
 def within(told: Iterable[Statement], span: TimeSpan | None) -> list[Statement]:

@@ -30,6 +30,10 @@ from dsr.vocabulary.sentences import RELATION_WORDS, explained_sentence, listed
 
 GRIPPER = "gripper"
 """`source` of what a gripper feels between its pads."""
+PERCEIVED = ("RT",)
+"""Types of the edges along which a percept leads to the world."""
+_WITHIN = 0.5
+"""Share of the least extent of a thing, from which two places of it have less than half of it in common"""
 _DETECTABLE = 0.5
 """Share of what a thing is recognised by, from which a camera that sees so much should recognise the thing."""
 
@@ -64,7 +68,9 @@ def place_of_thing(moment: Moment, node: Node) -> Statement:
     evidence |= {"relations": [relation_evidence(edge) for edge in (*relations, *holders)]}
     around = [one for edge in relations if (one := moment.memory.get_node(edge.dst)) is not None]
     is_felt = any(edge.get("source") == GRIPPER for edge in holders)
-    is_doubted = node.get("surprising") is True or bool(_doubtful_camera(moment, evidence))
+    is_doubted = (
+        node.get("surprising") is True or bool(_doubtful_camera(moment, evidence)) or seen_elsewhere(moment, node) > 0.0
+    )
     in_place = (bool(around) or is_felt) and not is_doubted
     perceived = in_place and all(is_seen(one, now) for one in (node, *around))
     claims, words = whereabouts(node.name, contents, supports, holders, place, around, perceived=perceived)
@@ -97,6 +103,22 @@ def relation_evidence(edge: Edge) -> dict[str, Any]:
     """What a relation rests on, as plain data."""
     known = {"relation": edge.type, "of": edge.src, "to": edge.dst}
     return known | {name: edge[name] for name in ("source", "since", "handling") if name in edge}
+
+
+def seen_elsewhere(moment: Moment, node: Node) -> float:
+    """How far (m) from its believed place a thing is seen, if that is too far to be noise; else 0.
+
+    What is seen anew is where it was believed to be until the belief has taken the percept in, or surprise has.
+    """
+    if not is_seen(node, moment.now):
+        return 0.0
+    seen = moment.memory.get_transform(WORLD, node.name, types=PERCEIVED)
+    believed = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
+    size = node.get("size")
+    if seen is None or believed is None or not isinstance(size, tuple) or not size:
+        return 0.0
+    far = seen.distance(believed)[0]
+    return far if far > _WITHIN * min(size) else 0.0
 
 
 def _hands(moment: Moment, holders: Iterable[Edge]) -> list[Node]:
@@ -138,6 +160,8 @@ def why_believed(moment: Moment, node: Node, around: Iterable[Node] = (), doubtf
         parts.append("it surprises the robot")
     elif doubtful:
         parts.append(f"{doubtful} may have moved")
+    elif (far := seen_elsewhere(moment, node)) > 0.0:
+        parts.append(f"it is seen {100.0 * far:.0f} cm from there")
     elif not around:
         parts.append("nothing is known to hold it there")
     entry = latest_explanation(moment, node.name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
 from dsr.narration.answer import Response, joined, understood
@@ -14,6 +16,7 @@ from dsr.narration.past import contents_during, limits_of_memory, told_during
 from dsr.narration.persons import thing_by_person, world_of
 from dsr.narration.places import place_of_thing, relations_of, why_unseen
 from dsr.narration.questions import Query
+from dsr.narration.sides import SIDE_WORDS, SIDES, at_side
 from dsr.narration.statements import (
     Basis,
     Moment,
@@ -23,6 +26,7 @@ from dsr.narration.statements import (
     percept_evidence,
     place_of,
     place_words,
+    sentence_begin,
 )
 from dsr.spatial import read_scene
 from dsr.visibility import CAMERA, PERSON
@@ -31,6 +35,8 @@ from dsr.vocabulary.sentences import listed
 
 _SPATIAL = {"above": "above", "below": "below", "near": "close_to", "next": "next_to"}
 """Relations of questions that follow from the places of boxes, with their names in `dsr.spatial`."""
+_BODIES = (PERSON, "hand")
+_HOLDERS = ("hand", "gripper")
 _EDGES = {"on": ("on",), "in": ("in",), "under": ("on", "in")}
 
 
@@ -76,7 +82,11 @@ def contents(moment: Moment, query: Query) -> Response:
     node, relation, span = node_of(moment, query.things[-1]), query.relation, span_asked(moment, query)
     if span is not None:
         return _contents_then(moment, node, relation, span)
-    if relation in _SPATIAL:
+    where_words = f"{'next to' if relation == 'next' else relation} {node.name}"
+    if relation in SIDES:
+        names, viewer = at_side(moment, node, relation, query.view, bodies=query.word == "body")
+        where_words = f"{SIDE_WORDS[relation]} {node.name}, as {viewer} sees it"
+    elif relation in _SPATIAL:
         margins = read_scene(moment.memory).margins(_SPATIAL[relation], destinations=node.name)
         names = sorted(fact.source for fact, margin in margins.items() if margin >= 0.0)
     elif relation == "under":
@@ -86,11 +96,12 @@ def contents(moment: Moment, query: Query) -> Response:
     if len(query.things) > 1:
         wanted = {one.name for one in nodes_called(moment, query.things[0])}
         names = [name for name in names if name in wanted]
+    if query.word == "body":
+        names = [name for name in names if moment.memory.node(name).type in _BODIES]
     told = [place_of_thing(moment, one) for name in names if (one := _thing(moment, name)) is not None]
-    where_words = f"{'next to' if relation == 'next' else relation} {node.name}"
     if not names:
-        return understood(f"Nothing is known to be {where_words}.")
-    return understood(f"{where_words.capitalize()}: {listed(names)}. {joined(told)}".strip(), told, names=names)
+        return understood(f"{'Nobody' if query.word == 'body' else 'Nothing'} is known to be {where_words}.")
+    return understood(f"{sentence_begin(where_words)}: {listed(names)}. {joined(told)}".strip(), told, names=names)
 
 
 def contents_by(moment: Moment, query: Query) -> Response:
@@ -125,6 +136,12 @@ def is_so(moment: Moment, query: Query) -> Response:
         told = told_during(moment, [one for one in found if one.participants[0] == upper.name], span)
         text = joined(told) or "The timeline does not tell so."
         return understood(_ended(_yes(bool(told), text), moment, span, told), told, verdict=bool(told))
+    if query.relation in SIDES:
+        bodies = thing.type in _BODIES
+        names, viewer = at_side(moment, other, query.relation, query.view, bodies=bodies, only=[thing.name])
+        so = f"{thing.name} is {'' if names else 'not '}{SIDE_WORDS[query.relation]} {other.name}, as {viewer} sees it."
+        told = [place_of_thing(moment, one) for one in (thing, other) if one.type in THINGS]
+        return understood(f"{_yes(bool(names), so)} {joined(told)}".strip(), told, verdict=bool(names))
     if query.relation in _SPATIAL:
         scene = read_scene(moment.memory).margins(_SPATIAL[query.relation], thing.name, other.name)
         holds = any(margin >= 0.0 for margin in scene.values())
@@ -133,6 +150,12 @@ def is_so(moment: Moment, query: Query) -> Response:
     subject = upper if upper.type in THINGS else lower
     told = [place_of_thing(moment, subject)] if subject.type in THINGS else []
     return understood(_yes(holds, joined(told)), told, verdict=holds)
+
+
+def was_so(moment: Moment, query: Query) -> Response:
+    """Whether a thing has ever been on or in another, or was so at a time, as far as that is remembered."""
+    is_timed = query.when or query.at is not None or query.since is not None
+    return is_so(moment, query if is_timed else msgspec.structs.replace(query, when="ever"))
 
 
 def is_so_by(moment: Moment, query: Query) -> Response:
@@ -201,6 +224,15 @@ def who_sees(moment: Moment, query: Query) -> Response:
     return understood(text, told, names=names)
 
 
+def any_sees(moment: Moment, query: Query) -> Response:
+    """Whether any person sees a thing."""
+    found, persons = who_sees(moment, query), {node.name for node in moment.memory.nodes(PERSON)}
+    names = [name for name in found.names if name in persons]
+    told = [one for one in found.evidence if one.names[0] in persons]
+    nobody = f"nobody is believed to see {node_of(moment, query.things[0]).name}."
+    return understood(_yes(bool(names), joined(told) or nobody), told, verdict=bool(names), names=names)
+
+
 def what_sees(moment: Moment, query: Query) -> Response:
     """Which things a person, a camera or the robot sees."""
     if is_robot(query.things[0]):
@@ -252,6 +284,30 @@ def is_holding(moment: Moment, query: Query) -> Response:
     found, thing = held(moment, query), node_of(moment, query.things[1])
     holds = thing.name in found.names
     return understood(_yes(holds, found.text), found.evidence, verdict=holds)
+
+
+def any_held(moment: Moment, query: Query) -> Response:
+    """Whether anybody holds a thing."""
+    found = holder(moment, query)
+    return understood(_yes(bool(found.names), found.text), found.evidence, verdict=bool(found.names), names=found.names)
+
+
+def any_seen(moment: Moment, query: Query) -> Response:
+    """Whether somebody sees any thing."""
+    found = what_sees(moment, query)
+    return understood(_yes(bool(found.names), found.text), found.evidence, verdict=bool(found.names), names=found.names)
+
+
+def is_empty(moment: Moment, query: Query) -> Response:
+    """Whether a hand or gripper holds nothing, or nothing is in a box or cup."""
+    if is_robot(query.things[0]) or node_of(moment, query.things[0]).type in _HOLDERS:
+        found = held(moment, query)
+        told = [one for one in found.evidence if not any(claim.relation == "touching" for claim in one.claims)]
+        full = [name for one in told for name in one.names[1:]]
+        text = found.text if told or not found.evidence else f"{found.evidence[0].names[0]} only touches something."
+        return understood(_yes(not full, text), found.evidence, verdict=not full, names=full)
+    found = contents(moment, msgspec.structs.replace(query, relation="in"))
+    return understood(_yes(not found.names, found.text), found.evidence, verdict=not found.names, names=found.names)
 
 
 def wants(moment: Moment, query: Query) -> Response:

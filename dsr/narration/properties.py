@@ -11,6 +11,9 @@ from dsr.narration.statements import Basis, Moment, Statement, Subject, is_seen
 from dsr.vocabulary.relations import THINGS, is_present
 from dsr.vocabulary.sentences import listed
 
+_AS_HIGH = 0.01
+"""m between the heights of two things that count as equally high: what percepts are off by"""
+
 
 def property_of(moment: Moment, query: Query) -> Response:
     """The colour, size or mass of a thing, as the graph has it."""
@@ -58,6 +61,65 @@ def closest(moment: Moment, query: Query) -> Response:
     text = f"{name} is closest to {node.name}, {far[name]:.2f} m from centre to centre."
     places = [place_of_thing(moment, one) for one in (moment.memory.node(name), node) if one.type in THINGS]
     return understood(f"{text} {joined(places)}", places, names=[name])
+
+
+def distance(moment: Moment, query: Query) -> Response:
+    """How far the centres of two things are apart, as believed."""
+    one, other = (node_of(moment, asked) for asked in query.things)
+    poses = [moment.memory.get_transform(WORLD, node.name, types=BELIEVED) for node in (one, other)]
+    if poses[0] is None or poses[1] is None:
+        return understood(f"Nobody knows where {one.name if poses[0] is None else other.name} is.")
+    far = poses[0].distance(poses[1])[0]
+    told = [place_of_thing(moment, node) for node in (one, other) if node.type in THINGS]
+    text = f"{one.name} and {other.name} are {far:.2f} m apart, from centre to centre."
+    return understood(f"{text} {joined(told)}".strip(), told, names=[one.name, other.name])
+
+
+def extreme(moment: Moment, query: Query) -> Response:
+    """Which thing of a kind is highest or lowest, as believed; several where they are about as high."""
+    kind = next((asked for asked in query.things if nodes_called(moment, asked)), "thing")
+    present = [node for node in nodes_called(moment, kind) if is_present(node)]
+    poses = {node.name: moment.memory.get_transform(WORLD, node.name, types=BELIEVED) for node in present}
+    heights = {name: pose.t[2] for name, pose in poses.items() if pose is not None}
+    if not heights:
+        return understood("Nobody knows where any of them is.")
+    last = (max if query.word == "top" else min)(heights.values())
+    names = sorted(name for name, height in heights.items() if abs(height - last) < _AS_HIGH)
+    told = [place_of_thing(moment, moment.memory.node(name)) for name in names]
+    text = f"{listed(names)} {'is' if len(names) == 1 else 'are'} {'highest' if query.word == 'top' else 'lowest'}."
+    return understood(f"{text} {joined(told)}", told, names=names)
+
+
+def which_on(moment: Moment, query: Query) -> Response:
+    """Which things of a kind are on or in another thing, tables not counted, and whether any is."""
+    kind = "in" if query.relation == "in" else "on"
+    wanted = {node.name for node in nodes_called(moment, query.things[0] if query.things else "thing")}
+    things = {node.name for node in moment.memory.nodes(THINGS)}
+    edges = [edge for edge in moment.memory.edges(kind) if edge.dst in things]
+    ends = [edge.dst if query.relation == "under" else edge.src for edge in edges]
+    names = sorted(wanted.intersection(ends))
+    told = [place_of_thing(moment, moment.memory.node(name)) for name in names]
+    is_any = query.kind == "any_on"
+    begin = f"{'Yes' if names else 'No'}: " if is_any else ""
+    text = f"{begin}{listed(names) or 'none of them'}. {joined(told)}".strip()
+    return understood(text, told, verdict=bool(names) if is_any else None, names=names)
+
+
+def which_state(moment: Moment, query: Query) -> Response:
+    """Which things of a kind are gone, hidden, seen, surprising or there, and whether any is."""
+    found = []
+    for node in nodes_called(moment, query.things[0] if query.things else "thing"):
+        there, seen = is_present(node), is_seen(node, moment.now)
+        holds = {
+            "there": there, "gone": not there, "visible": there and seen, "unseen": there and not seen,
+            "surprising": node.get("surprising") is True,
+        }[query.word]  # fmt: skip
+        found += [node] if holds else []
+    told = [place_of_thing(moment, node) for node in found]
+    names = [node.name for node in found]
+    begin = "Yes: " if query.kind == "any_state" and names else "No: " if query.kind == "any_state" else ""
+    text = f"{begin}{listed(names) or 'none of them'}. {joined(told)}".strip()
+    return understood(text, told, verdict=bool(names) if query.kind == "any_state" else None, names=names)
 
 
 def what_unseen(moment: Moment, query: Query) -> Response:

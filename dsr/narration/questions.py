@@ -19,25 +19,44 @@ _LONGEST = 300
 _MOST_PARTS = 4
 """Questions in one: more are an interrogation, and each takes time to read."""
 _POLITE = re.compile(
-    r"^((please|hey|hi|hello|ok|okay|so|well|and|but|tell|show|say|me|us|do you know|any idea|i wonder"
+    r"^((please|hey|hi|hello|ok|okay|so|then|um|well|and|but|tell|show|say|me|us|do you know|any idea|i wonder"
     r"|(can|could|would|will) you|i (want|would like|need) to know)\b[ ,]*)+"
-    r"(?=(where|what|which|who|when|why|how|is|are|was|were|did)\b)"
+    r"(?=(where|what|which|who|when|why|how|is|are|was|were|did|does|has|have|in|on|under|behind)\b)"
 )
 """What people say before a question that asks for nothing."""
 _FILLERS = re.compile(
-    r"(?<![\w.\-])(please|still|just|actually|exactly|really|ever|already|again|right(?= now))(?![\w.\-])"
+    r"(?<![\w.\-])(please|still|just|actually|exactly|really|already|again|right(?= now)|any ?more|any longer"
+    r"|at all|at the moment|yet|back(?= (on|in|at|under|to)\b)|most recently(?= )|perhaps|maybe)(?![\w.\-])"
 )
 """Words that change nothing in a question about what is so."""
 _SHORT = (
     ("can't ", "can not "), ("can’t ", "can not "), ("won't ", "will not "), ("n't ", " not "), ("n’t ", " not "),
     ("'s ", " is "), ("’s ", " is "),
 )  # fmt: skip
-_ALSO = ((" on top of ", " on "), (" on the top of ", " on "), (" inside of ", " in "), (" in side ", " in "))
+_ALSO = (
+    (" on top of ", " on "), (" on the top of ", " on "), (" inside of ", " in "), (" in side ", " in "),
+    ("how come ", "why "), ("which of ", "which "), (" on top?", " on the top?"), ("no longer ", "not "),
+    ("same spot", "same place"), ("same position", "same place"),
+    (" most recently", " last"), ("what makes you think ", "why do you think "),
+)
+_TAG = re.compile(
+    r",\s*(right|correct|yes|no|ok|(is|are|was|were|do|does|did|has|have)( not)? (it|they|he|she|there))\s*\??$"
+)
+"""What people say behind a question that asks for nothing: `isn't it?`."""
+_TOLD = re.compile(r"^((?:the |a |an )?[\w.\-]+(?: [\w.\-]+)??) (is|are|was|were|has|have|can) (?:not )?(.+)$")
+"""A statement that is asked whether it is so: `the cup is on the table, isn't it?`."""
+_NOT_SO = re.compile(r"^(is|are|was|were|do|does|did|has|have|can|could|will|would) not ")
+"""Begin of a question that asks the same without its `not`."""
+_VIEW = re.compile(r"from ([\w.\-]+)['’]s (point of view|perspective|view|side|viewpoint|place)")
 _AND = re.compile(
     r"[,;]?\s+(?:and|or|but)\s+(?=(?:who|what|where|when|why|how|which|did|does|is|was|are|were|has|can)\b)"
 )
 """Between two questions in one."""
+_SIDES = ("behind", "front", "left", "right")
+_QUANTIFIERS = {"SOME_OF": "any", "ALL_OF": "all"}
+_ENDS = ("TOP", "BOTTOM")
 _PROPERTIES = ("COLOUR", "LARGE", "HEAVY")
+_BODIES = ("anyone", "anybody", "someone", "somebody", "nobody")
 _IT = ("it", "they", "them")
 _YOU = re.compile(r"\byou\b")
 _SIMILAR = 3
@@ -50,9 +69,11 @@ class Query(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     kind: str
     """Name of the rule of the grammar: `where`, `is_so`, ..."""
     things: tuple[str, ...] = ()
-    """Things, persons and robots in the order of the question."""
+    """Things, persons and robots in the order of the question; several as `a and b`, `any WORDS` or `all WORDS`."""
     relation: str = ""
-    """`on`, `in`, `under`, `above`, `below`, `near` or `next`."""
+    """`on`, `in`, `under`, `above`, `below`, `near`, `next`, `behind`, `front`, `left` or `right`."""
+    view: str = ""
+    """From where `behind`, `front`, `left` and `right` are seen; the robot chooses if it is empty."""
     word: str = ""
     """What was done, or a state: `pick`, `gone`, ..."""
     when: str = ""
@@ -122,12 +143,16 @@ def similar_questions(text: str) -> tuple[str, ...]:
 
 def _plain(text: str) -> str:
     """A question in lower case, without short forms, and without words that ask for nothing."""
-    plain = " ".join(text.lower().replace(MARK, " ").split())
+    plain = _VIEW.sub(r"from \1", " ".join(text.lower().replace(MARK, " ").split()))
     for short, long in _SHORT:
         plain = plain.replace(short, long)
-    plain = " ".join(_FILLERS.sub(" ", _POLITE.sub("", plain)).split())
     for several, one in _ALSO:
         plain = plain.replace(several, one)
+    untagged = _TAG.sub("", plain)
+    if untagged != plain:
+        untagged = _TOLD.sub(r"\2 \1 \3", untagged)
+    plain = " ".join(_FILLERS.sub(" ", _POLITE.sub("", untagged)).split())
+    plain = _NOT_SO.sub(r"\1 ", plain)
     return _YOU.sub("the robot", plain)
 
 
@@ -190,8 +215,13 @@ class _Reader(Transformer[Token, Query]):
     def start(self, children: list[Any]) -> Query:
         """The one question, with its time."""
         time = next((part for part in children if isinstance(part, _Time)), _Time())
-        query: Query = msgspec.structs.replace(children[0], at=time.at, since=time.since)
+        view = next((part.value for part in children if isinstance(part, _Part)), "")
+        query: Query = msgspec.structs.replace(children[0], at=time.at, since=time.since, view=view)
         return query
+
+    def view(self, children: list[Any]) -> _Part:
+        """From where somebody looks."""
+        return _Part("view", _names(children)[0])
 
     @v_args(tree=True)
     def question(self, tree: Any) -> Query:
@@ -199,19 +229,26 @@ class _Reader(Transformer[Token, Query]):
         (rule,) = tree.children
         return _query(str(rule.data), rule.children)
 
-    def thing(self, children: list[Token]) -> _Thing:
-        """The words of a name without its article."""
-        return _Thing(" ".join(str(word) for word in children if word.type != "DET"))
+    def single(self, children: list[Token]) -> str:
+        """The words of a name without its article; before those of several, `any` or `all`."""
+        words = [_QUANTIFIERS.get(word.type, str(word)) for word in children if word.type not in ("DET", "OF")]
+        return " ".join(words)
+
+    def thing(self, children: list[Any]) -> _Thing:
+        """One name, or several joined by `and`."""
+        return _Thing(" and ".join(child for child in children if not isinstance(child, Token)))
 
     def relation(self, children: list[Token]) -> _Part:
-        """The name of the relation is that of its word's terminal."""
-        return _Part("relation", children[0].type.lower())
+        """The name of the relation is that of the terminal of its word."""
+        kinds = [child.type.lower() for child in children]
+        return _Part("relation", next((kind for kind in kinds if kind in _SIDES), kinds[0]))
 
     def did(self, children: list[Token]) -> _Part:
         """What was done."""
-        return _Part("word", "remove" if children[-1].type == "AWAY" else children[0].type.lower())
+        kind = "remove" if children[-1].type == "AWAY" else children[0].type.lower()
+        return _Part("word", "move" if kind == "bump" else kind)
 
-    did_what = did
+    did_what = placed = did
 
     def state(self, children: list[Token]) -> _Part:
         """A state, `unseen` also for `not visible`."""
@@ -262,6 +299,10 @@ def _query(rule: str, children: list[Any]) -> Query:
     parts = {part.field: part.value for part in children if isinstance(part, _Part)}
     changes = [part for part in children if isinstance(part, _Changed)]
     word = changes[0].word if changes else parts.get("word", "there" if rule == "is_there" else "")
+    if rule == "any_so" and any(isinstance(child, Token) and str(child) in _BODIES for child in children):
+        word = "body"
+    if rule == "extreme":
+        word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _ENDS)
     if rule == "property":
         word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _PROPERTIES)
     things = (*_names(children), *(name for change in changes for name in change.things))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import msgspec
 
+from dsr.graph.elements import Edge, Node
 from dsr.narration.answer import Response, joined, understood
 from dsr.narration.asked import span_asked
 from dsr.narration.happenings import entry_statements
-from dsr.narration.naming import is_robot, name_of, node_of
+from dsr.narration.naming import is_robot, name_of, node_of, nodes_called
 from dsr.narration.past import doings, limits_of_memory, relations_during, told_during
 from dsr.narration.persons import thing_by_person, world_of
-from dsr.narration.places import latest_explanation, place_of_thing, surprise_of, why_unseen
+from dsr.narration.places import latest_explanation, place_of_thing, relations_of, surprise_of, why_unseen
 from dsr.narration.present import where
 from dsr.narration.questions import Query
 from dsr.narration.statements import (
@@ -37,14 +40,23 @@ def where_at(moment: Moment, query: Query) -> Response:
     """Where a thing is, or was at a time."""
     span = span_asked(moment, query)
     if span is None:
-        return where(moment, msgspec.structs.replace(query, things=query.things[-1:]))
+        found = where(moment, msgspec.structs.replace(query, things=query.things[-1:]))
+        return msgspec.structs.replace(found, names=tuple(_of_kind(moment, query, found.names)))
     name = name_of(moment, query.things[-1])
     told = told_during(moment, relations_during(moment, name, span), span)
     limits = limits_of_memory(moment, span, told)
     if not told:
         return understood(f"The timeline does not tell where {name} was {span.words}. {limits}".strip())
     names = [one.names[0 if one.names[1] == name else 1] for one in told]
+    names = _of_kind(moment, query, names)
     return understood(f"{joined(told)} {limits}".strip(), told, names=list(dict.fromkeys(names)))
+
+
+def _of_kind(moment: Moment, query: Query, names: Iterable[str]) -> list[str]:
+    """Of the places of a thing those of the kind that is asked for, as in `which box is it in`; or else all."""
+    wanted = {node.name for node in nodes_called(moment, query.things[0])} if len(query.things) > 1 else set()
+    chosen = [name for name in names if name in wanted]
+    return chosen or list(names)
 
 
 def last_seen(moment: Moment, query: Query) -> Response:
@@ -75,6 +87,15 @@ def last_seen_by(moment: Moment, query: Query) -> Response:
     return understood(text, told, time=known["last_seen"])
 
 
+def has_seen(moment: Moment, query: Query) -> Response:
+    """Whether the robot or a person has seen a thing: ever, or since a time."""
+    found, span = last_seen_by(moment, query), span_asked(moment, query)
+    since = 0.0 if span is None else span.begin
+    seen = found.time is not None and found.time >= since
+    text = f"{'Yes' if seen else 'No'}: {found.text}"
+    return understood(text, found.evidence, verdict=seen, time=found.time)
+
+
 def when_was(moment: Moment, query: Query) -> Response:
     """When a thing was last picked up, put down, moved, ...: the newest event that tells so."""
     name, span = name_of(moment, query.things[0]), span_asked(moment, query)
@@ -82,7 +103,7 @@ def when_was(moment: Moment, query: Query) -> Response:
     if not told:
         then = "" if span is None else f" {span.words}"
         return understood(f"Nothing tells that {name} was {DID[query.word]}{then}.")
-    return understood(told[-1].text, told[-1:], time=told[-1].time)
+    return understood(told[-1].text, told[-1:], time=told[-1].time, since=told[-1].since)
 
 
 def since_when(moment: Moment, query: Query) -> Response:
@@ -122,16 +143,28 @@ def why_state(moment: Moment, query: Query) -> Response:
     if query.word == "gone" and is_present(node):
         return understood(f"{node.name} is not believed to be gone. {joined(place)}", place)
     if query.word in ("unseen", "") and (not is_seen(node, moment.now) or len(query.things) > 1):
-        viewer = node_of(moment, query.things[0]).name if len(query.things) > 1 else None
+        is_by_other = len(query.things) > 1 and not is_robot(query.things[0])
+        viewer = node_of(moment, query.things[0]).name if is_by_other else None
         edges = [edge for edge in moment.memory.edges("sees", dst=node.name) if viewer in (None, edge.src)]
         names = sorted({str(hider) for edge in edges if (hider := edge.get("covered_by") or edge.get("hidden_by"))})
         whom = f" from {viewer}" if viewer else ""
         verb = "hides" if len(names) == 1 else "hide"
         hidden = f"{listed(names)} {verb} {node.name}{whom}, by belief."
-        text = hidden if names else f"Nothing is known to hide {node.name}{whom}."
+        text = hidden if names else unknown_cause(moment, node, edges) or f"Nothing is known to hide {node.name}{whom}."
+        names = names or [edge.src for edge in relations_of(moment, node.name)[2]]
         return understood(f"{text} {joined(place)}", [_believed(text, node.name), *place], names=names)
     told = [*place, *explanations_of(moment, node.name)]
     return understood(joined(told), told)
+
+
+def unknown_cause(moment: Moment, node: Node, sights: Iterable[Edge]) -> str:
+    """What is known of why a thing is unseen that somebody should see where it is believed; empty if nobody should."""
+    expected = sorted(edge.src for edge in sights if edge.get("visible") is True)
+    if not expected or is_seen(node, moment.now):
+        return ""
+    text = f"{listed(expected)} should see {node.name} there, so something that the robot does not know hides it."
+    holders = [edge.src for edge in relations_of(moment, node.name)[2]]
+    return f"{text} {listed(holders)} took it out of sight." if holders else text
 
 
 def why_moved(moment: Moment, query: Query) -> Response:

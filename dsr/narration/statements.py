@@ -94,6 +94,8 @@ class Statement(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     """What the sentence says of the world; none if it is about the robot's mind."""
     time: float | None = None
     """s, when what is told happened; None for what is so now"""
+    since: float | None = None
+    """s, the earliest time at which it may have happened, where nobody saw it until `time`; else None"""
     confidence: float = 1.0
     """Probability (0 to 1) that whoever inferred it gave."""
     evidence: dict[str, Any] = {}

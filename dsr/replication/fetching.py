@@ -36,18 +36,23 @@ class Fetch:
         assert self.begin is not None
         return encode_request(Request(rid, self._seen, self.begin, self._insists))
 
-    def take(self, piece: Piece, known: CausalContext) -> bool:
-        """Note that the piece was joined into a replica that now knows `known`; false if it is not the one asked for.
-
-        Changes that wait for others, or may not be judged yet, must not count as seen in the end.
-        """
+    def take(self, piece: Piece) -> bool:
+        """Note that the piece has come, which is to be joined; false if it is not the one asked for."""
         if piece.begin != self.begin or (piece.begin == START and piece.whole is None):
             return False
         if piece.begin == START:
             self._whole, self.joined = piece.whole or [], piece.joined
-        self._held_back.update(w.dot for w in piece.writes if w.dot is not None and w.dot not in known)
         self.begin = piece.end
         return True
+
+    def note_held_back(self, piece: Piece, known: CausalContext) -> None:
+        """Note that the piece was joined into a replica that now knows `known`.
+
+        Changes that wait for others, or may not be judged yet, must not count as seen in the end.
+        """
+        seen = known.vector.get
+        beyond = [dot for write in piece.writes if (dot := write.dot) is not None and dot[1] > seen(dot[0], 0)]
+        self._held_back.update(dot for dot in beyond if dot not in known)
 
     def rest(self) -> Delta:
         """Make the delta to be joined in the end: the peer's whole context of the moment when it began to answer."""

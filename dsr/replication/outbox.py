@@ -33,13 +33,15 @@ class Outbox:
         `together` says that it must not travel later than the delta before it.
         """
         bundle = self._bundles[-1]
-        if len(bundle.writes) + len(bundle.adds) >= BUNDLE and not together:
+        waiting = bundle.writes
+        if len(waiting) + len(bundle.adds) >= BUNDLE and not together:
             bundle = self._next_bundle()
+            waiting = bundle.writes
         for write in delta.writes:
             if write.dot is None:
                 self._samples[write.owner, write.attribute] = write
             else:
-                bundle.writes.append(write)
+                waiting.append(write)
         if delta.context:
             bundle.extend_context(delta.context)
             if delta.adds or delta.removed:

@@ -27,7 +27,6 @@ from dsr.replication.wire import (
     Indexes,
     Name,
     Natural,
-    ReadWriteRow,
     WriteRow,
     add_rows,
     check_length,
@@ -38,7 +37,7 @@ from dsr.replication.wire import (
     to_dots,
     to_ranges,
     to_writes,
-    write_row,
+    write_rows,
 )
 
 VERSION = 1
@@ -68,25 +67,15 @@ class _Request(msgspec.Struct, array_like=True, gc=False):
 
 class _Piece(msgspec.Struct, array_like=True, gc=False):
     version: int
-    replicas: list[Name]
-    adds: list[AddRow]
-    writes: list[WriteRow]
-    kept: list[Natural]
-    examined: list[Natural]
-    whole: list[Natural] | None
-    begin: _Place
-    end: _Place | None
-    joined: bool
-    waits_for: list[Name]
-
-
-class _ReadPiece(_Piece, array_like=True, gc=False):
     replicas: Annotated[list[Name], MOST_CHANGES]
     adds: Annotated[list[AddRow], MOST_CHANGES]
-    writes: Annotated[list[ReadWriteRow], MOST_CHANGES]  # type: ignore[assignment]
+    writes: Annotated[list[WriteRow], MOST_CHANGES]
     kept: Annotated[list[Natural], MOST_NUMBERS]
     examined: Annotated[list[Natural], MOST_NUMBERS]
     whole: Annotated[list[Natural], MOST_NUMBERS] | None
+    begin: _Place
+    end: _Place | None
+    joined: bool
     waits_for: Annotated[list[Name], MOST_CHANGES]
 
 
@@ -99,7 +88,7 @@ class _Head(msgspec.Struct, array_like=True, gc=False):
 
 _heads = msgspec.msgpack.Decoder(_Head)
 _requests = msgspec.msgpack.Decoder(_Request)
-_pieces = msgspec.msgpack.Decoder(_ReadPiece)
+_pieces = msgspec.msgpack.Decoder(_Piece)
 
 
 def encode_request(request: Request) -> bytes:
@@ -133,11 +122,11 @@ def encode_piece(piece: Piece) -> bytes:
     """A piece as bytes."""
     index = Indexes()
     adds = add_rows(index, piece.adds)
-    writes = [write_row(index, write) for write in piece.writes]
+    writes = write_rows(index, piece.writes)
     kept, examined = index.flat(piece.kept), index.flat_ranges(piece.examined)
     whole = None if piece.whole is None else index.flat_ranges(piece.whole)
     return encoder.encode(
-        _Piece(
+        (
             VERSION, list(index), adds, writes, kept, examined, whole, piece.begin, piece.end, piece.joined,
             piece.waits_for,
         )

@@ -85,7 +85,7 @@ class Replica:
         """Held while the graph is changed; all worlds of a memory share one, for forks share their content."""
         self.after_poll: Callable[[], None] | None = None
         """Called at the end of each `poll`, with no lock held."""
-        self.synchroniser = Synchroniser(graph, gate)
+        self.synchroniser = Synchroniser(graph, gate, ask_ahead=self._perform)
         self._transport = transport
         self._clock = clock
         self._keys = keys

@@ -100,22 +100,28 @@ class StampAccess:
         An element of which an attribute cannot be overwritten is made anew first. Raises `AgentError` if this agent may
         not do that.
         """
-        renewed: set[Key] = set()
-        while True:
-            try:
-                delta = write()
-                break
-            except NoRoomError as full:
-                if full.key in renewed:
-                    raise
-                renewed.add(full.key)
-                try:
-                    self._renew(full.key)
-                except AgentError as error:
-                    raise AgentError(f"{full}, unless it is made anew, and {error}") from None
+        try:
+            delta = write()
+        except NoRoomError as full:
+            delta = self._put_anew(full, write)
         if delta:
             self._replica.commit(delta)
         return delta
+
+    def _put_anew(self, full: NoRoomError, write: Callable[[], Delta]) -> Delta:
+        """Make elements anew until the write has room in all of them."""
+        renewed: set[Key] = set()
+        while full.key not in renewed:
+            renewed.add(full.key)
+            try:
+                self._renew(full.key)
+            except AgentError as error:
+                raise AgentError(f"{full}, unless it is made anew, and {error}") from None
+            try:
+                return write()
+            except NoRoomError as another:
+                full = another
+        raise full
 
     def _seen(self, element: Node | Edge) -> Node | Edge:
         """The element of its key as it is now: it may have been made anew."""

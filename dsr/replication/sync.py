@@ -10,8 +10,8 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
    after this process was stopped (`dsr.replication.pace`).
 4. A replica that still lacks something `GRACE` after a digest told so, or may lack it, asks that peer for it with all
    that it has seen (one request at a time until patience ends, one for each digest). It only ever pulls, so that nobody
-   has to remember what others know. Answers come in pieces of bounded size, each asked for when the one before was
-   joined (`fetching.py`): so nothing is computed for who has given up. Whose answers change nothing is asked ever
+   has to remember what others know. Answers come in pieces of bounded size, each asked for when the one before has
+   come (`fetching.py`): so nothing is computed for who has given up. Whose answers change nothing is asked ever
    more rarely (`Peer.pause`).
 5. Equal contexts with different fingerprints: a removal has reached one of the two without its dot, as a piece of an
    answer that was broken off, or before it had joined. Then each asks the other for everything, and says so.
@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -91,6 +92,8 @@ class Synchroniser:
     """How our clock stands beside those of the agents heard of lately."""
     pieces: int = 0
     """Pieces of replies that came when they were asked for, of those who had not given all they have before."""
+    ask_ahead: Callable[[Ask], None] | None = None
+    """Asks for the next piece before the last one is joined, so that both replicas work at the same time."""
     behind_since: float | None = None
     """Monotonic time since when it is known that something is missing here; None if nothing is."""
     _peers: Peers = field(default_factory=Peers)
@@ -102,6 +105,7 @@ class Synchroniser:
     _came_at: float = -math.inf
     _under_way: int | None = None
     _asked_at: float = 0.0
+    _asked_ahead: bool = False
     _pace: Pace = field(default_factory=Pace)
     _wants_everything: bool = False
 
@@ -201,31 +205,49 @@ class Synchroniser:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
         if sender in self._peers and number == self._under_way:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
+        fetch = self._fetch if number == self._under_way else None
         try:
             with collector_paused():
                 piece = decode_piece(payload)
                 delta = piece.as_delta()
                 self._check_piece(sender, piece, delta)
+                taken = fetch is not None and self._take(fetch, piece)
                 self._join_reply(sender, delta, physical)
         except WireError as error:
             self.complaints.drop(sender, error)
             self._note_answer(sender, useful=False)
-            self.request_done(number)
+            if fetch is not None:
+                self._break_off(fetch)
             return
-        if self._fetch is None or number != self._under_way:
+        except BaseException:  # the piece may not be joined: the end of this answer must not account for it
+            if fetch is not None:
+                self._give_up()
+            raise
+        if fetch is None:
             return
-        self._under_way = None
         self._pace.answered()
         self.pieces += not is_refusal(piece) and self.joining.may_have_more(sender)
         if is_refusal(piece):
             self.joining.declined(sender, piece.waits_for)
             self._give_up()
-        elif not self._fetch.take(piece, self.graph.store.context):
+        elif not taken:
             self.complaints.drop(sender, WireError("another piece than was asked for"))
             self._note_answer(sender, useful=False)
             self._give_up()
-        elif self._fetch.begin is None:
-            self._finish(self._fetch, physical)
+        else:
+            fetch.note_held_back(piece, self.graph.store.context)
+            if fetch.begin is None:
+                self._finish(fetch, physical)
+
+    def _take(self, fetch: Fetch, piece: Piece) -> bool:
+        """Whether it is the piece that was asked for; then the next one is asked for, if there is any."""
+        self._under_way = None
+        if not fetch.take(piece):
+            return False
+        if fetch.begin is not None and self.ask_ahead is not None:
+            self._asked_ahead = True
+            self.ask_ahead(self._request(fetch))
+        return True
 
     def _check_piece(self, sender: str, piece: Piece, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name; leave out of it what nobody can have seen."""
@@ -272,13 +294,15 @@ class Synchroniser:
 
     def request_done(self, number: int) -> None:
         """No more answers to that `Ask` will come."""
-        if number != self._under_way or self._fetch is None:
-            return
-        peer = self._fetch.peer
+        if number == self._under_way and self._fetch is not None:
+            self._break_off(self._fetch)
+
+    def _break_off(self, fetch: Fetch) -> None:
+        """Expect no more of an answer, and perhaps of who gave it."""
         self._give_up()
-        self._peers.unanswered(peer)
-        if peer not in self._peers:
-            self._forget(peer)
+        self._peers.unanswered(fetch.peer)
+        if fetch.peer not in self._peers:
+            self._forget(fetch.peer)
 
     def _give_up(self) -> None:
         """Ask for no further piece."""
@@ -331,6 +355,8 @@ class Synchroniser:
     def _ask(self, now: float) -> list[Output]:
         """Ask for the next piece, of the same peer or of another one."""
         self._note_time(now)
+        if self._asked_ahead:
+            self._asked_at, self._asked_ahead = now, False
         if self._under_way is not None:
             answering = self._fetch is not None and self._fetch.begin != START
             if now - self._asked_at < (LAST_PATIENCE if answering else self._pace.patience):
@@ -346,9 +372,13 @@ class Synchroniser:
             ranges = () if self._wants_everything else self.graph.store.context.ranges()
             insists = self.joined or self.joining.insists
             self._fetch, self._before = Fetch(peer, CausalContext(ranges), insists=insists), self._state
+        self._asked_at = now
+        return [self._request(self._fetch)]
+
+    def _request(self, fetch: Fetch) -> Ask:
         self._requests += 1
-        self._under_way, self._asked_at = self._requests, now
-        return [Ask(self._fetch.peer, self._fetch.request(self.graph.rid), self._requests)]
+        self._under_way = self._requests
+        return Ask(fetch.peer, fetch.request(self.graph.rid), self._requests)
 
     def _note_time(self, now: float) -> None:
         """For how long something has been missing here."""

@@ -60,6 +60,12 @@ _Stamp = Annotated[int, msgspec.Meta(ge=0, le=MAX_STAMP)]
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
 
+SentAdd = tuple[int, int, Key, str, list[int], list[int]]
+"""The fields of an `AddRow`; a tuple is made in a third of the time."""
+SentWrite = tuple[int, int, str, int, int, int, int, Any]
+"""The fields of a `WriteRow`."""
+
+
 class AddRow(msgspec.Struct, array_like=True, gc=False):
     """An addition in a message."""
 
@@ -72,7 +78,7 @@ class AddRow(msgspec.Struct, array_like=True, gc=False):
 
 
 class WriteRow(msgspec.Struct, array_like=True, gc=False):
-    """A write in a message."""
+    """A write in a message as it is read, its value still in bytes."""
 
     replica: Natural
     counter: _Counter
@@ -81,16 +87,12 @@ class WriteRow(msgspec.Struct, array_like=True, gc=False):
     writer: Natural
     dot_replica: Natural
     dot_counter: CounterOrZero
-    value: Any
-
-
-class ReadWriteRow(WriteRow, array_like=True, gc=False):
-    """A write as it is read, its value still in bytes."""
-
     value: msgspec.Raw
 
 
-class _Delta(msgspec.Struct, array_like=True, gc=False):
+class _KeptDelta(msgspec.Struct, array_like=True, gc=False):
+    """A delta as it is read from a file: as long as the file."""
+
     version: int
     replicas: list[Name]
     adds: list[AddRow]
@@ -98,12 +100,6 @@ class _Delta(msgspec.Struct, array_like=True, gc=False):
     removed: list[Natural]
     context: list[Natural]
     live: list[Natural] | None
-
-
-class _KeptDelta(_Delta, array_like=True, gc=False):
-    """A delta as it is read from a file: as long as the file."""
-
-    writes: list[ReadWriteRow]  # type: ignore[assignment]
 
 
 MOST_CHANGES = msgspec.Meta(max_length=MAX_STRUCTURE // 8)
@@ -116,7 +112,7 @@ class _SentDelta(_KeptDelta, array_like=True, gc=False):
 
     replicas: Annotated[list[Name], MOST_CHANGES]
     adds: Annotated[list[AddRow], MOST_CHANGES]
-    writes: Annotated[list[ReadWriteRow], MOST_CHANGES]
+    writes: Annotated[list[WriteRow], MOST_CHANGES]
     removed: Annotated[list[Natural], MOST_NUMBERS]
     context: Annotated[list[Natural], MOST_NUMBERS]
     live: Annotated[list[Natural], MOST_NUMBERS] | None
@@ -216,29 +212,32 @@ def encode_delta(delta: Delta) -> bytes:
     """A delta or synchronisation reply as bytes."""
     index = Indexes()
     adds = add_rows(index, delta.adds)
-    writes = [write_row(index, write) for write in delta.writes]
+    writes = write_rows(index, delta.writes)
     removed = index.flat(delta.removed)
     context = index.flat_ranges(delta.context)
     live = None if delta.live is None else index.flat(sorted(delta.live))
-    return encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
+    return encoder.encode((VERSION, list(index), adds, writes, removed, context, live))
 
 
-def add_rows(index: Indexes, adds: Iterable[Add]) -> list[AddRow]:
+def add_rows(index: Indexes, adds: Iterable[Add]) -> list[SentAdd]:
     """Additions as they are sent."""
     return [
-        AddRow(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
-        for a in adds
+        (index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations)) for a in adds
     ]
 
 
-def write_row(index: Indexes, write: Write) -> WriteRow:
-    """A write as it is sent."""
-    rid, counter = write.owner
-    dot_rid, dot_counter = write.dot or (write.writer, 0)
-    value = None if write.value is TOMBSTONE else write.value
-    return WriteRow(
-        index[rid], counter, write.attribute, write.stamp, index[write.writer], index[dot_rid], dot_counter, value
-    )
+def write_rows(index: Indexes, writes: Iterable[Write]) -> list[SentWrite]:
+    """Writes as they are sent."""
+    rows = []
+    for write in writes:
+        (rid, counter), value, writer = write.owner, write.value, write.writer
+        dot_rid, dot_counter = write.dot or (writer, 0)
+        if value is TOMBSTONE:
+            value = None
+        rows.append(
+            (index[rid], counter, write.attribute, write.stamp, index[writer], index[dot_rid], dot_counter, value)
+        )
+    return rows
 
 
 def decode_delta(payload: bytes) -> Delta:
@@ -264,7 +263,7 @@ def check_length(payload: bytes) -> None:
         raise ValueError(f"more than {MAX_MESSAGE} bytes")
 
 
-def check_structure(payload: bytes, writes: list[ReadWriteRow]) -> None:
+def check_structure(payload: bytes, writes: list[WriteRow]) -> None:
     """Raise `ValueError` for a long message that is not long for its values."""
     if len(payload) > MAX_STRUCTURE and len(payload) - sum(len(write.value) for write in writes) > MAX_STRUCTURE:
         raise ValueError(f"more than {MAX_STRUCTURE} bytes beside the values")
@@ -297,12 +296,20 @@ def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
     return adds
 
 
-def to_writes(names: list[str], rows: list[ReadWriteRow]) -> list[Write]:
+def to_writes(names: list[str], rows: list[WriteRow]) -> list[Write]:
     """Writes from the `rows` of a message; `names` are its replica ids, to which the rows' indexes refer.
 
     Raises `ValueError` or `IndexError` for a row that is not valid, and what msgspec raises for their values.
     """
-    return [_to_write(names, row) for row in rows]
+    writes = []
+    replica, counter, owner = -1, 0, ("", 0)
+    for row in rows:
+        if row.counter != counter or row.replica != replica:  # else written to the element of the row before
+            replica, counter = row.replica, row.counter
+            owner = names[replica], counter
+        dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
+        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, _to_value(row.value)))
+    return writes
 
 
 def _to_key(add: AddRow) -> Key:
@@ -324,14 +331,6 @@ def _is_name(value: str) -> bool:
     return 0 < len(value) <= MAX_NAME
 
 
-def _to_write(names: list[str], write: ReadWriteRow) -> Write:
-    writer = names[write.writer]
-    dot = (names[write.dot_replica], write.dot_counter) if write.dot_counter else None
-    return Write(
-        (names[write.replica], write.counter), write.attribute, write.stamp, writer, dot, _to_value(write.value)
-    )
-
-
 _SHORTEST_NUMBER = 5
 """Bytes of a float of 32 bits."""
 _LONG = 1 << 10
@@ -351,6 +350,8 @@ def _to_value(raw: msgspec.Raw) -> Any:
     kind = type(value)
     if kind is msgspec.msgpack.Ext:
         return _decode_extension(value.code, value.data)
+    if kind is bool:
+        return value
     if not _IS_ALLOWED[kind](value):
         raise ValueError(f"a {kind.__name__} that no attribute may have")
     return tuple(value) if kind is list else value if value is not None else TOMBSTONE
@@ -362,7 +363,6 @@ def _is_short(value: str | bytes) -> bool:
 
 _IS_ALLOWED: dict[type, Callable[[Any], bool]] = {
     float: math.isfinite,
-    bool: lambda _: True,
     type(None): lambda _: True,
     int: lambda value: -(1 << 63) <= value < (1 << 63),
     str: _is_short,

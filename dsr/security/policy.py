@@ -16,6 +16,7 @@ from dsr.graph.access import Access, WriteGuard
 from dsr.network.keys import check_name
 from dsr.runtime.system import System
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE, HALTER
+from dsr.vocabulary.proposed_acts import CONFIRMER, DECISIONS
 
 LAUNCHER = "launcher"
 READER = "dsr"
@@ -81,11 +82,12 @@ def system_grants(system: System) -> dict[str, Grant]:
 
 
 def standard_grants() -> dict[str, Grant]:
-    """Grants for those that every system has: its launcher, the command line tools, and the emergency stop."""
+    """Grants for those that every system has: launcher, command line tools, emergency stop, who confirms acts."""
     return {
         LAUNCHER: Grant(publishes=("device/**",), trusted=True),
         READER: Grant(read_only=True),
         HALTER: Grant((HALT_NODE,), (), HALT_ATTRIBUTES, ("device/halt",)),
+        CONFIRMER: Grant(publishes=(f"service/{DECISIONS}",)),
     }
 
 

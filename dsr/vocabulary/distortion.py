@@ -108,11 +108,10 @@ class _RadialCurve(NamedTuple):
 def _radial_curve(distortion: Distortion) -> _RadialCurve:
     radii = np.tan(np.linspace(0.0, _STEEPEST, _SAMPLES))
     squared = radii * radii
-    if distortion.model == "equidistant":
-        shown = radii * _fisheye(squared, distortion.coefficients)
-    else:
-        shown = radii * _radial(squared, distortion.coefficients)
-    falling = np.flatnonzero(~(np.diff(shown) > 0.0))
+    factor = _fisheye if distortion.model == "equidistant" else _radial
+    with np.errstate(over="ignore", invalid="ignore"):  # of coefficients that no lens has
+        shown = radii * factor(squared, distortion.coefficients)
+        falling = np.flatnonzero(~(np.diff(shown) > 0.0))
     end = int(falling[0]) + 1 if len(falling) else _SAMPLES
     return _RadialCurve(radii[:end], shown[:end])
 
@@ -122,7 +121,7 @@ def _radial(squared: Array, coefficients: Sequence[float]) -> Array:
     k1, k2, _, _, k3, k4, k5, k6 = _filled(coefficients)[:8]
     above = 1.0 + squared * (k1 + squared * (k2 + squared * k3))
     below = 1.0 + squared * (k4 + squared * (k5 + squared * k6))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.asarray(above / below)
 
 
@@ -165,5 +164,5 @@ def _solved(matrices: Array, vectors: Array) -> Array:
     """(..., 2) the solutions of linear equations with matrices (..., 2, 2); NaN where there is none."""
     a, b, c, d = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 0], matrices[..., 1, 1]
     u, v = vectors[..., 0], vectors[..., 1]
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         return np.asarray(np.stack([d * u - b * v, a * v - c * u], axis=-1) / (a * d - b * c)[..., None])

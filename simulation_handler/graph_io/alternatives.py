@@ -6,11 +6,20 @@ import contextlib
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, are_at_one_place, encoded, whereabouts_of
+from dsr.believing.distribution import (
+    ATTRIBUTE,
+    SAME_PLACE,
+    Alternative,
+    Whereabouts,
+    are_at_one_place,
+    encoded,
+    whereabouts_of,
+)
 from dsr.believing.worlds import BeliefWorlds
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
-from dsr.math3d.transforms import position_deviation
+from dsr.math3d.tolerance import SAME_POSE, PoseTolerance
+from dsr.math3d.transforms import Pose, position_deviation
 from dsr.memory import Memory
 from dsr.vocabulary.relations import THINGS
 from simulation_handler.worlds.model import Island, ObjectState
@@ -26,9 +35,16 @@ _SAME_STATE = 1e-3  # m by which two states of one thing are told apart
 class AlternativesWriter:
     """Writes the attribute `whereabouts` of things that may be in several ways, and the worlds `belief_1`, ... ."""
 
-    def __init__(self, memory: Memory, most: int) -> None:
-        """`most` is how many of those worlds there may be at a time."""
+    def __init__(self, memory: Memory, most: int, near: PoseTolerance = SAME_POSE) -> None:
+        """Write to a memory.
+
+        Args:
+            memory: the base world.
+            most: how many of those worlds there may be at a time.
+            near: up to which places differ by noise: alternatives that are all known so well, and so near, are one.
+        """
         self._memory = memory
+        self._near = near
         self._worlds = BeliefWorlds(memory, most)
         self._told: dict[str, Whereabouts] | None = None
 
@@ -38,7 +54,7 @@ class AlternativesWriter:
         if self._told is None:
             self._told = dict(self._told_before())
         judged = {name for island in islands for name in island.names}
-        found = {where.name: where for island in islands for where in distributions(island)}
+        found = {where.name: where for island in islands for where in distributions(island, self._near)}
         for name in (self._told.keys() & judged) - found.keys():
             changed = True
             del self._told[name]
@@ -46,10 +62,12 @@ class AlternativesWriter:
                 self._memory.update_node(name, **{ATTRIBUTE: ""})
         for name, where in found.items():
             node = self._memory.get_node(name)
-            if node is not None and not (node.get(ATTRIBUTE) and _is_same(self._told.get(name), where)):
+            edge = self._memory.get_edge(WORLD, name, "Virtual_RT")
+            shown = None if edge is None else edge.get("pose")
+            if node is not None and not (node.get(ATTRIBUTE) and _is_same(self._told.get(name), where, shown)):
                 changed = True
                 with contextlib.suppress(GraphError):
-                    self._memory.update_node(name, **{ATTRIBUTE: encoded(where)})
+                    self._memory.update_node(name, **{ATTRIBUTE: encoded(where, shown)})
                     self._told[name] = where
         if changed:
             self._worlds.update()
@@ -67,8 +85,11 @@ class AlternativesWriter:
         self._worlds.close()
 
 
-def distributions(island: Island) -> Iterator[Whereabouts]:
-    """Where each thing of an island may be, of those that may be in several ways; improbable ones are left out."""
+def distributions(island: Island, near: PoseTolerance = SAME_POSE) -> Iterator[Whereabouts]:
+    """Where each thing of an island may be, of those that may be in several ways; improbable ones are left out.
+
+    `near` is as of `AlternativesWriter`.
+    """
     kept = [world for world in island.worlds if world.weight >= LEAST]
     total = sum(world.weight for world in kept)
     if len(kept) < 2:
@@ -78,16 +99,18 @@ def distributions(island: Island) -> Iterator[Whereabouts]:
         alternatives: list[Alternative] = []
         for index, world in enumerate(kept):
             if (state := world.objects.get(name)) is not None:
-                _add(alternatives, state, world.reason, weights[index], index)
+                _add(alternatives, state, world.reason, weights[index], index, near)
         if len(alternatives) > 1:
             alternatives[1:] = sorted(alternatives[1:], key=lambda one: -one.weight)
             yield Whereabouts(name, tuple(alternatives), island.names, weights)
 
 
-def _add(alternatives: list[Alternative], state: ObjectState, reason: str, weight: float, index: int) -> None:
+def _add(
+    alternatives: list[Alternative], state: ObjectState, reason: str, weight: float, index: int, near: PoseTolerance
+) -> None:
     """Add a state of one world, to the alternative that it equals if there is one."""
     for position, one in enumerate(alternatives):
-        if one.holders == (state.hand, state.containers, state.supports) and _at_one_place(one, state):
+        if one.holders == (state.hand, state.containers, state.supports) and _at_one_place(one, state, near):
             alternatives[position] = _more(one, weight, index)
             return
     alternatives.append(
@@ -105,21 +128,32 @@ def _more(one: Alternative, weight: float, index: int) -> Alternative:
     )  # fmt: skip
 
 
-def _at_one_place(one: Alternative, state: ObjectState) -> bool:
+def _at_one_place(one: Alternative, state: ObjectState, near: PoseTolerance) -> bool:
     if one.pose is None or state.pose is None:
         return one.pose is state.pose
-    return math.dist(one.pose.t, state.pose.t) < _SAME_STATE and one.pose.cov == state.pose.cov
+    if one.pose.cov == state.pose.cov and PoseTolerance(_SAME_STATE, near.radians).covers(one.pose, state.pose):
+        return True
+    is_known = max(_deviation(one.pose), _deviation(state.pose)) < near.metres
+    return is_known and near.covers(one.pose, state.pose)
 
 
-def _is_same(told: Whereabouts | None, where: Whereabouts) -> bool:
-    """Whether what was told last still says the same, up to the tolerances."""
+def _deviation(pose: Pose) -> float:
+    """m, standard deviation of a place; infinite if that is not known."""
+    return math.inf if pose.cov is None else position_deviation(pose)
+
+
+def _is_same(told: Whereabouts | None, where: Whereabouts, shown: Pose | None) -> bool:
+    """Whether what was told last still says the same, up to the tolerances; `shown` is the pose of the edge."""
+    best, follows = where.best.pose, True
+    if best is not None and shown is not None:
+        follows = SAME_PLACE.covers(best, shown)
     if told is None or told.island != where.island or len(told.weights) != len(where.weights):
         return False
     pairs = list(zip(told.alternatives, where.alternatives, strict=False))
     return (
         len(told.alternatives) == len(where.alternatives)
         and _are_close(told.weights, where.weights)
-        and all(_is_same_alternative(old, new, (told.best, where.best)) for old, new in pairs)
+        and all(_is_same_alternative(old, new, (told.best, where.best), follows=follows) for old, new in pairs)
     )
 
 
@@ -127,15 +161,17 @@ def _are_close(old: Sequence[float], new: Sequence[float]) -> bool:
     return all(abs(one - other) <= _SAME_WEIGHT for one, other in zip(old, new, strict=True))
 
 
-def _is_same_alternative(old: Alternative, new: Alternative, best: tuple[Alternative, Alternative]) -> bool:
-    """Whether an alternative is as it was; what is where the `best` was and is follows the edge."""
+def _is_same_alternative(
+    old: Alternative, new: Alternative, best: tuple[Alternative, Alternative], *, follows: bool
+) -> bool:
+    """Whether an alternative is as it was; what is where the `best` was and is follows the edge, if that one does."""
     if (old.holders, old.reason, old.worlds, old.is_gone) != (new.holders, new.reason, new.worlds, new.is_gone):
         return False
-    if new is best[1] or old.pose is None or new.pose is None:
+    if (follows and new is best[1]) or old.pose is None or new.pose is None:
         return True
     before, now = position_deviation(old.pose), position_deviation(new.pose)
     if abs(before - now) > max(_LEAST_MOVE, _SAME_SHARE * before):
         return False
-    if are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
+    if follows and are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
         return True
     return math.dist(old.pose.t, new.pose.t) <= max(_LEAST_MOVE, _SAME_SHARE * before)

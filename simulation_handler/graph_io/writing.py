@@ -37,7 +37,9 @@ class Writing:
         self._belief = belief
         self._written: dict[str, Pose] = {}
         self._events = Events(memory, belief.config.policy, log)
-        self._alternatives = AlternativesWriter(memory, belief.config.worlds)
+        config = belief.config
+        near = PoseTolerance(config.surprise_distance, config.surprise_angle)
+        self._alternatives = AlternativesWriter(memory, config.worlds, near)
         self._islands: Sequence[Island] = ()
         self._due = -math.inf
         self._related: set[tuple[str, Relation]] = set()

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from simulation_handler.worlds.circumstances import HELD, HELD_OUT_OF_SIGHT, MOVES, held
+from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
 from simulation_handler.worlds.parameters import Absence, Rates, WorldParameters
 
@@ -77,6 +77,7 @@ class Alternatives:
         """world_from_object when it was recognised last"""
         self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now)}
         self._container = thing.container
+        self._solid = thing.solid
         self.looked = now
         """s, when it was last worked out what cameras should see of it"""
         self._now = now
@@ -171,7 +172,7 @@ class Alternatives:
 
     def _enter(self, name: str, evidence: Evidence) -> None:
         """What vanishes on its way beside a container may be in it."""
-        if self.before not in (MOVES, HELD):
+        if self.before not in ON_ITS_WAY:
             return
         thing = evidence.objects[name]
         hollows = [
@@ -212,7 +213,7 @@ class Alternatives:
             return  # cameras see nothing at all: they may be blind
         modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
         placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
-        shares = self._shares(evidence, name, [_placed(mode.pose) for _, mode in placed])
+        shares = self._shares(self._with_solid(name, evidence), name, [_placed(mode.pose) for _, mode in placed])
         for (_, mode), share in zip(placed, shares, strict=True):
             missed = missed_after(mode.missed, share, step, absence)
             mode.weight *= math.exp(mode.missed - missed)
@@ -223,6 +224,15 @@ class Alternatives:
             away.missed += absence.rate * step
             after = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
             away.weight *= after / before
+
+
+    def _with_solid(self, name: str, evidence: Evidence) -> Evidence:
+        """The evidence with the object as it was; it may still be there, though the simulation has taken it away."""
+        thing = evidence.objects[name]
+        if thing.solid is not None:
+            self._solid = thing.solid
+            return evidence
+        return replace(evidence, objects={**evidence.objects, name: replace(thing, solid=self._solid)})
 
 
 _WATCHING = 0.3  # s since the newest percept of anything, up to which cameras count as seeing

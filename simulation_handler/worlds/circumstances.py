@@ -11,6 +11,11 @@ RESTS: Final = "rests in view"
 TOUCHED: Final = "touched in view"
 HELD: Final = "held in view"
 MOVES: Final = "moves in view"
+RIDES: Final = "goes along in view"
+HOVERS: Final = "hovers in view"
+RESTLESS: Final = "percepts contradict each other"
+DOUBTED: Final = "seen by doubted cameras"
+FOUND_ANEW: Final = "rests in view after cameras were in doubt"
 GRIPPED: Final = "in a gripper"
 RESTS_UNSEEN: Final = "rests unseen"
 VANISHED: Final = "vanished on its way"
@@ -19,11 +24,14 @@ HELD_UNSEEN: Final = "held unseen"
 HELD_OUT_OF_SIGHT: Final = "held out of sight"
 INSIDE: Final = "moved inside something"
 
-CIRCUMSTANCES: Final = (
-    *(RESTS, TOUCHED, HELD, MOVES, GRIPPED, RESTS_UNSEEN, VANISHED, MOVED_UNSEEN),
-    *(HELD_UNSEEN, HELD_OUT_OF_SIGHT, INSIDE),
-)
+IN_VIEW: Final = (RESTS, TOUCHED, HELD, MOVES, RIDES, HOVERS, RESTLESS, DOUBTED, FOUND_ANEW, GRIPPED)
+"""Those of objects that are recognised, or in a gripper"""
+OUT_OF_VIEW: Final = (RESTS_UNSEEN, VANISHED, MOVED_UNSEEN, HELD_UNSEEN, HELD_OUT_OF_SIGHT, INSIDE)
+"""Those in which an object may be elsewhere: alternatives tell of that"""
+CIRCUMSTANCES: Final = (*IN_VIEW, *OUT_OF_VIEW)
 """All of them"""
+ON_ITS_WAY: Final = (MOVES, RIDES, HOVERS, RESTLESS, HELD)
+"""Those from which an object may go anywhere once it is not seen any more"""
 _MOVED = 0.02  # m from where it was seen last, from which an unseen object has been moved by the simulation
 
 
@@ -32,15 +40,20 @@ def is_unseen(thing: ObjectEvidence, now: float) -> bool:
     return now - thing.seen_at > UNSEEN
 
 
-def in_view(thing: ObjectEvidence) -> str:
-    """The circumstance of an object that is recognised."""
-    if thing.gripper:
-        return GRIPPED
-    if thing.hand:
-        return HELD
-    if thing.driven or thing.rides or thing.is_moving or thing.hovers:
-        return MOVES
-    return TOUCHED if thing.touched_by else RESTS
+def in_view(thing: ObjectEvidence, *, was_doubted: bool) -> str:
+    """The circumstance of an object that is recognised; `was_doubted`: cameras that saw it have been in doubt."""
+    first_that_is_so = (
+        (GRIPPED, bool(thing.gripper)),
+        (HELD, bool(thing.hand)),
+        (DOUBTED, thing.is_doubted),
+        (MOVES, thing.driven),
+        (RIDES, thing.rides),
+        (HOVERS, thing.hovers),
+        (RESTLESS, thing.is_moving),
+        (TOUCHED, bool(thing.touched_by)),
+        (FOUND_ANEW, was_doubted),
+    )
+    return next((circumstance for circumstance, is_so in first_that_is_so if is_so), RESTS)
 
 
 def unseen(thing: ObjectEvidence, evidence: Evidence, moved: float, before: str) -> str:
@@ -58,9 +71,9 @@ def unseen(thing: ObjectEvidence, evidence: Evidence, moved: float, before: str)
         return held(thing.hand, evidence)
     if moved > _MOVED:
         return INSIDE if thing.container else MOVED_UNSEEN
-    if thing.container and before not in (RESTS, TOUCHED):
-        return INSIDE
-    return RESTS_UNSEEN if before in (RESTS, TOUCHED) else VANISHED
+    if before not in ON_ITS_WAY:
+        return RESTS_UNSEEN
+    return INSIDE if thing.container else VANISHED
 
 
 def held(hand: str, evidence: Evidence) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.explaining import VisibilityQuery
@@ -18,6 +19,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
 from simulation_handler.worlds.model import innermost_first
+from simulation_handler.worlds.spread import with_world_covariances
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,10 @@ class ObjectEvidence:
     """Percepts that are averaged in its estimate, at most those of a window; 0 without one"""
     is_moving: bool
     """Whether the newest percepts contradict each other."""
+    seen: Pose | None = None
+    """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
+    is_doubted: bool = False
+    """Whether only cameras that may have moved tell of it."""
     gone: bool = False
     """Whether the simulation has it taken out of the scene."""
     driven: bool = False
@@ -107,6 +113,8 @@ class EvidenceReader:
         containment: what is in what.
         touching: what hands do.
         lead: gives (3,) m that an object is beyond its body, by name.
+        in_doubt: gives the names of objects of which only cameras tell at a time (s) that may have moved.
+        config: how far percepts are trusted.
     """
 
     def __init__(
@@ -116,9 +124,13 @@ class EvidenceReader:
         containment: Containment,
         touching: Touching,
         lead: Callable[[str], Vector3],
+        in_doubt: Callable[[float], frozenset[str]],
+        config: BeliefConfig,
     ) -> None:
         self._bodies = bodies
         self._lead = lead
+        self._in_doubt = in_doubt
+        self._config = config
         self._relations = relations
         self._containment = containment
         self._touching = touching
@@ -131,8 +143,9 @@ class EvidenceReader:
             if lower != FLOOR:
                 below[upper] = (*below.get(upper, ()), lower)
         touches = sorted(self._touching.grasps)
+        doubted = self._in_doubt(now)
         objects = {
-            name: self._read_object(item, now, contents, below.get(name, ()), touches)
+            name: self._read_object(item, now, contents, below.get(name, ()), touches, name in doubted)
             for name, item in self._bodies.objects.items()
         }
         hands = {
@@ -151,6 +164,7 @@ class EvidenceReader:
         contents: frozenset[Relation],
         supports: tuple[str, ...],
         touches: list[Relation],
+        is_doubted: bool,
     ) -> ObjectEvidence:
         name, sim, estimate = item.name, self._bodies.sim, item.track.estimate
         has_place = name in sim
@@ -164,6 +178,8 @@ class EvidenceReader:
             is_recognised=item.track.is_fresh(now),
             agreeing=0 if estimate is None else estimate.count,
             is_moving=item.track.is_restless,
+            seen=None if item.estimate_at(now) is None else self._seen(item),
+            is_doubted=is_doubted,
             gone=item.gone,
             driven=item.driven,
             rides=item.rides,
@@ -183,6 +199,12 @@ class EvidenceReader:
         covariance = item.covariance(pose.q)
         flat = None if covariance is None else tuple(covariance.ravel().tolist())
         return Pose.unchecked(position, pose.q, now, flat)
+
+    def _seen(self, item: BelievedObject) -> Pose:
+        """world_from_object by the mean of the percepts that agree, with its covariance."""
+        solid = item.percept()
+        pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
+        return with_world_covariances(pose, item.percept_covariance(self._config), item.turning())
 
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:

@@ -40,9 +40,15 @@ class PlaceNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     turning: Amount
     """rad/m, standard deviation about each axis, for the way since the object was seen"""
     wide: Amount
-    """1, factor on all standard deviations in the world in which something unknown is wrong"""
+    """1, factor on all standard deviations where something unknown is wrong, and once more where that is wrong, too"""
     wrong: Share
-    """1, probability of that world"""
+    """1, probability of these worlds, and of the wider one among them"""
+    perceived: Share
+    """1, probability of the world in which the object is where percepts have it, if the simulation has it there, too"""
+    trust: Amount
+    """1, power by which the odds of that world grow with 1 + the squared Mahalanobis distance between the two"""
+    percept: Amount
+    """1, factor on the standard deviations of the place that percepts tell in that world"""
 
 
 class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -37,6 +37,40 @@ def rotation_covariance(noise: PlaceNoise, own: Array, moved: Array) -> Array:
     return np.asarray(noise.scale**2 * own + more[..., None, None] * _EYE)
 
 
+def levels_of_wrong(noise: PlaceNoise) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Weights of the place with its own covariance, wide and wider, and factors on standard deviations.
+
+    That something is wrong is as probable at each level, for what is wrong is wrong by any size: the tails are heavy.
+    """
+    wrong = noise.wrong
+    return (1.0 - wrong, wrong * (1.0 - wrong), wrong**2), (1.0, noise.wide, noise.wide**2)
+
+
+def percept_covariance(noise: PlaceNoise, own: Array, velocity: Array) -> Array:
+    """Covariances (..., 3, 3) of perceived positions in the world frame, m^2; arguments as of `position_covariance`."""
+    along = noise.lag**2 * velocity[..., :, None] * velocity[..., None, :]
+    return np.asarray(noise.percept**2 * own + along)
+
+
+def odds_of_percepts(noise: PlaceNoise, distance2: Array) -> Array:
+    """(...) odds of being where percepts have an object against where the simulation has it.
+
+    Likelihoods with heavy tails, as of Student's t, have such a ratio: the simulation errs at times by far more than
+    its covariance tells.
+
+    Args:
+        noise: of the circumstance.
+        distance2: (...) squared Mahalanobis distances between the two places.
+    """
+    return np.asarray(noise.perceived / (1.0 - noise.perceived) * (1.0 + distance2) ** noise.trust)
+
+
+def squared_distance(offsets: Array, covariances: Array) -> Array:
+    """(...) squared Mahalanobis distances of offsets (..., 3) with covariances (..., 3, 3)."""
+    solved = np.linalg.solve(covariances, offsets[..., None])[..., 0]
+    return np.asarray((offsets * solved).sum(axis=-1))
+
+
 def with_spread(pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array) -> Pose:
     """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
     own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()

@@ -26,11 +26,21 @@ from simulation_handler.worlds.circumstances import CIRCUMSTANCES, INSIDE, RESTS
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
-from simulation_handler.worlds.parameters import WorldParameters
-from simulation_handler.worlds.spread import scaled, with_spread, with_world_covariances
+from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
+from simulation_handler.worlds.spread import (
+    levels_of_wrong,
+    odds_of_percepts,
+    percept_covariance,
+    scaled,
+    squared_distance,
+    with_spread,
+    with_world_covariances,
+)
 
 WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
+PERCEIVED = "as perceived"
+"""Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
 LOOK_PERIOD = 0.2
 """s between two times at which it is worked out what cameras should see of an unseen object"""
 _CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
@@ -49,6 +59,8 @@ class _Watched:
     """s, that time"""
     alternatives: Alternatives | None = None
     """While it is not recognised"""
+    was_doubted: bool = False
+    """Whether cameras that saw it have been in doubt"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -78,6 +90,8 @@ class Followed:
     """s since it was recognised; 0 while it is"""
     moved: float = 0.0
     """m, how far the simulation has moved it since"""
+    seen: Pose | None = None
+    """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
 
 
 class WeightedWorlds:
@@ -110,8 +124,9 @@ class WeightedWorlds:
             watched = self._watched[name]
             watched.note(thing.believed, evidence.now)
             if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
-                watched.circumstance, watched.seen, watched.seen_at = in_view(thing), thing, evidence.now
-                watched.alternatives = None
+                watched.was_doubted |= thing.is_doubted
+                watched.circumstance = in_view(thing, was_doubted=watched.was_doubted)
+                watched.seen, watched.seen_at, watched.alternatives = thing, evidence.now, None
             elif watched.seen is not None:
                 if watched.alternatives is None:
                     watched.alternatives = Alternatives(
@@ -153,7 +168,9 @@ class WeightedWorlds:
             return None
         thing, alternatives = evidence.objects[name], watched.alternatives
         if alternatives is None:
-            return None if thing.believed is None else Followed(watched.circumstance, thing.believed, watched.velocity)
+            if thing.believed is None:
+                return None
+            return Followed(watched.circumstance, thing.believed, watched.velocity, seen=thing.seen)
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
@@ -183,8 +200,14 @@ class WeightedWorlds:
         placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
         x, y, z = followed.velocity.tolist()
         state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
-        wide = replace(state, pose=scaled(placed, noise.wide))
-        parts = [(1.0 - noise.wrong, state, followed.circumstance), (noise.wrong, wide, WRONG)]
+        perceived = _perceived(followed, noise, placed)
+        rest = 1.0 if perceived is None else 1.0 - perceived[0]
+        parts = [
+            (rest * share, replace(state, pose=scaled(placed, factor)), WRONG if level else followed.circumstance)
+            for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
+        ]
+        if perceived is not None:
+            parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
         held = self._parameters.holding.get(followed.circumstance, 0.0)
@@ -228,6 +251,21 @@ class WeightedWorlds:
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+
+
+def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
+    """How probable it is that an object is where percepts have it, and where that is; None if they have it nowhere.
+
+    `placed` is where the simulation has it, with the covariance of the circumstance.
+    """
+    seen = followed.seen
+    if seen is None:
+        return None
+    place, turn = seen.parent_covariances()
+    place = percept_covariance(noise, place, followed.velocity)
+    apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
+    odds = float(odds_of_percepts(noise, apart))
+    return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
 
 
 def _hand_of(thing: ObjectEvidence) -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from benchmarks import cli, curves, groups, session
@@ -20,12 +24,13 @@ from benchmarks.group import Group, Measured, Missing, Run, Step
 from benchmarks.links import DsrLink, Link
 from benchmarks.pairs import Latencies
 from benchmarks.peers.tcp_link import TcpLink
-from benchmarks.peers.zenoh_link import ZenohLink
+from benchmarks.peers.zenoh_link import ZenohLink, open_session
+from benchmarks.ports import reserved_port
+from benchmarks.progress import EVERY, Progress
 from benchmarks.rows import Peer, Row, Spec, judged, median_row, number
 from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError, Worker
 from dsr.errors import ConfigError
-from dsr.network.rendezvous import free_port
 
 ROOT = Path(__file__).parents[2]
 KEYS = {"row", "value", "unit", "target", "peer", "ratio", "meets", "note"}
@@ -113,7 +118,38 @@ def test_the_check_fails_if_a_target_is_missed(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_group_that_fails_says_why() -> None:
     with pytest.raises(BenchmarkError, match=r"(?s)'no such group' failed: .*invalid choice"):
-        session.measure(Group("no such group", [], lambda run: None), [], Findings(), quick=True, repeat=1, tell=print)
+        nothing, progress = Group("no such group", [], lambda run: None), Progress(Console(), None)
+        session.measure(nothing, [], Findings(), quick=True, repeat=1, progress=progress)
+
+
+def test_a_port_of_a_peer_is_given_to_nobody_else() -> None:
+    """Peers picked a port twice, and one of them could not listen: that ended the group `world cascade`."""
+    ports = [reserved_port() for _ in range(50)]
+    with contextlib.ExitStack() as stack:
+        others = [stack.enter_context(socket.create_server(("127.0.0.1", 0))).getsockname()[1] for _ in range(2000)]
+    assert len({*ports}) == 50 and not {*ports} & {*others}
+    session = open_session(listen=f"tcp/127.0.0.1:{ports[0]}")
+    try:
+        socket.create_connection(("127.0.0.1", ports[0])).close()
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def test_without_a_terminal_steps_are_told_now_and_then_and_rows_at_once() -> None:
+    told, now = io.StringIO(), iter([0.0, 0.0, 0.0, EVERY / 2, EVERY, EVERY, EVERY + 1])
+    progress = Progress(Console(file=told), None, lambda: next(now))
+    for step in ("first", "second", "third"):
+        progress.step(step)
+    progress.row(judged(Spec("a row", "ms"), 3.0, [Peer("raw Zenoh", 2.0)]))
+    assert [line.split(maxsplit=2)[2] for line in told.getvalue().splitlines()] == [
+        "first", "third", "a row: 3 ms, 1.5 of raw Zenoh"
+    ]  # fmt: skip
+
+
+def test_a_run_without_a_terminal_shows_that_it_goes_on() -> None:
+    command = [sys.executable, "-m", "dsr.cli", "bench", "nodes by type among", "--quick"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "by type: filling" in done.stderr and "1000 found: 0.0" in done.stderr
 
 
 def test_a_missing_peer_is_reported() -> None:
@@ -130,8 +166,8 @@ def links() -> list[Link]:
         DsrLink("bench-attribute", "attribute", nodes=20),
         DsrLink("bench-watch", "attribute", watched=True, nodes=20),
         DsrLink("bench-rt", "RT", nodes=20),
-        TcpLink(free_port(), 64),
-        ZenohLink(f"tcp/127.0.0.1:{free_port()}", 64),
+        TcpLink(reserved_port(), 64),
+        ZenohLink(f"tcp/127.0.0.1:{reserved_port()}", 64),
     ]
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+from typing import Any
 from unittest import mock
 
 import pytest
 
 from dsr import ClockDriftError, Faults, ManualClock, Pose, TransportError
+from dsr.crdt import pieces
 from dsr.crdt.delta import Delta, Write
 from dsr.network.transport import Qos
 from dsr.replication.wire import decode_delta, encode_delta
@@ -22,6 +25,48 @@ def test_a_newcomer_gets_everything(net: Net) -> None:
     net.pump(0.3)
     assert late.joined and late.transform("world", "cube_3").t == (9, 9, 9)
     assert late.peers == [first.rid] and first.peers == [late.rid]
+
+
+def test_a_newcomer_asks_for_the_next_piece_before_it_joins_the_last_one(net: Net, monkeypatch: Any) -> None:
+    """Else one replica of the two waits for the other all the time."""
+    monkeypatch.setattr(pieces, "MAX_EXAMINED", 10)
+    first = net.join("a")
+    first.replica.synchroniser.nobody_there()
+    for index in range(35):
+        first.add_node(f"node_{index}", "cube", mass=1.0)
+    net.pump()
+    steps: list[str] = []
+    late = net.join("late")
+    join, request = late._graph.join, late.transport.request
+    with (
+        mock.patch.object(late._graph, "join", lambda *given: (steps.append("join"), join(*given))),
+        mock.patch.object(late.transport, "request", lambda *given: (steps.append("ask"), request(*given))),
+    ):
+        net.pump(1.0)
+    assert late.joined and len(late.nodes()) == 35
+    assert steps[:7] == ["ask", "ask", "join", "ask", "join", "ask", "join"]
+
+
+def test_a_piece_that_cannot_be_joined_is_not_counted_as_seen(net: Net, monkeypatch: Any) -> None:
+    monkeypatch.setattr(pieces, "MAX_EXAMINED", 10)
+    first = net.join("a")
+    first.replica.synchroniser.nobody_there()
+    for index in range(35):
+        first.add_node(f"node_{index}", "cube", mass=1.0)
+    net.pump()
+    late = net.join("late")
+    fails, join = iter([False, True]), late._graph.join
+
+    def sometimes(delta: Delta, now: float) -> None:
+        if next(fails, False):
+            raise MemoryError
+        join(delta, now)
+
+    with mock.patch.object(late._graph, "join", sometimes):
+        for _ in range(100):
+            with contextlib.suppress(MemoryError):
+                net.pump(0.1)
+    assert late.joined and len(late.nodes()) == len(first.nodes()) == 35
 
 
 def test_both_sides_of_a_partition_merge(net: Net) -> None:

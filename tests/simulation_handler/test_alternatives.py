@@ -10,6 +10,7 @@ import pytest
 
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.believing.distribution import ATTRIBUTE
+from dsr.math3d.tolerance import PoseTolerance
 from simulation_handler.graph_io.alternatives import AlternativesWriter, distributions
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 
@@ -45,6 +46,29 @@ def test_what_is_improbable_is_left_out_and_what_is_certain_is_not_told() -> Non
     assert [one.weight for one in told.alternatives] == pytest.approx([0.8 / 0.99, 0.19 / 0.99])
     assert [one.reason for one in told.alternatives] == ["rests unseen", "elsewhere"]
     assert not list(distributions(island(1.0))) and not list(distributions(island(0.99, 0.01)))
+
+
+def test_places_that_differ_by_noise_are_one_alternative() -> None:
+    near = PoseTolerance(0.01, 0.2)
+    known = np.diag([0.001**2] * 3 + [0.01**2] * 3)
+    here = HERE.with_covariance(known)
+    beside = Pose((HERE.t[0] + 0.005, *HERE.t[1:]), HERE.q)
+    turned = Pose(HERE.t, (0.0, 0.0, 1.0, 0.0))
+    for other, count in ((beside, 0), (turned, 1), (THERE, 1)):
+        for covariance, told in ((known, count), (1e3 * known, 1)):
+            states = (ObjectState(here), ObjectState(other.with_covariance(covariance)))
+            worlds = tuple(WeightedWorld(0.5, {"ball": state}) for state in states)
+            assert len(list(distributions(Island(("ball",), worlds), near))) == told
+
+
+def test_the_best_place_is_told_where_the_simulation_has_another_one(memory: Memory) -> None:
+    writer = AlternativesWriter(memory, 3)
+    writer.update([Island(("ball",), (WeightedWorld(0.6, {"ball": ObjectState(THERE)}, "as perceived"),
+                                      WeightedWorld(0.4, {"ball": BALL}, "rests in view")))])  # fmt: skip
+    told = memory.belief("ball")
+    assert told is not None and told.best.pose is not None
+    assert told.best.pose.t == pytest.approx(THERE.t) and told.best.reason == "as perceived"
+    writer.close()
 
 
 def test_equal_states_of_several_worlds_are_one_alternative() -> None:

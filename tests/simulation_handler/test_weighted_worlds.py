@@ -74,10 +74,46 @@ def test_what_is_seen_has_one_world_and_its_doubt() -> None:
     course = Course()
     course.run(1.0)
     worlds = course.worlds.worlds("box")
-    assert [world.reason for world in worlds] == ["rests in view", "something unknown is wrong"]
-    narrow, wide = (np.array(world.objects["box"].pose.cov).reshape(6, 6) for world in worlds)  # type: ignore[union-attr]
-    assert (np.diag(wide) >= 4.0 * np.diag(narrow)).all()
+    assert [world.reason for world in worlds] == ["rests in view", *["something unknown is wrong"] * 2]
+    spreads = [np.diag(np.array(world.objects["box"].pose.cov).reshape(6, 6)) for world in worlds]  # type: ignore[union-attr]
+    assert all((wider >= 4.0 * spread).all() for spread, wider in pairwise(spreads))
     assert sum(world.weight for world in worlds) == pytest.approx(1.0)
+
+
+def test_what_percepts_contradict_may_be_where_they_have_it() -> None:
+    course, seen = Course(), Pose((0.35, 0.0, 0.02)).with_covariance(COVARIANCE)
+    course.run(1.0, lambda box: replace(box, seen=seen))
+    contradicted = course.weight("as perceived")
+    place = next(world.objects["box"].pose for world in course.worlds.worlds("box") if world.reason == "as perceived")
+    assert place is not None and place.t == pytest.approx(seen.t)
+    agreeing = Course()
+    agreeing.run(1.0, lambda box: replace(box, seen=box.believed))
+    assert contradicted > agreeing.weight("as perceived") > 0.0
+
+
+def test_what_was_taken_away_is_gone_the_more_surely_the_longer_its_place_is_seen_empty() -> None:
+    weights = {}
+    for share in (0.0, 1.0):
+        course = Course(share=share)
+        course.run(1.5)
+        course.run(0.1, lambda box: replace(box, gone=True, believed=None, solid=None))
+        before = course.weight("gone")
+        course.run(10.0)
+        weights[share] = before, course.weight("gone")
+    assert weights[1.0][1] > weights[1.0][0] and weights[1.0][1] > weights[0.0][1] + 0.1
+
+
+def test_cameras_that_were_in_doubt_are_remembered() -> None:
+    course = Course()
+    course.run(0.5, lambda box: replace(box, is_doubted=True))
+    course.run(0.5, lambda box: replace(box, is_doubted=False))
+    assert course.worlds.worlds("box")[0].reason == "rests in view after cameras were in doubt"
+
+
+def test_what_only_doubted_cameras_see_is_known_by_its_own_circumstance() -> None:
+    course = Course()
+    course.run(1.0, lambda box: replace(box, is_doubted=True, is_moving=True))
+    assert course.worlds.worlds("box")[0].reason == "seen by doubted cameras"
 
 
 def test_what_is_hidden_stays_believed_and_becomes_less_sure() -> None:
@@ -113,7 +149,9 @@ def test_what_is_seen_again_has_no_alternatives() -> None:
     course = Course(share=0.9)
     course.run(5.0)
     course.run(0.1, lambda box: _seen(box, course.now))
-    assert course.weight("rests in view") > 0.9 and course.weight("gone") == 0.0
+    worlds = course.worlds.worlds("box")
+    assert {world.reason for world in worlds} == {"rests in view", "something unknown is wrong"}
+    assert worlds[0].reason == "rests in view" and course.weight("gone") == 0.0
 
 
 def test_what_lies_in_a_vessel_stays_there_whatever_the_simulation_says() -> None:

@@ -99,11 +99,26 @@ class GripperModel:
 
     def _boxes(self, positions: Mapping[str, float]) -> tuple[LinkBox, ...]:
         return tuple(
-            box.seen_from(pose)
+            self._upright(box.seen_from(pose))
             for joint in self._moving
             for pose in [self._palm_from(joint, positions)]
             for box in self._robot.rigid(joint.child)
         )
+
+    def _upright(self, box: LinkBox) -> LinkBox:
+        """The box of a mesh beside the tool point, along the tool's axes; all others as they are. In the palm's frame.
+
+        The smallest box around the tip of a finger may lean, and stand out between the pads.
+        """
+        if box.filling is None:
+            return box
+        corners, points = self._tool_from_palm.apply(box.corners), self._tool_from_palm.apply(box.outermost)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        if not low[2] <= 0.0 <= high[2]:
+            return box
+        low[:2], high[:2] = points.min(axis=0)[:2], points.max(axis=0)[:2]
+        (x, y, z), (u, v, w) = ((low + high) / 2).tolist(), ((high - low) / 2).tolist()
+        return LinkBox(self._tool_from_palm.inverse() @ Pose((x, y, z)), (u, v, w))
 
     def _palm_from(self, joint: Joint, positions: Mapping[str, float]) -> Pose:
         pose = Pose.identity()

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 POSITION_TOLERANCE = 1e-5
 """m, residual of a solution"""
+USUAL_SPEED = 1.0
+"""rad/s or m/s, the most of a joint whose description gives none: what slow arms do"""
 ROTATION_TOLERANCE = 1e-4
 """rad, residual of a solution"""
 _MOST_STEPS = 100
@@ -74,6 +76,8 @@ class JointChain:
         self.gears, self._offsets = _gears(self.moving, self.names)
         """(k, n) velocities of all joints that move, per velocity of those with a position of their own"""
         self.lower, self.upper = _ranges(self.moving, self.names)
+        self.velocity = _fastest(self.moving, self.names)
+        """(n,) rad/s or m/s, the most of each joint with a position of its own"""
         self.turning = np.isinf(self.lower)
         """Which joints are continuous"""
         self._prismatic = np.array([joint.kind == "prismatic" for joint in self.moving])
@@ -258,6 +262,17 @@ def _ranges(moving: Sequence[Joint], names: Sequence[str]) -> tuple[Array, Array
         index = names.index(joint.name if joint.mimic is None else joint.mimic.joint)
         lower[index], upper[index] = max(lower[index], low), min(upper[index], high)
     return lower, upper
+
+
+def _fastest(moving: Sequence[Joint], names: Sequence[str]) -> Array:
+    """(n,) greatest velocities of `names`: within their limits, and those of the joints that mimic them."""
+    fastest = np.full(len(names), np.inf)
+    for joint in moving:
+        gear = 1.0 if joint.mimic is None else abs(joint.mimic.multiplier)
+        index = names.index(joint.name if joint.mimic is None else joint.mimic.joint)
+        if gear:
+            fastest[index] = min(fastest[index], joint.velocity / gear)
+    return np.where(np.isinf(fastest), USUAL_SPEED, fastest)
 
 
 def _origins(joints: Sequence[Joint]) -> tuple[list[Array], Array]:

@@ -94,7 +94,17 @@ def _box(points: Array) -> LinkBox:
     low, high = local.min(axis=0), local.max(axis=0)
     x, y, z = (np.maximum(high - low, _THINNEST) / 2).tolist()
     at_x, at_y, at_z = ((low + high) / 2).tolist()
-    return LinkBox(pose @ Pose((at_x, at_y, at_z)), (x, y, z))
+    return LinkBox(pose @ Pose((at_x, at_y, at_z)), (x, y, z), _outermost(local) - (at_x, at_y, at_z))
+
+
+def _outermost(points: Array) -> Array:
+    """The corners (k, 3) of the convex hull of points (n, 3); all of them if they are flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
 
 
 def _turned(points: Array) -> Array:
@@ -107,13 +117,12 @@ def _turned(points: Array) -> Array:
     directions = icosphere(subdivisions=_SUBDIVISIONS).vertices
     outermost = points[np.unique((directions @ points.T).argmax(axis=1))]  # the search takes their square in time
     try:
-        hull = ConvexHull(outermost)
-    except QhullError:  # flat: its principal axes
-        matrix = np.eye(4)
-        matrix[:3, :3] = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
-    else:  # of the hull of a surface that trimesh makes itself it would turn all normals, by a library of graphs
+        hull = ConvexHull(outermost)  # of the one that trimesh makes itself it would turn all normals, by a library
         surface = SimpleNamespace(convex_hull=Trimesh(outermost[hull.vertices], _renumbered(hull), process=False))
         matrix = oriented_bounds(surface, ordered=False)[0]  # type: ignore[no-untyped-call]
+    except (QhullError, ValueError):  # flat, or too thin for trimesh: its principal axes
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
     matrix[2, :3] *= np.sign(np.linalg.det(matrix[:3, :3]))  # it may be mirrored
     return np.asarray(matrix)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,8 @@ class LinkBox:
     """link_from_box, at its centre"""
     half: Vector3
     """m, half its edges"""
+    filling: Array | None = field(default=None, compare=False, repr=False)
+    """(k, 3) m in the box's frame, the outermost points of the mesh that it stands for; None for a solid box"""
 
     @property
     def size(self) -> Vector3:
@@ -32,9 +34,14 @@ class LinkBox:
         """(8, 3) in the link's frame, m."""
         return self.pose.apply(CORNERS * self.half)
 
+    @property
+    def outermost(self) -> Array:
+        """(k, 3) in the link's frame, m: the outermost points of what the box stands for."""
+        return self.corners if self.filling is None else self.pose.apply(self.filling)
+
     def seen_from(self, frame_from_link: Pose) -> LinkBox:
         """The same box in another frame."""
-        return LinkBox(frame_from_link @ self.pose, self.half)
+        return LinkBox(frame_from_link @ self.pose, self.half, self.filling)
 
 
 def bounds(boxes: Iterable[LinkBox]) -> tuple[float, ...] | None:

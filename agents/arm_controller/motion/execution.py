@@ -40,7 +40,7 @@ class StuckError(MotionError):
 
 
 class OvertakenError(MotionError):
-    """Something has come in the way while the arm stood still for a person."""
+    """Something has come in the way."""
 
 
 class MotionExecution:
@@ -184,6 +184,12 @@ class MotionExecution:
     def way(self) -> Array:
         """(m, n) rad, the present way."""
         return self._trajectory.positions
+
+    @property
+    def left(self) -> tuple[Array, int]:
+        """(m, n) rad of the way that lie before the arm, and how many of them are on its final line."""
+        rows = self.way[self._trajectory.nearest(self.here) :]
+        return rows, min(self._trajectory.final, len(rows))
 
     @property
     def rest(self) -> Trajectory:

@@ -168,16 +168,21 @@ class OtherArms:
     def _ahead(self, node: Node, now: float) -> list[Obstacle]:
         """The boxes of an arm on what is left of its way; one that tells nothing more may be anywhere on it."""
         times, numbers = node.get("way_times", ()), node.get("way", ())
-        rows = np.array(numbers).reshape(len(times), -1, _NUMBERS) if times and len(numbers) else np.zeros((0, 0, 0))
+        if not times or len(numbers) % (len(times) * _NUMBERS):
+            return []  # none, or none that anybody can read
+        rows = np.array(numbers).reshape(len(times), -1, _NUMBERS)
         seen = self._sampled(node.name)
         end = seen + COAST if now - seen > SILENT else math.inf
         steps = zip(times, (*times[1:], math.inf), rows, strict=False)
         left = [row for begin, until, row in steps if until >= seen and begin <= end]
-        return [
-            Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
-            for row in left
-            for x, y, z, a, b, c, d, u, v, w in row.tolist()
-        ]
+        try:
+            return [
+                Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
+                for row in left
+                for x, y, z, a, b, c, d, u, v, w in row.tolist()
+            ]
+        except ValueError:  # numbers that are no rotation
+            return []
 
     def _sampled(self, arm: str) -> float:
         """s, when the newest sample of an arm was taken; long ago without any."""
@@ -197,7 +202,7 @@ class Announcer:
 
     def __init__(self, memory: Memory, arm: str, figure: Figure) -> None:
         self._memory, self._arm, self._figure = memory, arm, figure
-        self._told = True  # until it is known that nothing is left of an earlier run
+        self._told = self._has_way = True  # until it is known that nothing is left of an earlier run
         self.since = math.inf
         """s, when the arm first wanted to go where it goes or waits to go; infinite if it wants nothing."""
 
@@ -213,20 +218,26 @@ class Announcer:
         boxes = _in_world(parts, world_from_arm, self._figure.base_boxes)
         numbers = [number for row in range(len(rows)) for number in _numbers(boxes, row)]
         times = tuple((begin + trajectory.times[rows]).tolist())
+        self._has_way = True
         self._write(way=tuple(numbers), way_times=times, way_since=self.since, waits_for="")
 
     def wait_for(self, other: str, now: float) -> None:
-        """Tell that the arm stands still until another one has gone."""
+        """Tell that the arm stands still, or is about to, until another one has gone."""
         self.want(now)
-        self._forget("way", "way_times")
         self._write(way_since=self.since, waits_for=other)
 
     def withdraw(self) -> None:
-        """Tell that the arm wants to go nowhere."""
+        """Tell that the arm wants to go nowhere. The way stays until `rest`: an arm brakes on it, and may die there."""
         self.since = math.inf
         if self._told:
-            self._forget("way", "way_times", "way_since", "waits_for")
+            self._forget("way_since", "waits_for")
         self._told = False
+
+    def rest(self) -> None:
+        """Take back the way of an arm that stands still, and does not want to go."""
+        if self._has_way:
+            self._forget("way", "way_times")
+        self._has_way = False
 
     def _forget(self, *names: str) -> None:
         node = self._memory.get_node(self._arm)

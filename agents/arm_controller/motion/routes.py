@@ -28,8 +28,6 @@ _STRAIGHT = 0.05  # m at the end of a line that no rounding touches
 _WAY_OUT = 0.1  # m within which an arm that begins too close to something must be free
 SPARE = 0.001
 """m of room beyond the margin on a searched way: cutting its corners moves it, and it is checked once more then"""
-BRANCHES = 400
-"""Branches of a search before it is given up"""
 _DRAWN = 32  # postures that are solved at once: some ms more than one
 _MOST_TILT = 0.6  # rad by which what is held may lean on a searched way: less than spills a cup that is half full
 
@@ -89,7 +87,7 @@ class Router:
         self._chain = chain
         self._up = world_from_arm.rotation_matrix[2]  # (3,) the world's vertical axis in the arm's frame
         self._world_from_arm = world_from_arm
-        self._velocity = np.array([joint.velocity for joint in chain.joints])
+        self._velocity = chain.velocity
 
     def tool(self, positions: Array) -> Pose:
         """world_from_tool at joint `positions` (n,) rad."""
@@ -159,21 +157,21 @@ class Router:
         obstacles: Obstacles,
         limits: MotionLimits,
         rng: np.random.Generator,
-        branches: int = BRANCHES,
     ) -> Finding:
         """Search a way around what blocks the simple ones. What is held leans by 0.6 rad at most on the way.
 
+        The search goes on until a way is found, or nobody goes on with it.
+
         Args:
-            start: as of `plan`, like all that follow but the last two.
+            start: as of `plan`, like all that follow but the last one.
             goal: where to.
             load: what moves along.
             obstacles: what must not be touched.
             limits: of speed, acceleration and jerk.
             rng: of the search.
-            branches: that are tried before it is given up.
 
         Raises:
-            BlockedError: if no way is found, with what blocks the straight one.
+            BlockedError: if an end of the way is not free, or the way that is found is not with its corners cut.
         """
         down = self._line(goal.positions, goal.approach, goal.retreat)[::-1]
         if not len(down):
@@ -191,9 +189,7 @@ class Router:
         if not free(down[:1]).all():
             raise BlockedError(self._on_straight(start, down[0], load, obstacles))
         draw = self._uniform(ends, rng) if level is None else self._upright(ends, rng)
-        found = yield from search(out[-1], down[0], free, draw, branches)
-        if found is None:
-            raise BlockedError(self._on_straight(start, down[0], load, obstacles))
+        found = yield from search(out[-1], down[0], free, draw)
         way = yield from shortened(found, free, rng)
         return self._checked(_Path(np.vstack([out[:-1], way, down[1:]]), down, goal.approach), load, obstacles, limits)
 
@@ -263,9 +259,10 @@ class Router:
         away, height = tips[:, :2, 3] @ tips[:, :2, 3].T, tips[:, 2, 3]
         farthest = 1.5 * math.sqrt(float(away.diagonal().max()))
         found: list[Array] = []
+        anywhere = self._uniform(ends, rng)
 
         def draw() -> Array:
-            while not found:
+            if not found:
                 targets = np.broadcast_to(tips[0], (_DRAWN, 4, 4)).copy()
                 turns = Rotation.from_rotvec(rng.uniform(-math.pi, math.pi, _DRAWN)[:, None] * self._up).as_matrix()
                 targets[:, :3, :3] = turns @ targets[:, :3, :3]
@@ -274,7 +271,7 @@ class Router:
                 shares = rng.uniform(0.0, 1.0, _DRAWN)[:, None]
                 rows, reached = self._chain.track(targets, ends[0] + shares * (ends[1] - ends[0]), ends.mean(axis=0))
                 found.extend(rows[reached])
-            return found.pop()
+            return found.pop() if found else anywhere()
 
         return draw
 

@@ -18,6 +18,8 @@ JUMP = 0.05
 """rad or m that a sample may be off beside that, by noise of the encoder and of the stamps"""
 SHORTEST = 0.02
 """s that count at least between two samples: stamps of some drivers are rounded"""
+CLOCKS_APART = 1.0
+"""s by which the driver's clock may differ: poses of cameras and of other arms are compared by their stamps"""
 KEPT = 100
 """Samples whose delays are known: the least of them is the offset of the driver's clock"""
 
@@ -32,7 +34,7 @@ class SampleCheck:
 
     def __init__(self, chain: JointChain, late: float) -> None:
         self._chain, self._late = chain, late
-        self._fastest = np.array([joint.velocity for joint in chain.joints])
+        self._fastest = chain.velocity
         self._last: Joints | None = None
         self._delays: list[float] = []
 
@@ -41,7 +43,8 @@ class SampleCheck:
         last, self._last = self._last, joints
         positions = np.array(joints.positions)
         return (
-            self._beyond(positions)
+            _of_another_time(joints.stamp, now)
+            or self._beyond(positions)
             or ("" if last is None else self._jumped(positions, joints.stamp, last))
             or self._delayed(joints.stamp, now)
         )
@@ -66,7 +69,20 @@ class SampleCheck:
         return f"{self._chain.names[worst]} jumped by {way[worst]:.3f} rad within {passed:.3f} s"
 
     def _delayed(self, stamp: float, now: float) -> str:
+        """Whether a sample comes later than others, or is stamped ahead of them: a jump within that time is none."""
         delay = now - stamp
+        offset = min(self._delays, default=delay)
         self._delays = [*self._delays[1 - KEPT :], delay]
-        late = delay - min(self._delays)
+        if offset - delay > self._late:
+            return f"samples of the joints are stamped {offset - delay:.2f} s further ahead than before"
+        late = delay - offset
         return f"samples of the joints are {late:.2f} s late" if late > self._late else ""
+
+
+def _of_another_time(stamp: float, now: float) -> str:
+    """Whether the driver has another clock, in words; empty if not."""
+    ahead = stamp - now
+    if abs(ahead) <= CLOCKS_APART:
+        return ""
+    side = "ahead of" if ahead > 0.0 else "behind"
+    return f"samples of the joints are stamped {abs(ahead):.1f} s {side} the clock of this agent"

@@ -67,7 +67,8 @@ class RunningActions:
         """Take requests, and do a step of the action under way; an `idle` arm steps back for others without any."""
         self._arm.joints = joints
         self._take_requests(joints)
-        if idle and not self.running and self._arm.around.others.waits_for_us() and joints.stamp >= self._retreat_at:
+        free = idle and not self.running and joints.stamp >= self._retreat_at and not self._speed_problem()
+        if free and self._arm.around.others.waits_for_us():
             self._retreat(joints)
         if self._steps is not None:
             self._advance(self._steps)
@@ -112,7 +113,7 @@ class RunningActions:
             self._end(HALTED, "")
         if skill == "stop" and self.running:
             self._end(HALTED, f"{node.name} asked to stop")
-        problem = refused or self._problem(skill)
+        problem = refused or self._problem(skill) or self._speed_problem()
         if problem or joints is None:
             self._say(node.name, status if refused else FAILED, problem)
             return
@@ -134,10 +135,15 @@ class RunningActions:
             return f"unknown skill {skill!r}; {suggest(skill, _SKILLS)}"
         return ""
 
+    def _speed_problem(self) -> str:
+        """Why the arm cannot go as fast as it should, or nothing."""
+        speed = self._speed()
+        return "" if 0.0 < speed <= 1.0 else f"target_speed {speed:g}: expected more than 0, at most 1"
+
     def _speed(self) -> float:
-        node = self._memory.get_node(self._config.arm)
-        wanted = self._config.default_speed if node is None else node.get("target_speed", self._config.default_speed)
-        return wanted if 0.0 < wanted <= 1.0 else self._config.default_speed
+        node, usual = self._memory.get_node(self._config.arm), self._config.default_speed
+        speed: float = usual if node is None else node.get("target_speed", usual)
+        return speed
 
     def _advance(self, steps: Steps[None]) -> None:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,10 +13,11 @@ from agents.arm_controller.grasping.pressing import GentleFingers
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.model.kinematics import JointChain
-from agents.arm_controller.motion.execution import Blocking, MotionExecution, StuckError
+from agents.arm_controller.motion.execution import MotionExecution, OvertakenError, StuckError
 from agents.arm_controller.motion.others import Announcer
 from agents.arm_controller.motion.routes import UP, BlockedError, JointGoal
 from agents.arm_controller.motion.trajectory import Trajectory
+from agents.arm_controller.safety.intruders import Intruders
 from agents.arm_controller.scene import ArmScene, Obstacle
 from agents.arm_controller.skills.right_of_way import RightOfWay
 from agents.arm_controller.skills.steps import Attempt, DroppedError, SkillError, Steps, at_once
@@ -79,6 +81,8 @@ class Manipulator:
         """Gives way to other arms."""
         self.fingers = fingers
         """Opens and closes the gripper."""
+        self._intruders, self._intruder = Intruders(), ""
+        self._meets: Callable[[Sequence[Obstacle], Array, int], str | None]
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill, at `speed` (0 to 1 of the joints' limits).
@@ -157,29 +161,39 @@ class Manipulator:
         yield from self.go(trajectory, attempt, "rise", held)
 
     def start(self, trajectory: Trajectory, attempt: Attempt) -> None:
-        """Begin to follow the way of an attempt: more slowly near people, and not yet if they are too near."""
+        """Begin to follow the way of an attempt: more slowly near people, and not yet if they are too near.
 
-        def blocking(rows: Array, final: int) -> str | None:
-            obstacles = self.around.obstacles(self.around.things(self.joints.stamp), attempt.target)
+        The arm stays where it is if something has come into the way since it was planned; `has_arrived` tells then.
+        """
+
+        def meets(things: Sequence[Obstacle], rows: Array, final: int) -> str | None:
+            obstacles = self.around.obstacles(things, attempt.target)
             return obstacles.blocking(rows, self.around.load(attempt.opening), final)
 
-        self._start(trajectory, blocking)
+        self._meets = meets
+        self._intruders.expect(self.ways.things)
+        self._intruder = self._come_in_the_way(trajectory.positions, trajectory.final)
+        if not self._intruder:
+            blocking = lambda rows, final: meets(self.around.things(self.joints.stamp), rows, final)  # noqa: E731
+            self.execution.start(trajectory, self.ways.limits, blocking)
+            self.right_of_way.set_out()
 
-    def start_straight(self, trajectory: Trajectory) -> None:
-        """Begin to follow a way past things: only zones, arms and people count."""
-
-        def blocking(rows: Array, final: int) -> str | None:
-            obstacles = self.around.obstacles(self.around.forbidden(self.joints.stamp))
-            return obstacles.blocking(rows, self.around.load(self.joints.opening), len(rows))
-
-        self._start(trajectory, blocking)
-
-    def _start(self, trajectory: Trajectory, blocking: Blocking) -> None:
-        self.execution.start(trajectory, self.ways.limits, blocking)
-        self.right_of_way.set_out()
+    def _come_in_the_way(self, rows: Array, final: int) -> str:
+        """Name of a thing or zone that has come into the way (m, n) since it was planned; empty for none."""
+        new = self._intruders.among(self.around.things_and_zones())
+        return (self._meets(new, rows, final) or "") if new else ""
 
     def has_arrived(self) -> bool:
-        """Whether the way is done. Raises `MotionError` as `MotionExecution.has_arrived`, `SkillError` for an arm."""
+        """Whether the way is done.
+
+        Raises:
+            OvertakenError: if something has come into the way; the arm is stopped then.
+            MotionError: as `MotionExecution.has_arrived`.
+            SkillError: if another arm does not leave the way.
+        """
+        if by := self._intruder or self._come_in_the_way(*self.execution.left):
+            self.hold_still()
+            raise OvertakenError(f"{by} is in the way")
         if self.execution.keeps_distance() or self.right_of_way.stands_still():
             return False
         arrived = self.execution.has_arrived()

@@ -11,7 +11,7 @@ from agents.arm_controller.motion.execution import OvertakenError
 from agents.arm_controller.motion.routes import JointGoal
 from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.skills.manipulator import Manipulator
-from agents.arm_controller.skills.steps import Attempt, SkillError, Steps
+from agents.arm_controller.skills.steps import Attempt, InTheWayError, SkillError, Steps
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
@@ -41,26 +41,38 @@ def look(arm: Manipulator, camera: str, target_pose: Pose | None) -> Steps[None]
 
 def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
     """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
-    yield from _go_to_one(arm, lambda: [q for _, q in arm.ways.solve(poses)])
+    yield from _go_to_one(arm, lambda: [q for _, q in arm.ways.solve(poses)], poses)
 
 
-def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]]) -> Steps[None]:
-    """Go to the first of joint positions that is free; anew if something has come in the way meanwhile."""
+def _go_to_one(arm: Manipulator, goals: Callable[[], Sequence[Array]], poses: Sequence[Pose] = ()) -> Steps[None]:
+    """Go to the first of joint positions that is free; anew if something has come in the way meanwhile.
+
+    If none is, other joint positions will do that bring the tool point to one of `poses` (world_from_tool).
+    """
     held = arm.holding.held
     for left in reversed(range(_MOST_WAYS)):
-        attempt, trajectory = yield from arm.right_of_way.cleared(lambda: _first(arm, goals()), lambda found: found[1])
+        plan = arm.right_of_way.cleared(lambda: _first(arm, goals(), poses), lambda found: found[1])
+        attempt, trajectory = yield from plan
         try:
             yield from arm.go(trajectory, attempt, "move", held)
             return
         except OvertakenError:
             if not left:
                 raise
+            yield from arm.settle()
 
 
-def _first(arm: Manipulator, goals: Sequence[Array]) -> Steps[tuple[Attempt, Trajectory]]:
+def _first(arm: Manipulator, goals: Sequence[Array], poses: Sequence[Pose]) -> Steps[tuple[Attempt, Trajectory]]:
     """The first of joint positions that is free, with the way there."""
     attempts = [Attempt(JointGoal(q), arm.joints.opening) for q in goals]
-    index, trajectory = yield from arm.ways.first(attempts)
+    try:
+        index, trajectory = yield from arm.ways.first(attempts, searched=False)
+    except InTheWayError as error:
+        if arm.around.is_arm(error.by):
+            raise
+        others = arm.ways.other_postures(poses, goals) if poses else []
+        attempts += [Attempt(JointGoal(q), arm.joints.opening) for q in others]
+        index, trajectory = yield from arm.ways.first(attempts)
     return attempts[index], trajectory
 
 

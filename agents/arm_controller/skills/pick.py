@@ -163,6 +163,7 @@ def _approach(arm: Manipulator, target: Obstacle) -> Steps[bool]:
                 yield from arm.settle()
                 return False
     except OvertakenError:
+        yield from arm.settle()
         return False
     return True
 

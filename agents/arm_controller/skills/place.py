@@ -75,6 +75,7 @@ def _go_down(arm: Manipulator, held: str, destination: Obstacle | None) -> Steps
                 yield from arm.settle()
                 return False
     except OvertakenError:
+        yield from arm.settle()
         return False
     except StuckError:
         if arm.away() > EARLY:

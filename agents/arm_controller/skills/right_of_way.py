@@ -62,6 +62,8 @@ class RightOfWay:
         self._ways, self._around, self._execution, self._announcer = ways, surroundings, execution, announcer
         self._others, self._config, self._go = surroundings.others, config, go
         self._stopped = math.inf
+        self._goes = False
+        """Whether the arm is on its way, or has claimed one."""
         self._claims: tuple[object, ...] = ()
         self._came: Array | None = None
         """(m, n) rad, the last way that was gone to its end"""
@@ -125,7 +127,13 @@ class RightOfWay:
 
     def withdraw(self) -> None:
         """Tell the others that the arm wants to go nowhere."""
+        self._goes = False
         self._announcer.withdraw()
+
+    def tick(self, joints: Joints) -> None:
+        """Take back the way of an arm that has come to rest; call it at each sample."""
+        if not self._goes and max(map(abs, joints.velocities)) <= self._config.still_speed:
+            self._announcer.rest()
 
     def near_arm(self, joints: Joints) -> str:
         """Name of another arm into which this one moves; empty for none. Raises `TransformError` if it is lost."""
@@ -144,6 +152,7 @@ class RightOfWay:
                 return False
             self._execution.stop()
             self._stopped, self._execution.waits_for = self._joints.stamp, near
+            self._goes = False
             self._announcer.withdraw()
             self._announcer.wait_for(near, self._joints.stamp)
         elif not self._execution.moves:
@@ -174,6 +183,7 @@ class RightOfWay:
 
     def _wait_for(self, other: str) -> Steps[None]:
         """Stand still for a moment; step back if the other arm waits for this one, and goes first."""
+        self._goes = False
         self._announcer.wait_for(other, self._joints.stamp)
         self._execution.waits_for = other
         if other in self._others.waits_for_us() and self._others.precedes(other):
@@ -188,6 +198,7 @@ class RightOfWay:
     def _claim(self, trajectory: Trajectory) -> Steps[bool]:
         """Announce a way, and see that nobody who goes first has announced one across it meanwhile."""
         load = self._around.load(self._joints.opening)
+        self._goes = True
         self._announcer.announce(trajectory, self._joints.stamp, self._around.world_from_arm, load)
         until = self._joints.stamp + CLAIM
         while self._joints.stamp < until:
@@ -196,6 +207,7 @@ class RightOfWay:
         return self._around.obstacles(ways).blocking(trajectory.positions, load, 0) is None
 
     def _announce(self, trajectory: Trajectory) -> None:
+        self._goes = True
         if self._others.names():
             load = self._around.load(self._joints.opening)
             self._announcer.announce(trajectory, self._joints.stamp, self._around.world_from_arm, load)

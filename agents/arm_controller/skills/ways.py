@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,8 +26,14 @@ SEARCHED = 3
 """Attempts for which a way around everything is searched: what is unreachable by one is often so by all"""
 RESTARTS = 3
 """Random postures from which grasps from the side are solved: the arm must often turn its wrist for them"""
+OTHERS = 32
+"""Random postures from which other joint positions for the same place are solved: some ms more than one"""
+DIFFERENT = 0.5
+"""rad of a joint by which joint positions for the same place differ at least: less is the same posture, moved"""
 PIECES = 5
 """Pieces of a search in a tick: some ms each, so that the agent hears a halt within 0.1 s"""
+SEARCH = 10.0
+"""s of the arm's time until a search is given up: somebody waits for it, and skills take as long"""
 FARTHEST = 10.0
 """m from the arm's base that no arm reaches"""
 
@@ -54,6 +61,8 @@ class Ways:
         self._config, self._rng = config, rng
         self._speed = config.default_speed
         self._router: Router
+        self.things: list[Obstacle] = []
+        """What the last way was planned around."""
 
     def begin(self, speed: float) -> None:
         """Get ready at `speed` (0 to 1 of the joints' limits). Raises `TransformError` if the arm's place is lost."""
@@ -99,8 +108,8 @@ class Ways:
     def first(self, attempts: Sequence[Attempt], *, searched: bool = True) -> Steps[tuple[int, Trajectory]]:
         """The first of several attempts that has a free way, by its index, and that way.
 
-        Simple ways are tried for all of them, one at each tick. Then, if one may be `searched`, a way around everything
-        for the first few.
+        Simple ways are tried for all of them, one at each tick. Then, if one may be `searched`, ways around everything
+        for the first few, by turns.
 
         Raises:
             InTheWayError: if all are blocked, with what blocks the first one.
@@ -114,28 +123,44 @@ class Ways:
             yield "plan"
         if blocked is not None and self._around.is_arm(blocked.by):
             raise InTheWayError(blocked.by)  # it will go away
-        tries = 0
-        for index, attempt in enumerate(attempts if searched else ()):
-            finding = self._search(attempt)
-            try:
-                next(finding)
-            except BlockedError:
-                continue  # its end is not free
-            except StopIteration as end:
-                return index, end.value
-            try:
-                return index, (yield from _in_pieces(finding))
-            except BlockedError:
-                tries += 1
-            if tries == SEARCHED:
-                break
+        if searched and (found := (yield from self._first_found(attempts))) is not None:
+            return found
         if blocked is None:
             raise SkillError("no way")
         raise InTheWayError(blocked.by)
 
+    def _first_found(self, attempts: Sequence[Attempt]) -> Steps[tuple[int, Trajectory] | None]:
+        """As `first`, by searches; None if none comes to an end in time."""
+        until = self._now + SEARCH
+        turns: deque[tuple[int, Finding]] = deque()
+        for index, attempt in enumerate(attempts):
+            if (found := _advanced(turns, index, self._search(attempt))) is not None:
+                return found
+            if len(turns) == SEARCHED:
+                break
+        while turns and self._now < until:
+            for _ in range(PIECES):
+                if turns and (found := _advanced(turns, *turns.popleft())) is not None:
+                    return found
+            yield "plan"
+        return None
+
+    def other_postures(self, poses: Sequence[Pose], known: Sequence[Array]) -> list[Array]:
+        """Other joint positions (n,) rad than those `known`, for the same `poses` of the tool (world)."""
+        arm_from_world = self._around.world_from_arm.inverse()
+        starts = self._chain.starts(self._here, OTHERS, self._rng)[1:]
+        tips = np.array([(arm_from_world @ poses[number % len(poses)]).matrix for number in range(OTHERS)])
+        rows, reached = self._chain.track(tips, starts, self._posture)
+        found = list(known)
+        for row in rows[reached]:
+            if all(np.abs(row - other).max() > DIFFERENT for other in found):
+                found.append(row)
+        others = found[len(known) :]
+        return sorted(others, key=lambda row: self._router.effort(self._here, row))
+
     def simple(self, attempt: Attempt) -> Trajectory:
         """Straight there, or up, across and down. Raises `BlockedError`."""
-        load, things = self._around.load(attempt.opening), self._around.things(self._now)
+        load, things = self._around.load(attempt.opening), self._look()
         tool = self.tool(self._here)
         lowest = (tool.t[2] - float(tool.apply(box.corners)[:, 2].min()) for box in load.held)
         below = max([self._around.figure.reach, *lowest])
@@ -147,29 +172,27 @@ class Ways:
     def retreat(self, direction: Vector3, length: float) -> Trajectory:
         """The tool straight along a unit vector (world) by `length` m. Raises `BlockedError`."""
         load = self._around.load(self._execution.joints.opening)
-        obstacles = self._around.obstacles(self._around.things(self._now))
+        obstacles = self._around.obstacles(self._look())
         return self._router.retreat(self._here, length, direction, load, obstacles, self.limits)
 
     def through(self, way: Array) -> Trajectory:
         """From here through joint positions (m, n) rad, straight in between. Raises `BlockedError`."""
-        return self._through(way, self._around.things(self._now))
-
-    def straight(self, goal: Array) -> Trajectory:
-        """Straight to joint positions `goal` (n,) rad; things are no obstacles. Raises `BlockedError`."""
-        return self._through(goal[None], self._around.forbidden(self._now))
-
-    def _through(self, way: Array, things: Sequence[Obstacle]) -> Trajectory:
         rows = resampled(np.vstack([self._here, way]))
         load = self._around.load(self._execution.joints.opening)
-        by = self._around.obstacles(things).blocking(rows, load, len(rows))
+        by = self._around.obstacles(self._look()).blocking(rows, load, len(rows))
         if by is not None:
             raise BlockedError(by)
         return self._router.through(rows, self.limits)
 
+    def _look(self) -> list[Obstacle]:
+        """What must not be touched, now."""
+        self.things = self._around.things(self._now)
+        return self.things
+
     def _search(self, attempt: Attempt) -> Finding:
         """A way around everything."""
         load = self._around.load(attempt.opening)
-        obstacles = self._around.obstacles(self._around.things(self._now), attempt.target)
+        obstacles = self._around.obstacles(self._look(), attempt.target)
         return self._router.search(self._here, attempt.goal, load, obstacles, self.limits, self._rng)
 
     def _searched(self, arm_from_tool: Pose) -> Array:
@@ -193,13 +216,15 @@ class Ways:
         return np.array(wanted) if wanted else self._here
 
 
-def _in_pieces(finding: Finding) -> Steps[Trajectory]:
-    """The way that is found, by some pieces of the search at each tick. Raises `BlockedError`."""
-    while True:
-        for _ in range(PIECES):
-            try:
-                next(finding)
-            except StopIteration as end:
-                found: Trajectory = end.value
-                return found
-        yield "plan"
+def _advanced(
+    turns: deque[tuple[int, Finding]], index: int, finding: Finding
+) -> tuple[int, Trajectory] | None:
+    """Do a piece of the search for an attempt: what it found, or None; it has another turn unless it is in vain."""
+    try:
+        next(finding)
+    except StopIteration as end:
+        return index, end.value
+    except BlockedError:
+        return None
+    turns.append((index, finding))
+    return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from agents.ros_bridge.errors import RosMessageError
@@ -80,6 +80,7 @@ class JointTable:
 
     def __init__(self) -> None:
         self._values: dict[str, tuple[float, float, float]] = {}
+        self._stamps: dict[str, float] = {}
         self._measured: dict[str, tuple[float, float, float]] = {}
         """Of joints whose velocity is not told: when (s) and at which position it was measured, and what it is"""
 
@@ -92,6 +93,7 @@ class JointTable:
         ):
             known = velocity if math.isfinite(velocity) else self._measure(name, position, at)
             self._values[name] = position, known, effort
+            self._stamps[name] = at
 
     def _measure(self, name: str, position: float, at: float) -> float:
         """rad/s or m/s by the last position that is old enough; 0 without one."""
@@ -117,6 +119,10 @@ class JointTable:
     def velocities(self) -> tuple[float, ...]:
         """rad/s or m/s, in the order of `names`"""
         return tuple(velocity for _, velocity, _ in self._values.values())
+
+    def oldest(self, names: Iterable[str]) -> float:
+        """Time (s) of the oldest of the newest samples of these joints. Raises `KeyError`."""
+        return min(self._stamps[name] for name in names)
 
     def __contains__(self, name: object) -> bool:
         return name in self._values

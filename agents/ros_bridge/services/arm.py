@@ -48,7 +48,6 @@ class RosArm(RosDevice):
         joints: names of the arm's joints, as in its URDF and its controller.
         trajectory: FollowJointTrajectory action of the controller.
         states: topic of JointState.
-        speed: rad/s of the fastest joint in `move_joints` at speed 1.
         gripper: GripperCommand or ParallelGripperCommand action; empty for an arm without a gripper.
         gripper_joint: name of the joint that tells how far the gripper is open.
         gripper_closed: position of this joint, and in commands, with nothing between the pads.
@@ -67,14 +66,14 @@ class RosArm(RosDevice):
     def __init__(
         self, bus: Transport, keys: Keys, *, joints: Sequence[str],
         trajectory: str = "/joint_trajectory_controller/follow_joint_trajectory",
-        states: str = "/joint_states", speed: float = 1.0, gripper: str = "", gripper_joint: str = "",
+        states: str = "/joint_states", gripper: str = "", gripper_joint: str = "",
         gripper_closed: float = 0.0, gripper_open: float = 0.085, stroke: float = 0.085, effort: float = 0.0,
         deadman: float = 0.1,
         link: Mapping[str, Any] | None = None, restamp: bool = False, arm: str = ARM,
     ) -> None:  # fmt: skip
-        if not joints or speed <= 0.0 or stroke <= 0.0 or gripper_open == gripper_closed:
+        if not joints or stroke <= 0.0 or gripper_open == gripper_closed:
             raise ConfigError(
-                "an arm in ROS needs the names of its `joints`, `speed` and `stroke` above 0, "
+                "an arm in ROS needs the names of its `joints`, a `stroke` above 0, "
                 "and positions `gripper_open` and `gripper_closed` that differ"
             )
         if (link or {}).get("transport") == "dds" and not (link or {}).get("installed_ros"):
@@ -88,7 +87,6 @@ class RosArm(RosDevice):
         self._patience, self._trajectory, self._link_options = deadman, trajectory, dict(link or {})
         self._deadman: Deadman | None = None
         self._deadman_began = 0.0
-        self._speed = speed
         self._gripper_joint, self._stroke = gripper_joint, stroke
         self._closed_at, self._open_at = gripper_closed, gripper_open
         self._inbox = self.inbox(states, JOINT_STATE, _MOST_SAMPLES, Qos(reliable=False, depth=_MOST_SAMPLES))
@@ -106,19 +104,19 @@ class RosArm(RosDevice):
     # ---- state
 
     def state(self) -> ArmState | None:
-        """The newest sample, or None before the first of all joints."""
-        newest = None
+        """The newest sample, or None before the first of all joints. Its stamp is that of its oldest joint."""
+        news = False
         for message in self._inbox.take():
             try:
                 sample = self._read(message.cdr)
                 stamp = self.stamp(sample.stamp, message.at)
                 if stamp is not None:
                     self._table.add(sample, stamp)
-                    newest = stamp
+                    news = True
             except RosMessageError as error:
                 self.tally.tell("malformed", self._inbox.topic.name, f"a JointState was dropped: {error}")
-        if newest is not None and all(name in self._table for name in self._names):
-            self._state = self._sample(newest)
+        if news and all(name in self._table for name in self._names):
+            self._state = self._sample(self._table.oldest(self._names))
         return self._state
 
     def _read(self, cdr: bytes | memoryview) -> JointSample:
@@ -149,12 +147,6 @@ class RosArm(RosDevice):
         return min(max(share, 0.0), 1.0) * self._stroke
 
     # ---- commands
-
-    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
-        """Go to joint `positions` (rad) at `speed` (0 to 1 of the option `speed`)."""
-        now = self._state.positions if self._state is not None else positions
-        way = max((abs(a - b) for a, b in zip(positions, now, strict=True)), default=0.0)
-        self.follow((max(way / (self._speed * max(speed, 1e-3)), _SHORTEST),), (positions,))
 
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
         """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""

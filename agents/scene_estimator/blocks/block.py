@@ -27,6 +27,20 @@ _OUT = 1.0 / math.cos(math.pi / len(_ROUND)) ** 0.5  # so that the prism has the
 _PRISM = np.array([[_OUT * math.cos(a), _OUT * math.sin(a), z] for z in (-1.0, 1.0) for a in _ROUND])
 
 
+Faces = NDArray[np.intp]
+"""(n,) on which face of a block each of n points is: the upper side, then the sides"""
+
+
+class OnFaces(NamedTuple):
+    """How points lie on a block."""
+
+    distances: Array
+    """(n,) m, outside their faces"""
+    normals: Array
+    """(n, 3) of the faces"""
+    faces: Faces
+
+
 class Block(NamedTuple):
     """An upright box or cylinder in the world frame."""
 
@@ -100,8 +114,8 @@ class Block(NamedTuple):
         pixels = view.intrinsics.project(local)
         return np.asarray(cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2), np.float64)
 
-    def distances(self, points: Array, rays: Array) -> tuple[Array, Array]:
-        """How far (n,) m points are outside the faces on which their rays end, negative within, and the normals (n, 3).
+    def distances(self, points: Array, rays: Array, held: Faces | None = None) -> OnFaces:
+        """How far points are outside the faces on which their rays end, negative within.
 
         The ray, not the point, tells the face: a point of the upper side with a wrong depth is none of a side. What is
         beyond a face that looks away is outside that one. The bottom, which nobody sees, is no face.
@@ -109,6 +123,7 @@ class Block(NamedTuple):
         Args:
             points: (n, 3) m, in the world.
             rays: (n, 3) unit vectors in the world, from the camera to the points.
+            held: the faces that count instead; None for those on which the rays end.
         """
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         away = points - self.centre
@@ -125,12 +140,17 @@ class Block(NamedTuple):
                 normal = np.column_stack([x + zero, y + zero, zero])
                 faces += [(along - half, normal), (-along - half, -normal)]
         beyond, normals = np.stack([face[0] for face in faces]), np.stack([face[1] for face in faces])
-        facing = -np.einsum("fij,ij->fi", normals, rays)
-        entered = np.where(facing > GRAZING, beyond / np.maximum(facing, GRAZING), -np.inf)
-        behind = np.where((facing <= GRAZING) & (beyond > 0.0), beyond, -np.inf)
+        face = _on_which(beyond, normals, rays) if held is None else held
         index = np.arange(len(points))
-        face = np.where(np.isfinite(behind.max(axis=0)), behind.argmax(axis=0), entered.argmax(axis=0))
-        return beyond[face, index], normals[face, index]
+        return OnFaces(beyond[face, index], normals[face, index], face)
+
+
+def _on_which(beyond: Array, normals: Array, rays: Array) -> Faces:
+    """On which face rays (n, 3) end, of faces beyond which points are by (f, n) m, with normals (f, n, 3)."""
+    facing = -np.einsum("fij,ij->fi", normals, rays)
+    entered = np.where(facing > GRAZING, beyond / np.maximum(facing, GRAZING), -np.inf)
+    behind = np.where((facing <= GRAZING) & (beyond > 0.0), beyond, -np.inf)
+    return np.asarray(np.where(np.isfinite(behind.max(axis=0)), behind.argmax(axis=0), entered.argmax(axis=0)))
 
 
 def inside(outline: Array, pixels: Array) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.blocks.block import Block
 from agents.scene_estimator.blocks.clusters import LEVEL, Cluster, Relief, Support
-from agents.scene_estimator.blocks.problem import EXTENTS, SUNK, SURFACE, TAILS, BlockPrior, BlockProblem, Solved
+from agents.scene_estimator.blocks.problem import EXTENTS, SUNK, TAILS, BlockPrior, BlockProblem, Solved, uprightness
 from agents.scene_estimator.blocks.splitting import cut, upright_box
 from agents.scene_estimator.blocks.touching import parted
 from agents.scene_estimator.colored import LEANING
@@ -210,4 +210,4 @@ def _sighting(fit: Solved, index: int, cluster: Cluster, *, measured: bool) -> B
 
 def _leaning(block: Block, level: float) -> float:
     """Rad: what stands on a support at a height (m) leans as far as both are uneven, whatever else as it may."""
-    return SURFACE / min(block.size[:2]) if abs(block.base - level) < SUNK * LEVEL else LEANING
+    return uprightness(block) if abs(block.base - level) < SUNK * LEVEL else LEANING

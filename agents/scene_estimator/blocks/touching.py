@@ -51,7 +51,7 @@ def parted(view: FrameView, cluster: Cluster, blocks: Sequence[Block]) -> list[C
 def _apart(cluster: Cluster, block: Block) -> Array:
     """(n,) m, how far the points of a piece are from the surface of a block."""
     along = cluster.rays / np.linalg.norm(cluster.rays, axis=1)[:, None]
-    return np.abs(block.distances(cluster.points, along)[0])
+    return np.abs(block.distances(cluster.points, along).distances)
 
 
 def _steps(outline: Array) -> float:

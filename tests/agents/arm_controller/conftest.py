@@ -26,12 +26,10 @@ PERIOD = 0.02
 GEN3 = Path(__file__).parents[3] / "etc" / "robots" / "gen3.urdf"
 HOME = (0.0, 0.0, np.pi, -0.96, 0.0, -2.05, np.pi / 2)
 """Looking down at the table."""
-SPEED = 1.0
-"""rad/s of the fake arm at full speed; its fingers take one sample."""
 
 
 class FakeArm:
-    """Goes straight to where it is sent, one step per `advance`; lists what it was told."""
+    """Is where its trajectory is, a sample per `advance`; its fingers take one. Lists what it was told."""
 
     def __init__(self) -> None:
         self.names = tuple(f"joint_{number}" for number in range(1, 8))
@@ -50,8 +48,6 @@ class FakeArm:
         self.told: list[tuple[Any, ...]] = []
         self.closed = False
         self.alive_at = -1.0
-        self._goal = self.positions
-        self._speed = 0.0
         self._trajectory: tuple[np.ndarray, np.ndarray] | None = None
         self._began = self._now = 0.0
 
@@ -61,13 +57,9 @@ class FakeArm:
             times, rows = self._trajectory
             here = np.array([np.interp((now - self._began) * self.pace, times, joint) for joint in rows.T])
             self.velocities, self.positions = (here - self.positions) / PERIOD, here
-            self._goal = here
             self.present = self.sample(now)
             return
-        step = np.clip(self._goal - self.positions, -self._speed * PERIOD, self._speed * PERIOD)
-        step = np.zeros(7) if self.stuck else step
-        self.positions = self.positions + step
-        self.velocities = step / PERIOD + self.drift
+        self.velocities = np.zeros(7) + self.drift
         self.present = self.sample(now)
 
     def sample(self, now: float) -> ArmState:
@@ -78,11 +70,6 @@ class FakeArm:
 
     def state(self) -> ArmState | None:
         return self.present
-
-    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
-        self.told.append(("move_joints", positions, speed))
-        self._trajectory = None
-        self._goal, self._speed = np.array(positions), speed * SPEED
 
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
         self.told.append(("follow", times, positions))
@@ -95,7 +82,6 @@ class FakeArm:
     def stop(self) -> None:
         self.told.append(("stop",))
         self._trajectory = None
-        self._goal = self.positions
 
     def keep_alive(self) -> None:
         self.alive_at = self._now

@@ -30,7 +30,8 @@ def test_the_chain_hangs_together_from_the_world_to_the_gripper(bench: Bench) ->
 
 
 def test_the_gripper_is_where_the_joints_say_at_the_time_of_the_sample(bench: Bench) -> None:
-    bench.arm.move_joints(tuple(np.array(HOME) + 0.3), 0.5)
+    bench.run(PERIOD)
+    bench.arm.follow((0.0, 0.6), (HOME, tuple(np.array(HOME) + 0.3)))
     bench.run(0.2)
     flange = JointChain(load_robot(GEN3).between("base_link", "end_effector_link"))
     sample = bench.arm.present

@@ -57,7 +57,18 @@ def test_a_frame_without_intrinsics_is_forwarded_with_one_complaint(
         bench.run(0.02)
         assert reader.latest() is not None
     assert "fx" not in bench.memory.node("camera_overhead")
-    assert len([record for record in caplog.records if "lack" in record.message]) == 1
+    assert len([record for record in caplog.records if "no agent can measure" in record.message]) == 1
+    assert "fx missing" in bench.agent.degraded
+
+
+def test_a_driver_of_a_camera_that_fails_does_not_stop_the_arm(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> Frame:
+        raise RuntimeError("the library is gone")
+
+    monkeypatch.setattr(bench.cameras["overhead"], "frame", fail)
+    bench.memory.update_node("arm", target_joints=tuple(np.array(HOME) + 0.2), target_speed=0.8)
+    bench.run(1.1)
+    assert bench.status == "reached" and "the library is gone" in bench.agent.degraded
 
 
 def test_a_camera_that_is_gone_is_told_and_the_arm_still_moves(bench: Bench) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from agents.arm_controller.model.arm_model import arm_model, load_arm
 from agents.arm_controller.model.gripper import GripperModel
@@ -75,6 +76,30 @@ def test_fingers_that_also_move_along_the_tool_have_other_parts_beside_the_tool_
     gripper = jaws(axis="1 0 0.8", pad=parts)
     assert gripper.widest == pytest.approx(0.06 / math.hypot(1.0, 0.8))
     assert gripper.opening({"open_left": 0.015}) == pytest.approx(gripper.widest / 2)
+
+
+def test_a_finger_tip_whose_mesh_is_slanted_behind_is_as_wide_as_its_pad_is_flat(tmp_path: Path) -> None:
+    """The smallest box around such a wedge lies along its back, and stands out between the pads."""
+    inner, back, low, high = -0.005, 0.005, -0.03, 0.03
+    corners = [(inner, y, z) for y in (-0.01, 0.01) for z in (low, high)] + [(back, y, low) for y in (-0.01, 0.01)]
+    parts = {}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        wedge = trimesh.convex.convex_hull(np.array(corners) * (sign, 1.0, 1.0))
+        wedge.export(tmp_path / f"{side}.stl")
+        parts[side] = f'<collision><geometry><mesh filename="{side}.stl"/></geometry></collision>'
+    text = JAWS.format(axis="1 0 0", master="open_left", pad="{}").replace(
+        '<link name="left">{}</link><link name="right">{}</link>',
+        f'<link name="left">{parts["left"]}</link><link name="right">{parts["right"]}</link>',
+    )
+    gripper = arm_model(parse_robot(text.encode(), str(tmp_path / "jaws.urdf"))).gripper
+    assert gripper.widest == pytest.approx(0.06, abs=1e-6)
+    assert gripper.opening(gripper.positions(0.03)) == pytest.approx(0.03, abs=1e-6)
+    right = np.add(corners, (0.02, 0.0, 0.1))
+    points = np.vstack([right, right * (-1.0, 1.0, 1.0)])
+    free = np.ones(len(points), dtype=bool)
+    for box in gripper.boxes(0.03):
+        free &= ~(np.abs(box.pose.inverse().apply(points)) <= np.array(box.half) + 1e-6).all(axis=1)
+    assert not free.any(), "all of the mesh is within the boxes"
 
 
 def test_knuckles_of_the_open_manipulator_turn_as_its_maker_says() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.arm_controller.model.kinematics import JointChain, UnreachableError
+from agents.arm_controller.model.kinematics import USUAL_SPEED, JointChain, UnreachableError
 from agents.arm_controller.model.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
 from dsr.math3d import transforms
@@ -115,6 +115,26 @@ def test_a_joint_that_mimics_another_moves_with_it_and_within_both_limits() -> N
     assert (chain.lower[1], chain.upper[1]) == pytest.approx((-1.0, 1.6))
     with pytest.raises(ConfigError, match="'reach' mimics 'lean', which is no joint on the way"):
         JointChain(parse_robot(PALLETISER).between("lower", "tip"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "fastest"),
+    [
+        ({}, USUAL_SPEED),
+        ({"lean": "0"}, USUAL_SPEED),  # as some descriptions say for none
+        ({"lean": "3"}, 3.0),
+        ({"lean": "3", "reach": "1.5"}, 1.0),  # it moves 1.5 times as fast
+    ],
+)
+def test_a_joint_is_as_fast_as_its_limit_and_that_of_what_mimics_it_and_slow_without(
+    limits: dict[str, str], fastest: float
+) -> None:
+    text = PALLETISER.decode()
+    for joint, lower in (("lean", "-1"), ("reach", "-2")):
+        if joint in limits:
+            text = text.replace(f'<limit lower="{lower}"', f'<limit velocity="{limits[joint]}" lower="{lower}"')
+    chain = JointChain(parse_robot(text.encode()).between("base", "tip"))
+    assert chain.velocity == pytest.approx((USUAL_SPEED, fastest, USUAL_SPEED))
 
 
 @pytest.mark.parametrize("master", ["wrist2", "reach", "flange"])

@@ -80,7 +80,17 @@ def test_what_is_left_of_an_announced_way_is_an_obstacle(memory: Memory) -> None
     centers = np.array([box.pose.t for box in left])
     assert all(np.linalg.norm(centers - end, axis=1).min() < 1e-6 for end in ends), "to where it ends"
     announcer.withdraw()
+    announcer.rest()
     assert len(others.obstacles(102.5)) == 1
+
+
+def test_an_arm_that_died_while_it_braked_may_be_anywhere_it_could_have_come_to(memory: Memory) -> None:
+    announcer, others = Announcer(memory, "arm_2", FIGURE), OtherArms(memory, "arm")
+    announcer.announce(way(), 100.0, FACING, Load(0.085))
+    put(memory, "arm_2", (0.5, 0.0, 0.1), 100.2)
+    announcer.withdraw()
+    assert "way_since" not in memory.node("arm_2") and not others.precedes("arm_2")
+    assert len(others.obstacles(160.0)) > len(others.obstacles(160.0, ways=False)) == 1
 
 
 def test_no_part_slips_between_two_announced_places(memory: Memory) -> None:
@@ -149,6 +159,7 @@ def test_a_way_that_is_announced_changes_the_claims(memory: Memory) -> None:
     announcer.announce(way(), 100.0, Pose.identity(), Load(0.085))
     assert others.claims() != before and {box.name for box in others.obstacles_of_first(100.0)} == {"arm"}
     announcer.withdraw()
+    announcer.rest()
     assert others.claims() == before
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.arm_controller.motion.search import CHUNK, Draw, is_free, search, shortened
+from agents.arm_controller.motion.search import CHUNK, Draw, _Tree, is_free, search, shortened
 from agents.arm_controller.motion.trajectory import SPACING
 
 T = TypeVar("T")
@@ -43,9 +43,7 @@ def walled(rows: Array) -> NDArray[np.bool_]:
 
 
 def found(seed: int) -> Array:
-    way = result(search(START, GOAL, free, drawing(seed), 500))
-    assert way is not None
-    return way
+    return result(search(START, GOAL, free, drawing(seed)))
 
 
 def length(way: Array) -> float:
@@ -68,13 +66,29 @@ def test_a_gap_is_found_and_the_way_through_it_is_short(seed: int) -> None:
 
 
 def test_where_nothing_is_in_the_way_it_is_straight() -> None:
-    way = result(search(START, GOAL, lambda rows: np.ones(len(rows), dtype=bool), drawing(0), 2))
-    assert way is not None
+    way = result(search(START, GOAL, lambda rows: np.ones(len(rows), dtype=bool), drawing(0)))
     assert length(way) == pytest.approx(1.6)
 
 
-def test_where_there_is_no_way_the_search_ends() -> None:
-    assert result(search(START, GOAL, walled, drawing(0), 50)) is None
+def test_where_there_is_no_way_the_search_goes_on_as_long_as_somebody_asks() -> None:
+    work = search(START, GOAL, walled, drawing(0))
+    for _ in range(3000):
+        next(work)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_trees_that_do_not_meet_are_begun_anew_until_they_do(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agents.arm_controller.motion.search.FIRST", 1)
+    begun = []
+
+    class Counted(_Tree):
+        def __init__(self, root: Array) -> None:
+            begun.append(root)
+            super().__init__(root)
+
+    monkeypatch.setattr("agents.arm_controller.motion.search._Tree", Counted)
+    check(found(seed))
+    assert len(begun) > 4
 
 
 def test_the_same_seed_gives_the_same_way() -> None:

@@ -12,12 +12,16 @@ import numpy as np
 import pytest
 
 from agents.arm_controller import ArmController
+from agents.arm_controller.model.arm_model import load_arm
+from agents.arm_controller.motion.others import OtherArms
 from agents.plant import Plant
 from agents.plant.messages import Truth
 from agents.scene_setup import SceneSetup
 from dsr import Pose
+from dsr.files.built_in import ETC
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.halting import HaltOrder, send_order
 
 KEPT = 0.02
 """m that arms keep apart"""
@@ -129,6 +133,7 @@ def test_an_idle_arm_in_the_way_steps_back(table: Callable[..., Table]) -> None:
     assert both.ends(both.ask("arm_2", "pick", target="cube_3")) == ["done"]
     assert both.seen == {"arm"} and min(both.apart) >= KEPT
     assert both.truth.robot == pytest.approx(REST, abs=0.05), "back at its rest"
+    both.run(0.2)
     assert not any(name in both.memory.node("arm_2") for name in ("way", "way_since", "waits_for"))
 
 
@@ -168,6 +173,26 @@ def test_an_arm_whose_controller_died_on_its_way_is_passed_at_a_distance(table: 
     both.run(0.8)
     both.lockstep.kill("arm_controller")
     both.run(1.0)
+    assert both.ends(both.ask("arm_2", "pick", target="cube_3")) == ["done"]
+    assert min(both.apart) >= KEPT
+
+
+@pytest.mark.parametrize("after", [0.0, 0.1])
+def test_an_arm_that_was_halted_and_died_is_passed_at_a_distance_where_it_rests(
+    table: Callable[..., Table], after: float
+) -> None:
+    both = table({"cube_3": (0.62, -0.25)})
+    both.ask("arm", "move", target_pose=ABOVE)
+    both.run(0.8)
+    order = HaltOrder("1", True, "anna", "", both.lockstep.clock.now(), "arm")
+    send_order(both.lockstep.bus, both.lockstep.keys, order)
+    both.run(0.04 + after)
+    both.lockstep.kill("arm_controller")
+    assert both.memory.node("arm")["way"], "it braked"
+    both.run(1.0)
+    parts = np.array([box.pose.t for box in OtherArms(both.memory, "arm_2").obstacles(both.lockstep.clock.now())])
+    tip = load_arm(ETC / "robots" / "gen3.urdf").chain.forward(both.truth.robot).t
+    assert np.linalg.norm(parts - tip, axis=1).min() < 0.1, "its gripper is believed to be there, too"
     assert both.ends(both.ask("arm_2", "pick", target="cube_3")) == ["done"]
     assert min(both.apart) >= KEPT
 

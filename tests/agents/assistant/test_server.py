@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 import re
@@ -10,7 +11,8 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import AsyncIterator
+import warnings
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,17 @@ from agents.assistant.token import default_token_file, read_or_make_token
 from dsr import Frame, Memory
 from dsr.clock import WALL_CLOCK
 from dsr.network.rendezvous import free_port
+from dsr.vocabulary.proposed_acts import (
+    ACTS_SERVICE,
+    DECISIONS,
+    ActQuestion,
+    Confirmation,
+    ProposedAct,
+    decode_acts,
+    encode_confirmation,
+    encode_question,
+    fingerprint,
+)
 from tests.agents.assistant.conftest import fill
 
 PAGE = Path(__file__).parents[3] / "docs/how-to/assistants.md"
@@ -42,6 +55,7 @@ LOOKS = {
     "objects", "where_is", "relations", "visible_to", "believes", "timeline", "why", "what_if", "ask", "tell",
     "plan_preview", "agents_status", "camera_image", "day",
 }  # fmt: skip
+CONFIRM = [sys.executable, "-m", "dsr.cli", "assist", "confirm"]
 ACTS = {"propose_mission", "propose_halt", "act_state"}
 
 
@@ -156,6 +170,40 @@ def test_resources_and_their_changes(memory: Memory) -> None:
     anyio.run(run)
 
 
+def test_an_assistant_of_an_earlier_version_is_told_what_changes(memory: Memory) -> None:
+    async def run() -> None:
+        server, told_of = server_of(memory)[0], list[str]()
+
+        async def hear(message: Any) -> None:
+            if (params := getattr(message, "params", None)) is not None and hasattr(params, "uri"):
+                told_of.append(str(params.uri))
+
+        async with Client(server.mcp, mode="legacy", message_handler=hear) as client, client_of(server):
+            assert client.server_capabilities is not None and client.server_capabilities.resources is not None
+            assert client.server_capabilities.resources.subscribe is True
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                await client.subscribe_resource("dsr://node/cup")
+                await client.subscribe_resource(GRAPH)
+                memory.update_node("box", mass=0.3)
+                memory.update_node("cup", mass=0.3)
+                await until(lambda: told_of == ["dsr://node/cup"])
+                memory.add_node("plate", "box")
+                await until(lambda: told_of == ["dsr://node/cup", GRAPH])
+                await client.unsubscribe_resource("dsr://node/cup")
+                memory.update_node("cup", mass=0.4)
+                memory.add_node("plate_2", "box")
+                await until(lambda: told_of == ["dsr://node/cup", GRAPH, GRAPH])
+
+    anyio.run(run)
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    with anyio.fail_after(10.0):
+        while not holds():
+            await anyio.sleep(0.05)
+
+
 def test_rate_and_size_are_bounded(memory: Memory) -> None:
     async def run() -> None:
         limited = server_of(memory, limit=RateLimit(memory.clock, per_second=0.01, burst=2))[0]
@@ -195,11 +243,12 @@ def test_acts_wait_for_a_person(memory: Memory) -> None:
             mission = await told(client, "propose_mission", goal="on(ball,table)")
             assert mission["state"].startswith("waiting") and "Not so yet: on(ball,table)." in mission["preview"]
             assert memory.nodes("intention") == []
-            await anyio.to_thread.run_sync(lambda: acts.decide(mission["id"], accept=True))
+            shown = fingerprint(acts.get(mission["id"]))
+            await anyio.to_thread.run_sync(lambda: acts.decide(mission["id"], accept=True, shown=shown))
             assert (await told(client, "act_state", id=mission["id"]))["state"] == "done"
             assert [node["goal"] for node in memory.nodes("intention")] == ["on(ball,table)"]
             halt = await told(client, "propose_halt", reason="somebody is near")
-            acts.decide(halt["id"], accept=False)
+            acts.decide(halt["id"], accept=False, shown="")
             assert (await told(client, "act_state", id=halt["id"]))["state"] == "refused by a person"
             assert memory.get_node("halt") is None
             assert "there is no 'cupp'" in await told(client, "propose_mission", goal="on(ball,cupp)")
@@ -234,12 +283,55 @@ def test_in_a_secured_graph_the_grants_of_the_page_are_enough(tmp_path: Path, mo
     subprocess.run([*security, "init", str(keys), "--agent", "owner"], check=True, capture_output=True)
     added = " ".join(grants).split()
     subprocess.run([*security, "add", str(keys), "assistant", *added], check=True, capture_output=True)
+    for name, rights in (("mallory", ("--read-only",)), ("robot", ("--writes", "node:cube"))):
+        subprocess.run([*security, "add", str(keys), name, *rights], check=True, capture_output=True)
+
+    def hostile(id: str) -> None:
+        """The assistant itself, a reader and another agent of the graph try to confirm."""
+        for name in ("assistant", "mallory", "robot"):
+            with dsr.connect("kitchen", agent=name, security=keys, must_exist=True) as other:
+                act = next(one for one in ask_for_acts(other, id) if one.id == id)
+                forged = encode_confirmation(Confirmation(id, True, fingerprint(act)))
+                for _ in range(5):
+                    with contextlib.suppress(dsr.TransportError):
+                        other.transport.publish(other.keys.service(DECISIONS), forged)
+                    WALL_CLOCK.wait(threading.Event(), 0.1)
+        refused = confirm_in_terminal("y\n", {**os.environ, "DSR_SECURITY": str(keys)}, id, "--as", "robot")
+        assert refused.returncode == 1 and "did not heed" in refused.stderr, refused
+
     with dsr.connect("kitchen", agent="owner", security=keys, must_exist=False) as memory:
         fill(memory)
-        _ask_and_confirm(memory, {"DSR_SECURITY": str(keys)})
+        _ask_and_confirm(memory, {"DSR_SECURITY": str(keys)}, hostile)
 
 
-def _ask_and_confirm(memory: Memory, extra: dict[str, str]) -> None:
+def ask_for_acts(memory: Memory, id: str) -> list[ProposedAct]:
+    """What the servers of a graph tell of an act: everybody may ask."""
+    answers, done = list[bytes](), threading.Event()
+    memory.transport.request(
+        memory.keys.service(ACTS_SERVICE), encode_question(ActQuestion(id)),
+        lambda _key, payload: answers.append(payload), done.set, 10.0,
+    )  # fmt: skip
+    WALL_CLOCK.wait(done, 20.0)
+    return [act for payload in answers for act in decode_acts(payload)]
+
+
+def confirm_in_terminal(typed: str, environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run `dsr assist confirm` with a terminal at which somebody types."""
+    keyboard, terminal = os.openpty()
+    os.write(keyboard, typed.encode())
+    try:
+        return subprocess.run(
+            [*CONFIRM, *arguments], stdin=terminal, capture_output=True, text=True, env=environment, timeout=60.0,
+            check=False,
+        )  # fmt: skip
+    finally:
+        os.close(keyboard)
+        os.close(terminal)
+
+
+def _ask_and_confirm(
+    memory: Memory, extra: dict[str, str], hostile: Callable[[str], None] | None = None
+) -> None:
     """Propose a halt over HTTP, confirm it in a process of its own, and find it in the graph."""
     port, environment = free_port(), {**os.environ, **extra}
     serve = [sys.executable, "-m", "dsr.cli", "assist", "serve", "--transport", "http", "--port", str(port)]
@@ -252,13 +344,20 @@ def _ask_and_confirm(memory: Memory, extra: dict[str, str]) -> None:
             async with Client(streamable_http_client(f"http://127.0.0.1:{port}/mcp", http_client=http)) as client:
                 mission = await told(client, "propose_mission", goal="on(ball,table)")
                 halt = await told(client, "propose_halt", reason="a hand is in the way")
-                confirm = [sys.executable, "-m", "dsr.cli", "assist", "confirm"]
-                done = await anyio.run_process(confirm, input=b"n\ny\n", env=environment)
-                assert b"All arms would stop" in done.stdout and b"done" in done.stdout
+                done = await anyio.to_thread.run_sync(lambda: confirm_in_terminal("n\ny\n", environment))
+                assert done.returncode == 0 and "All arms would stop" in done.stdout and "done" in done.stdout, done
                 assert (await told(client, "act_state", id=halt["id"]))["state"] == "done"
                 assert (await told(client, "act_state", id=mission["id"]))["state"] == "refused by a person"
                 mission = await told(client, "propose_mission", goal="on(ball,table)")
-                await anyio.run_process([*confirm, mission["id"]], env=environment)
+                id = mission["id"]
+                by_program = await anyio.run_process([*CONFIRM, id], input=b"y\n", env=environment, check=False)
+                assert by_program.returncode == 2 and b"a person accepts an act in a terminal" in by_program.stderr
+                assert (await told(client, "act_state", id=id))["state"].startswith("waiting")
+                if hostile is not None:
+                    await anyio.to_thread.run_sync(lambda: hostile(id))
+                    assert (await told(client, "act_state", id=id))["state"].startswith("waiting")
+                done = await anyio.to_thread.run_sync(lambda: confirm_in_terminal("y\n", environment, id))
+                assert "bring about" in done.stdout
                 assert (await told(client, "act_state", id=mission["id"]))["state"] == "done"
 
     try:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from agents.dynamixel import DynamixelArm
-from agents.dynamixel.arm import DEADMAN
+from agents.dynamixel.arm import DEADMAN, SHOWN
 from agents.dynamixel.servos import SERIES
 from dsr.clock import WALL_CLOCK, ManualClock
 from dsr.errors import ConfigError
@@ -82,7 +82,7 @@ def test_servos_of_the_x_series_have_other_registers() -> None:
         arm = DynamixelArm(bus, Keys("g"), port=line.port, joints=["a"], ids=[3], series="X", pulses=[4096])
         state = until(arm.state)
         assert state.positions == pytest.approx((0.7,), abs=2e-3)
-        arm.move_joints((0.2,))
+        arm.follow((0.6,), ((0.2,),))
         until(lambda: is_at(arm, (0.2,)), arm)
         arm.close()
 
@@ -98,19 +98,15 @@ def test_currents_are_told_as_efforts(series: str) -> None:
         arm.close()
 
 
-@pytest.mark.parametrize("how", ["move_joints", "follow"])
-def test_the_arm_goes_where_it_is_sent(arm: DynamixelArm, how: str) -> None:
-    if how == "move_joints":
-        arm.move_joints(THERE, 0.8)
-    else:
-        arm.follow((0.0, 0.5), (START, THERE))
+def test_the_arm_goes_where_it_is_sent(arm: DynamixelArm) -> None:
+    arm.follow((0.0, 0.5), (START, THERE))
     until(lambda: is_at(arm, THERE), arm)
     assert arm.trouble == ""
 
 
 def test_lost_corrupt_and_late_answers_delay_nothing_but_samples(arm: DynamixelArm, line: Emulator) -> None:
     line.loss, line.corruption, line.delay = 0.02, 0.02, 0.0005
-    arm.move_joints(THERE, 0.8)
+    arm.follow((0.0, 0.5), (START, THERE))
     until(lambda: is_at(arm, THERE), arm)
     until(lambda: arm.counts.get("cycles without an answer"), arm)
     line.loss = line.corruption = line.delay = 0.0
@@ -126,7 +122,7 @@ def test_a_servo_that_does_not_answer_is_told_and_no_sample_comes(arm: Dynamixel
 
 
 def test_an_overheated_servo_stops_the_arm_and_is_named(arm: DynamixelArm, line: Emulator) -> None:
-    arm.move_joints((1.5, *THERE[1:]), 0.5)
+    arm.follow((0.0, 3.0), (START, (1.5, *THERE[1:])))
     until(lambda: not is_at(arm, START), arm)
     line.servos[2].heat()
     until(lambda: arm.state() and arm.state().fault == "servo 2 (joint2): overheated", arm)  # type: ignore[union-attr]
@@ -136,21 +132,37 @@ def test_an_overheated_servo_stops_the_arm_and_is_named(arm: DynamixelArm, line:
 
 def test_a_stalled_servo_stops_the_arm_and_is_named(arm: DynamixelArm, line: Emulator) -> None:
     line.servos[1].stalled = True
-    arm.move_joints((1.5, *THERE[1:]), 0.5)
+    arm.follow((0.0, 3.0), (START, (1.5, *THERE[1:])))
     until(lambda: "joint1 does not follow" in arm.trouble, arm)
     until(lambda: rests(arm), arm)
     assert arm._ramp is not None and arm._ramp.positions[0] < 1.0
 
 
 def test_an_arm_whose_controller_gives_no_sign_of_life_stops(arm: DynamixelArm, line: Emulator) -> None:
-    arm.move_joints((2.0, *START[1:]), 0.5)
+    arm.follow((0.0, 4.0), (START, (2.0, *START[1:])))
     until(lambda: rests(arm))
     assert "no sign of life of the arm's controller" in arm.trouble
     assert line.servos[1].position < 1.9
 
 
+def test_an_arm_that_stopped_by_itself_may_move_again_when_its_controller_lives(arm: DynamixelArm) -> None:
+    arm.follow((0.0, 4.0), (START, (2.0, *START[1:])))
+    until(lambda: rests(arm))
+    WALL_CLOCK.wait(threading.Event(), 2 * SHOWN)
+    assert "no sign of life" in arm.trouble, "there is no controller yet"
+    until(lambda: arm.trouble == "", arm)
+
+
+def test_a_way_that_begins_elsewhere_is_refused(arm: DynamixelArm) -> None:
+    arm.follow((0.0, 0.5), ((0.1, 0.3, *START[2:]), THERE))
+    state = until(lambda: found if (found := arm.state()) and found.fault else None, arm)
+    assert state.fault == "the way begins 0.50 rad from where joint2 is"
+    assert is_at(arm, START) and arm.counts["motions refused"] == 1
+    until(lambda: arm.trouble == "", arm)
+
+
 def test_servos_stop_by_themselves_when_the_process_of_the_driver_is_gone(arm: DynamixelArm, line: Emulator) -> None:
-    arm.move_joints((2.0, *START[1:]), 0.5)
+    arm.follow((0.0, 4.0), (START, (2.0, *START[1:])))
     until(lambda: not is_at(arm, START), arm)
     arm._over.set()
     until(lambda: line.servos[1].memory[SERIES["P"].watchdog] == 0xFF)
@@ -160,14 +172,14 @@ def test_servos_stop_by_themselves_when_the_process_of_the_driver_is_gone(arm: D
 
 
 def test_an_emergency_stop_is_obeyed_by_the_driver_alone(arm: DynamixelArm, network: LocalNetwork) -> None:
-    arm.move_joints((2.0, *START[1:]), 0.5)
+    arm.follow((0.0, 4.0), (START, (2.0, *START[1:])))
     until(lambda: not is_at(arm, START), arm)
     send_order(network.connect("somebody"), Keys("g"), HaltOrder("1", True, "anna", "a hand"))
     network.deliver()
     until(lambda: rests(arm), arm)
     state = until(lambda: found if (found := arm.state()) and found.fault else None, arm)
     assert state.fault == "halted by anna: a hand" and state.positions[0] < 1.9
-    arm.move_joints(START)
+    arm.follow((0.0,), (START,))
     assert arm.counts["motions refused"] == 1 and rests(arm)
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
+from agents.arm_controller.motion.trajectory import MotionLimits, resampled, timed
+from agents.plant.arm import SimulatedArm
 from agents.plant.bullet import Bullet
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality
@@ -51,6 +54,18 @@ def make_reality() -> Iterator[Callable[..., Reality]]:
     yield make
     for reality in made:
         reality.close()
+
+
+@pytest.fixture
+def send() -> Callable[..., None]:
+    """Sends an arm straight to joint positions (rad), at 0 to 1 of its velocity limits."""
+
+    def straight(arm: SimulatedArm, positions: Any, speed: float = 1.0) -> None:
+        fastest = np.array([joint.velocity for joint in arm.model.chain.joints])
+        way = timed(resampled(np.array([arm.positions, positions])), fastest, MotionLimits(speed, 5.0, 100.0))
+        arm.follow(way.times.tolist(), way.positions.tolist())
+
+    return straight
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import pytest
 
 from agents.joint_ramp import ACCELERATION, JERK
 from agents.plant.arm import SimulatedArm
+from agents.plant.messages import Follow, KeepAlive
 from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, RobotSpec
@@ -19,6 +20,7 @@ from dsr.math3d.transforms import Pose
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]
 Play = Callable[..., None]
+Send = Callable[..., None]
 
 ABOVE = (-0.4483, 0.2902, 3.3772, -2.2089, -0.1101, -0.653, -0.1347)
 AT = (-0.3031, 0.6584, 3.2044, -2.3157, -0.2255, -0.1727, -0.0312)
@@ -34,9 +36,9 @@ def test_stands_still_at_its_start(make_reality: MakeReality, play: Play) -> Non
     assert not reality.arm.contact
 
 
-def test_reaches_its_target_within_the_velocity_limits(make_reality: MakeReality) -> None:
+def test_reaches_its_target_within_the_velocity_limits(make_reality: MakeReality, send: Send) -> None:
     reality = make_reality()
-    reality.arm.move_joints(ABOVE)
+    send(reality.arm, ABOVE)
     fastest = np.zeros(7)
     for _ in range(600):
         reality.step(None)
@@ -46,17 +48,19 @@ def test_reaches_its_target_within_the_velocity_limits(make_reality: MakeReality
     assert fastest.max() > 1.0
 
 
-def test_speed_scales_the_motion(make_reality: MakeReality, play: Play) -> None:
+def test_speed_scales_the_motion(make_reality: MakeReality, play: Play, send: Send) -> None:
     reality = make_reality()
     start = np.array(reality.arm.positions)
-    reality.arm.move_joints(start + 0.5, speed=0.1)
+    send(reality.arm, start + 0.5, speed=0.1)
     play(reality, 1.0)
     assert 0.05 < np.abs(reality.arm.positions - start).max() < 0.15
 
 
-def test_stop_brakes_within_the_limits_and_holds_the_position(make_reality: MakeReality, play: Play) -> None:
+def test_stop_brakes_within_the_limits_and_holds_the_position(
+    make_reality: MakeReality, play: Play, send: Send
+) -> None:
     reality = make_reality()
-    reality.arm.move_joints(ABOVE)
+    send(reality.arm, ABOVE)
     play(reality, 0.5)
     before, fastest = np.array(reality.arm.positions), max(map(abs, reality.arm.velocities))
     reality.arm.stop()
@@ -80,33 +84,33 @@ def test_passes_through_a_trajectory_in_time(make_reality: MakeReality, play: Pl
     assert reality.arm.positions == pytest.approx(rows[-1], abs=1e-3)
 
 
-def test_a_new_command_ends_a_trajectory(make_reality: MakeReality, play: Play) -> None:
+def test_a_new_way_ends_a_trajectory(make_reality: MakeReality, play: Play, send: Send) -> None:
     reality = make_reality()
     here = np.array(reality.arm.positions)
     reality.arm.follow((0.0, 5.0), [here, here + 1.0])
     play(reality, 0.5)
-    reality.arm.move_joints(here)
+    send(reality.arm, here)
     play(reality, 1.5)
     assert reality.arm.positions == pytest.approx(here, abs=1e-3)
 
 
-def test_targets_are_cut_to_the_limits(make_reality: MakeReality, play: Play) -> None:
+def test_targets_are_cut_to_the_limits(make_reality: MakeReality, play: Play, send: Send) -> None:
     reality = make_reality()
     positions = list(RobotSpec().start)
     positions[5] = -3.0
-    reality.arm.move_joints(positions)
+    send(reality.arm, positions)
     play(reality, 1.5)
     assert reality.arm.positions[5] == pytest.approx(-2.09, abs=1e-3)
 
 
-def test_grasps_carries_and_lets_go(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+def test_grasps_carries_and_lets_go(make_reality: MakeReality, cube: MakeCube, play: Play, send: Send) -> None:
     reality = make_reality(cube(4, 0.30, 0.08), robot=RobotSpec(start=AT))
     arm, world = reality.arm, reality.world
     arm.move_gripper(0.0)
     play(reality, 1.0)
     assert arm.held == "cube_4" and arm.contact
     assert arm.opening == pytest.approx(0.04, abs=1e-3)
-    arm.move_joints(ABOVE)
+    send(arm, ABOVE)
     play(reality, 1.5)
     assert world.pose("cube_4").t == pytest.approx((0.30, 0.08, 0.15), abs=0.004)
     arm.move_gripper(0.085)
@@ -115,12 +119,12 @@ def test_grasps_carries_and_lets_go(make_reality: MakeReality, cube: MakeCube, p
     assert world.pose("cube_4").t[2] == pytest.approx(0.02, abs=1e-3)
 
 
-def test_a_stopped_arm_keeps_what_it_holds(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+def test_a_stopped_arm_keeps_what_it_holds(make_reality: MakeReality, cube: MakeCube, play: Play, send: Send) -> None:
     reality = make_reality(cube(4, 0.30, 0.08), robot=RobotSpec(start=AT))
     arm = reality.arm
     arm.move_gripper(0.0)
     play(reality, 1.0)
-    arm.move_joints(ABOVE)
+    send(arm, ABOVE)
     play(reality, 0.4)
     arm.stop()
     play(reality, 0.5)
@@ -160,13 +164,29 @@ def test_unknown_model_and_wrong_start_are_refused(make_reality: MakeReality, ma
         SimulatedArm(make_world(), ETC / "robots" / "gen3.urdf", ABOVE[:6])
 
 
-def test_wrist_camera_moves_with_the_arm(make_reality: MakeReality, play: Play) -> None:
+def test_wrist_camera_moves_with_the_arm(make_reality: MakeReality, play: Play, send: Send) -> None:
     reality = make_reality(robot=RobotSpec(start=AT), camera="wrist")
     tool_from_camera = reality.arm.link_pose("tool_link").inverse() @ reality.camera.pose
     assert reality.camera.pose.rotation_matrix[:, 2] == pytest.approx((0.0, 0.0, -1.0), abs=0.01)
-    reality.arm.move_joints(ABOVE)
+    send(reality.arm, ABOVE)
     play(reality, 1.5)
     metres, radians = (reality.arm.link_pose("tool_link").inverse() @ reality.camera.pose).distance(tool_from_camera)
     assert metres < 1e-5 and radians < 1e-5
     with pytest.raises(ConfigError, match=r"no link 'tool_lnk'; did you mean 'tool_link'"):
         reality.arm.link_pose("tool_lnk")
+
+
+def test_a_way_that_begins_where_the_arm_is_not_is_refused_and_told(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality(config={"deadman": 0.0})
+    start = reality.arm.positions
+    far = (start[0] + 0.4, *start[1:])
+    reality.obey(Follow((0.0, 1.0), (far, far)))
+    play(reality, 0.3)
+    state = reality.arm_state(0.3)
+    assert state is not None and state.fault == "the way begins 0.40 rad from where joint_1 is"
+    assert reality.arm.positions == pytest.approx(start, abs=1e-3)
+    reality.obey(KeepAlive())
+    reality.obey(Follow((0.0, 1.0), (start, far)))
+    play(reality, 1.5, start=0.3)
+    state = reality.arm_state(1.8)
+    assert state is not None and state.fault == "" and state.positions == pytest.approx(far, abs=1e-3)

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from agents.plant.messages import MOST_POINTS, Follow, MoveGripper, MoveJoints, Stop, decode_command
+from agents.plant.messages import MOST_POINTS, Follow, MoveGripper, Stop, decode_command
 from dsr.errors import WireError
 
 TWO = ((0.1, 0.2), (0.3, 0.4))
@@ -15,7 +15,7 @@ TWO = ((0.1, 0.2), (0.3, 0.4))
 
 @pytest.mark.parametrize(
     "command",
-    [MoveJoints((0.1, 0.2)), MoveJoints((0.1, 0.2), 0.5), Follow((0.0, 1.5), TWO), MoveGripper(0.04), Stop()],
+    [Follow((0.0, 1.5), TWO), MoveGripper(0.04), Stop()],
 )
 def test_commands_survive_the_wire(command: Any) -> None:
     assert decode_command(msgspec.msgpack.encode(command), joints=2) == command
@@ -24,10 +24,8 @@ def test_commands_survive_the_wire(command: Any) -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        MoveJoints((0.1,)),
-        MoveJoints((0.1, float("nan"))),
-        MoveJoints((0.1, 0.2), float("inf")),
-        MoveJoints((0.1, 0.2), 0.0),
+        Follow((0.5,), ((0.1,),)),
+        Follow((0.5,), ((0.1, float("nan")),)),
         Follow((), ()),
         Follow((0.0, 0.0), TWO),
         Follow((0.0, float("nan")), TWO),
@@ -39,8 +37,8 @@ def test_commands_survive_the_wire(command: Any) -> None:
         MoveGripper(float("nan")),
         MoveGripper(-0.1),
         {"type": "dance"},
-        {"type": "move_joints"},
-        {"type": "move_joints", "positions": "0.1 0.2"},
+        {"type": "follow"},
+        {"type": "follow", "times": [0.5], "positions": "0.1 0.2"},
         [1, 2],
         None,
     ],

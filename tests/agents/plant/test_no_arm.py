@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.plant.messages import MoveJoints
+from agents.plant.messages import Follow
 from agents.plant.reality import Reality
 from agents.scenario.format.scenario import CameraSpec, ObjectSpec, RobotSpec, Slide, load_scenario
 from dsr.math3d.transforms import Pose
@@ -19,7 +19,7 @@ STAND = CameraSpec(position=(-0.3, 0.0, 0.6), look_at=(0.35, 0.0, 0.0))
 
 def test_nothing_is_told_of_an_arm_that_is_not_there(make_reality: MakeReality, cube: MakeCube) -> None:
     reality = make_reality(cube(3, 0.3, 0.0), robot=NOBODY)
-    reality.obey(MoveJoints((), 1.0))
+    reality.obey(Follow((0.0,), ((),)))
     reality.step(0.0)
     assert reality.arm_state(0.0) is None
     truth = reality.truth(0.0)

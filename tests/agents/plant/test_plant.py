@@ -192,7 +192,7 @@ def test_drivers_move_the_arm_and_see(bench: MakeBench) -> None:
     state = arm.state()
     assert state is not None and state.names == tuple(f"joint_{i}" for i in range(1, 8))
     target = tuple(position + 0.1 for position in state.positions)
-    arm.move_joints(target)
+    arm.follow((0.5,), (target,))
     arm.move_gripper(0.02)
     for _ in range(75):
         one.run(0.02)
@@ -222,7 +222,7 @@ def test_camera_driver_returns_each_frame_once(bench: MakeBench) -> None:
 
 def test_malformed_messages_are_counted_and_dropped(bench: MakeBench, caplog: pytest.LogCaptureFixture) -> None:
     one = bench(start=False)
-    for payload in (b"", b"\xc1", msgspec.msgpack.encode({"type": "move_joints", "positions": [1.0]})):
+    for payload in (b"", b"\xc1", msgspec.msgpack.encode({"type": "follow", "times": [1.0], "positions": [[1.0]]})):
         one.bus.publish(arm_command_key(one.keys), payload)
     one.bus.publish(start_key(one.keys), b"soon")
     before = one.plant._reality.arm.positions

@@ -81,7 +81,7 @@ def test_links_that_slide_and_that_mimic_others_are_there_too(tmp_path: Path) ->
 
 @pytest.mark.parametrize("file", OWN, ids=lambda file: file.stem)
 def test_every_arm_grasps_carries_and_lets_go(
-    file: Path, make_reality: MakeReality, cube: MakeCube, play: Play
+    file: Path, make_reality: MakeReality, cube: MakeCube, play: Play, send: Callable[..., None]
 ) -> None:
     model = load_arm(file)
     low = max(0.025, Figure(model).reach + 0.006)  # pads of a linkage reach lower the more they close
@@ -96,7 +96,7 @@ def test_every_arm_grasps_carries_and_lets_go(
     play(reality, 2.0)
     assert arm.held == "cube_4" and arm.contact
     assert arm.opening == pytest.approx(0.04, abs=2e-3)
-    arm.move_joints(lifted)
+    send(arm, lifted)
     play(reality, 2.0)
     assert world.pose("cube_4").t == pytest.approx((0.32, 0.0, 0.14 - low), abs=0.006)
     arm.move_gripper(arm.widest)

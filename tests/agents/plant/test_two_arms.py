@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.plant.messages import Follow, MoveGripper, MoveJoints
+from agents.plant.messages import Follow, MoveGripper
 from agents.plant.reality import Reality
 from agents.plant.world import STEP
 from agents.scenario.format.scenario import ArmSpec, ObjectSpec
@@ -29,19 +29,19 @@ def two(make_reality: MakeReality) -> Reality:
 
 def test_each_arm_obeys_its_own_commands(two: Reality) -> None:
     before = two.arms["arm"].positions
-    two.obey(MoveJoints((0.3, *HANGING[1:]), 1.0), "arm_2")
+    two.obey(Follow((0.8,), ((0.3, *HANGING[1:]),)), "arm_2")
     run(two, 1.0)
     first, second = two.arm_state(0.0), two.arm_state(0.0, "arm_2")
     assert first is not None and second is not None and two.arm_state(0.0, "arm_3") is None
     assert first.positions == pytest.approx(before, abs=1e-3)
     assert second.positions[0] == pytest.approx(0.3, abs=1e-3)
-    two.obey(MoveJoints((0.3, *HANGING[1:]), 1.0), "nobody")
+    two.obey(Follow((0.8,), ((0.3, *HANGING[1:]),)), "nobody")
     assert not two.is_moving() and not two.is_moving("nobody")
 
 
 def test_a_halt_of_one_leaves_the_other_alone(two: Reality) -> None:
     for arm in ("arm", "arm_2"):
-        two.obey(MoveJoints((1.0, *HANGING[1:]), 1.0), arm)
+        two.obey(Follow((1.0,), ((1.0, *HANGING[1:]),)), arm)
     run(two, 0.2)
     two.forbid("halted by anna", "arm_2")
     run(two, 1.5)

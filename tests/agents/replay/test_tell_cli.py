@@ -91,7 +91,7 @@ def test_a_running_system_is_told_as_of_now_and_from_a_persons_view() -> None:
         assert json.loads(result.stdout)[0]["text"] == "cup rests on table, at x 0.10 m, y 0.20 m."
         assert "no timeline is there" in run().stderr
         memory.create_world("view_of_sally")
-        assert "sally has never seen cup." in run("--person", "sally").stdout
+        assert "sally has never seen cup." in run("--as", "sally").stdout
         with pytest.raises(dsr.ConfigError, match="--at is a time of a recording"):
             run("--at", "3")
         with pytest.raises(dsr.ConfigError, match="--since 3: expected seconds before now"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import msgspec
@@ -19,6 +20,8 @@ from dsr.agent import make_agent
 from dsr.graph.access import WriteGuard
 from dsr.network.keys import Keys
 from dsr.runtime.runner import Runner
+
+from .block_scene import BlockScene, table_memory
 
 PERIOD = 0.05
 AGE = 0.7
@@ -182,6 +185,27 @@ def make_bench() -> Iterator[Callable[..., Bench]]:
 @pytest.fixture
 def bench(make_bench: Callable[..., Bench]) -> Bench:
     return make_bench()
+
+
+@pytest.fixture(scope="module")
+def rendered_blocks(request: pytest.FixtureRequest) -> Iterator[BlockScene]:
+    """The blocks `SPECS` of a module of tests, rendered by one camera for all of them."""
+    with closing(BlockScene(request.module.SPECS)) as scene:
+        yield scene
+
+
+@pytest.fixture
+def scene(rendered_blocks: BlockScene) -> BlockScene:
+    """An empty table, and the blocks that a test may stand on it."""
+    rendered_blocks.clear()
+    return rendered_blocks
+
+
+@pytest.fixture
+def memory() -> Iterator[Memory]:
+    """A memory with a table, without agents."""
+    with closing(table_memory()) as memory:
+        yield memory
 
 
 @pytest.fixture

@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 
 from agents.frame_images import images
-from agents.scenario.format.scenario import ObjectSpec, TableSpec
-from agents.scene_estimator.blocks import LevelledView, Support, UntaggedObjects, levelled
+from agents.scenario.format.scenario import ObjectSpec
+from agents.scene_estimator.blocks import LevelledView, UntaggedObjects, levelled
 from agents.scene_estimator.blocks.levelling import ANY_TILT
 from agents.scene_estimator.config import SceneEstimatorConfig
 from agents.scene_estimator.fitting import FrameView
 from benchmarks.color_scene import AWAY, ColorScene
-from dsr import LocalNetwork, ManualClock, Memory, Pose
+from dsr import Memory, Pose
 from dsr.math3d import transforms
+
+from .block_scene import TABLE
 
 CUBES = {
     "red": ((0.85, 0.2, 0.15), (0.42, 0.08)), "blue": ((0.15, 0.3, 0.9), (0.3, 0.09)),
@@ -25,7 +27,6 @@ CUBES = {
 }  # fmt: skip
 TRUE = transforms.looking_at((0.1, 0.05, 0.7), (0.36, 0.0, 0.0))
 BUMP = Pose.from_rotvec((0.02, -0.015, 0.01), (0.03, -0.04, 0.08))
-TABLE = Support("table", Pose(TableSpec().position), TableSpec().size[0], TableSpec().size[1])
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +69,7 @@ def test_without_a_table_in_view_the_tilt_is_as_believed_and_unsure(scene: Color
     assert levelled(view, []) == LevelledView(view, ANY_TILT)
 
 
-def test_blocks_are_perceived_from_where_a_bumped_camera_is(scene: ColorScene) -> None:
-    clock = ManualClock()
-    memory = Memory("test", "scene_estimator", transport=LocalNetwork(clock).connect("scene_estimator"), clock=clock)
-    memory.add_node("world", "world")
-    memory.add_node("table", "table", size=TableSpec().size)
-    memory.add_edge("world", "table", "RT", pose=Pose(TableSpec().position))
+def test_blocks_are_perceived_from_where_a_bumped_camera_is(scene: ColorScene, memory: Memory) -> None:
     objects = UntaggedObjects(memory, SceneEstimatorConfig(blocks=True), logging.getLogger("test"))
     percepts: dict[str, Pose] = {}
     for frame in range(14):
@@ -92,4 +88,3 @@ def test_blocks_are_perceived_from_where_a_bumped_camera_is(scene: ColorScene) -
         assert percept.covariance is not None
         assert lean < 0.006 < math.sqrt(percept.covariance[3, 3]) < 0.06
     objects.close()
-    memory.close()

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
-from agents.frame_images import images
-from agents.scenario.format.scenario import ObjectSpec, TableSpec
-from agents.scene_estimator.blocks import Block, BlockFinder, BlockSighting, Cluster, Support, UntaggedObjects, cut
+from agents.scenario.format.scenario import ObjectSpec
+from agents.scene_estimator.blocks import Block, BlockFinder, BlockSighting, UntaggedObjects, cut
 from agents.scene_estimator.config import SceneEstimatorConfig
-from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.pose import NoiseModel
-from benchmarks.color_scene import AWAY, ColorScene
-from dsr import LocalNetwork, ManualClock, Memory, Pose
+from benchmarks.color_scene import AWAY
+from dsr import Memory, Pose
 from dsr.math3d import transforms
 from dsr.math3d.shapes import Part
 
-RED, BLUE = (0.85, 0.2, 0.15), (0.15, 0.3, 0.9)
+from .block_scene import ABOVE, BLUE, RED, BlockScene
+
 SPECS = {
     "red": ObjectSpec(name="red", type="box", size=(0.06, 0.04, 0.05), color=RED, position=AWAY.t),
     "low": ObjectSpec(name="low", type="box", size=(0.08, 0.06, 0.03), color=RED, position=AWAY.t),
@@ -33,39 +32,10 @@ SPECS = {
     "blue": ObjectSpec(name="blue", type="box", size=(0.06, 0.04, 0.05), color=BLUE, position=AWAY.t),
 }  # fmt: skip
 CAMERA = transforms.looking_at((-0.05, 0.1, 0.6), (0.35, 0.0, 0.0))
-ABOVE = transforms.looking_at((0.35, 0.0, 0.65), (0.35, 0.0, 0.0))
-TABLE = Support("table", Pose(TableSpec().position), TableSpec().size[0], TableSpec().size[1])
 
 
-@pytest.fixture(scope="module")
-def scene() -> Iterator[ColorScene]:
-    scene = ColorScene([], np.random.default_rng(0), SPECS.values())
-    yield scene
-    scene.close()
-
-
-@pytest.fixture(autouse=True)
-def clear(scene: ColorScene) -> None:
-    for name in SPECS:
-        scene.put(name, AWAY)
-
-
-def stand(scene: ColorScene, name: str, x: float, y: float, yaw: float = 0.0, base: float = 0.0) -> Block:
-    spec = SPECS[name]
-    truth = Block("cylinder" if spec.shape else "box", x, y, yaw, spec.size, base)
-    scene.put(name, Pose.from_rotvec(truth.centre, (0.0, 0.0, yaw)))
-    return truth
-
-
-def look(scene: ColorScene, camera: Pose, nearer: dict[str, float] | None = None) -> tuple[FrameView, list[Cluster]]:
-    color, depth, intrinsics = images(scene.frame(camera, nearer))
-    assert depth is not None
-    view = FrameView(depth, intrinsics, camera)
-    return view, BlockFinder(NoiseModel()).clusters(view, color, [TABLE])
-
-
-def find(scene: ColorScene, camera: Pose, nearer: dict[str, float] | None = None) -> list[BlockSighting]:
-    view, clusters = look(scene, camera, nearer)
+def find(scene: BlockScene, camera: Pose, nearer: dict[str, float] | None = None) -> list[BlockSighting]:
+    view, _, clusters = scene.look(camera, nearer)
     return [one for cluster in clusters for one in BlockFinder(NoiseModel()).most_likely(view, cluster)]
 
 
@@ -80,8 +50,8 @@ def assert_found(found: Sequence[BlockSighting], truths: Sequence[Block]) -> Non
         assert min(np.abs(np.subtract(size, truth.size)).max() for size in turned) < 0.005
 
 
-def test_where_blocks_of_two_colours_meet_both_end(scene: ColorScene) -> None:
-    truths = [stand(scene, "red", 0.35, 0.0), stand(scene, "blue", 0.34, 0.041)]
+def test_where_blocks_of_two_colours_meet_both_end(scene: BlockScene) -> None:
+    truths = [scene.stand("red", 0.35, 0.0), scene.stand("blue", 0.34, 0.041)]
     for nearer in ({}, {"red": 0.012}, {"blue": 0.012}):
         found = find(scene, ABOVE, nearer)
         assert len(found) == 2
@@ -93,79 +63,73 @@ def test_where_blocks_of_two_colours_meet_both_end(scene: ColorScene) -> None:
             assert sorted(one.block.size[:2]) == pytest.approx(sorted(truth.size[:2]), abs=0.002)
 
 
-def test_how_far_a_block_goes_on_behind_another_is_unsure_as_seen_from_the_side(scene: ColorScene) -> None:
-    stand(scene, "red", 0.35, 0.0)
-    stand(scene, "blue", 0.34, 0.041)
+def test_how_far_a_block_goes_on_behind_another_is_unsure_as_seen_from_the_side(scene: BlockScene) -> None:
+    scene.stand("red", 0.35, 0.0)
+    scene.stand("blue", 0.34, 0.041)
     slack = [
         max(
             float(cluster.contour_sigma.max())
-            for cluster in look(scene, transforms.looking_at(eye, (0.35, 0.0, 0.0)))[1]
+            for cluster in scene.look(transforms.looking_at(eye, (0.35, 0.0, 0.0))).clusters
         )
         for eye in ((0.35, 0.0, 0.65), (0.0, 0.0, 0.55))
     ]
     assert 0.0 < slack[0] < 0.5 * slack[1]
 
 
-def test_a_block_goes_on_under_what_stands_on_it(scene: ColorScene) -> None:
+def test_a_block_goes_on_under_what_stands_on_it(scene: BlockScene) -> None:
     """Its edge is hidden there: what ends is the upper block."""
-    stand(scene, "low", 0.35, 0.0)
+    scene.stand("low", 0.35, 0.0)
     scene.put("blue", Pose((0.36, 0.01, 0.03 + 0.025)))
-    lower = min(look(scene, CAMERA)[1], key=lambda cluster: math.dist(cluster.color, RED))
+    lower = min(scene.look(CAMERA).clusters, key=lambda cluster: math.dist(cluster.color, RED))
     assert lower.hidden > 0.0
     assert (lower.contour_sigma == 0.0).all()
 
 
 @pytest.mark.parametrize("names", [("red", "low"), ("red", "tall"), ("red", "can")])
 @pytest.mark.parametrize("yaw", [0.0, 0.5])
-def test_two_blocks_of_one_colour_that_differ_are_two(scene: ColorScene, names: tuple[str, str], yaw: float) -> None:
+def test_two_blocks_of_one_colour_that_differ_are_two(scene: BlockScene, names: tuple[str, str], yaw: float) -> None:
     first, second = (SPECS[name].size for name in names)
     along, across = 0.5 * (first[0] + second[0]) + 0.001, 0.01
     c, s = math.cos(yaw), math.sin(yaw)
     truths = [
-        stand(scene, names[0], 0.33, 0.0, yaw),
-        stand(scene, names[1], 0.33 + c * along - s * across, s * along + c * across, yaw),
+        scene.stand(names[0], 0.33, 0.0, yaw),
+        scene.stand(names[1], 0.33 + c * along - s * across, s * along + c * across, yaw),
     ]
     found = find(scene, CAMERA, {names[0]: 0.004})
     assert_found(found, truths)
     assert [one.block.is_round for one in found].count(True) == names.count("can")
 
 
-def test_two_alike_side_by_side_are_one_if_nothing_tells_them_apart(scene: ColorScene) -> None:
-    stand(scene, "red", 0.35, 0.0)
-    stand(scene, "twin", 0.35, 0.0405)
+def test_two_alike_side_by_side_are_one_if_nothing_tells_them_apart(scene: BlockScene) -> None:
+    scene.stand("red", 0.35, 0.0)
+    scene.stand("twin", 0.35, 0.0405)
     (one,) = find(scene, CAMERA)
     assert sorted(one.block.size) == pytest.approx([0.05, 0.06, 0.08], abs=0.005)
 
 
 @pytest.mark.parametrize("name", ["red", "low", "tall", "can"])
-def test_one_block_is_not_cut_in_two(scene: ColorScene, name: str) -> None:
+def test_one_block_is_not_cut_in_two(scene: BlockScene, name: str) -> None:
     for yaw in (0.0, 0.4, 1.1):
-        truth = stand(scene, name, 0.35, 0.0, yaw)
-        view, (cluster,) = look(scene, CAMERA)
+        truth = scene.stand(name, 0.35, 0.0, yaw)
+        view, _, (cluster,) = scene.look(CAMERA)
         assert_found(BlockFinder(NoiseModel()).most_likely(view, cluster), [truth])
         assert name == "can" or cut(cluster) is None
 
 
-def test_two_of_one_colour_that_touch_from_the_beginning_become_two_nodes(scene: ColorScene) -> None:
+def test_two_of_one_colour_that_touch_from_the_beginning_become_two_nodes(scene: BlockScene, memory: Memory) -> None:
     c, s = math.cos(0.3), math.sin(0.3)
     truths = [
-        stand(scene, "red", 0.33, 0.0, 0.3),
-        stand(scene, "tall", 0.33 + 0.051 * c - 0.01 * s, 0.051 * s + 0.01 * c, 0.3),
+        scene.stand("red", 0.33, 0.0, 0.3),
+        scene.stand("tall", 0.33 + 0.051 * c - 0.01 * s, 0.051 * s + 0.01 * c, 0.3),
     ]
     assert 0.0 < truths[0].gap(truths[1]) < 0.004
-    clock = ManualClock()
-    memory = Memory("test", "scene_estimator", transport=LocalNetwork(clock).connect("scene_estimator"), clock=clock)
-    memory.add_node("world", "world")
-    memory.add_node("table", "table", size=TableSpec().size)
-    memory.add_edge("world", "table", "RT", pose=Pose(TableSpec().position))
     config = SceneEstimatorConfig(blocks=True)
     objects = UntaggedObjects(memory, config, logging.getLogger("test"))
     percepts: dict[str, Pose] = {}
     for frame in range(config.blocks_after + 4):
-        color, depth, intrinsics = images(scene.frame(CAMERA))
-        assert depth is not None
+        view, color, _ = scene.look(CAMERA)
         stamp = 0.1 * (frame + 1)
-        blocks = objects.read(FrameView(depth, intrinsics, CAMERA), color, stamp, stamp, [])
+        blocks = objects.read(view, color, stamp, stamp, [])
         percepts = dict(objects.consider("camera", blocks, stamp))
         for name, pose in percepts.items():
             memory.add_edge("world", name, "RT", pose=CAMERA @ pose)
@@ -173,7 +137,6 @@ def test_two_of_one_colour_that_touch_from_the_beginning_become_two_nodes(scene:
     for truth in truths:
         assert min(math.dist((CAMERA @ pose).t, truth.centre) for pose in percepts.values()) < 0.005
     objects.close()
-    memory.close()
 
 
 def test_gaps_of_blocks_seen_from_above() -> None:

@@ -46,7 +46,7 @@ def test_what_an_assistant_proposes_stands_first_until_it_is_decided(stage: Any)
     act = acts.propose("mission: on(a,b) `rm -rf` [x](y)", ["The robot would bring about: *a* on b."], lambda: "begun")
     stage.start_viewer()
     stage.run(3.0)
-    acts.decide(act.id, accept=False)
+    acts.decide(act.id, accept=False, shown="")
     stage.run(5.0)
     service.close()
     pages = [page for (page,) in stage.finish().values(f"/{PAGE}", "TextDocument:text")]

@@ -21,6 +21,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
+from simulation_handler.worlds.spread import odds_of_percepts
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HERE = Pose((0.3, 0.0, 0.02))
@@ -50,17 +51,37 @@ def course(gone: bool, *, hand: str = "", seconds: float = 6.0) -> Episode:
     return Episode("hands-0", 0.0, moments, lambda evidence, name, places: [share] * len(places))
 
 
+def still(places: np.ndarray, seen: np.ndarray | None = None, sigma: float = 0.001) -> Errors:
+    """Errors of things at rest, each in an episode of its own; `seen` from the simulated to the perceived places."""
+    count = len(places)
+    none, unknown = np.zeros((count, 3, 3)), np.full((count, 3), np.nan)
+    own = np.tile(sigma**2 * np.eye(3), (count, 1, 1))
+    return Errors(
+        none, none, np.zeros(count), np.zeros(count), np.zeros((count, 3)), places, unknown,
+        unknown if seen is None else seen, own, unknown, none, np.arange(count),
+    )  # fmt: skip
+
+
 def test_noise_is_found_again() -> None:
     rng = np.random.default_rng(0)
     count, level, height = 3000, 0.008, 0.002
-    none = np.zeros((count, 3, 3))
-    errors = Errors(
-        none, none, np.zeros(count), np.zeros(count), np.zeros((count, 3)),
-        rng.normal(size=(count, 3)) * (level, level, height), np.full((count, 3), np.nan), np.arange(count),
-    )  # fmt: skip
+    errors = still(rng.normal(size=(count, 3)) * (level, level, height))
     found = learn_noise(errors)
     assert found.level == pytest.approx(level, rel=0.15) and found.height == pytest.approx(height, rel=0.15)
     assert learn_noise(errors.of(np.arange(3))) == START, "three moments tell nothing"
+
+
+@pytest.mark.parametrize("right", ["percepts", "simulation"])
+def test_who_is_right_where_percepts_and_simulation_differ_is_learned(right: str) -> None:
+    rng = np.random.default_rng(1)
+    count, apart = 600, 0.05
+    shift = np.zeros((count, 3))
+    shift[::10, 0] = apart
+    truth = shift if right == "percepts" else np.zeros((count, 3))
+    errors = still(truth + rng.normal(size=(count, 3)) * 0.001, shift + rng.normal(size=(count, 3)) * 0.001)
+    found = learn_noise(errors)
+    odds = float(odds_of_percepts(found, np.array((apart / 0.001) ** 2)))
+    assert odds > 3.0 if right == "percepts" else odds < 0.3
 
 
 def test_what_leaves_the_scene_in_episodes_is_expected_to_leave() -> None:

@@ -77,7 +77,7 @@ def test_what_a_camera_sees_whose_new_pose_may_be_taken_back_is_believed(memory:
     """Also for the seconds in which its mount is told to be confirmed, so that beliefs follow."""
     pose = (0.3, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0)
     report = Report("camera", "world", "robust", True, "why", pose, pose, (), 0.1, 0.0, 9.0, False, 1, 4, 4, ())
-    memory.add_edge("camera", "cup", "RT", pose=Pose((0.0, 0.0, 1.0), stamp=NOW))
+    memory.add_edge("camera", "cup", "RT", pose=Pose((0.001, 0.0949, -0.45), stamp=NOW))
     memory.add_edge("world", "camera", "RT", pose=pose_of(pose))
     name = request_calibration(memory, "camera")
     for is_provisional, basis in ((True, Basis.BELIEVED), (False, Basis.PERCEIVED)):
@@ -147,7 +147,7 @@ def test_events_are_told_by_when_they_were_seen(memory: Memory) -> None:
     memory.clock.advance(10.0)  # type: ignore[attr-defined]
     memory.update_node("cup", last_seen=NOW + 10.0)
     chronicle.happened("Pick", ("cup", "unknown"), NOW + 6.0, confidence=0.7)
-    chronicle.happened("Place", ("cube_4", "gripper"), NOW + 7.0, confidence=0.95)
+    chronicle.happened("Place", ("cube_4", "hand"), NOW + 7.0, confidence=0.95)
     chronicle.end(chronicle.begin("on", ("cup", "table"), NOW + 2.0, source="contact"), NOW + 8.0)
     chronicle.begin("on", ("cube_4", "table"), NOW + 3.0, source="contact")
     chronicle.begin("grasping", ("gripper", "cube_3"), NOW + 5.0, source="gripper")
@@ -161,7 +161,7 @@ def test_events_are_told_by_when_they_were_seen(memory: Memory) -> None:
         "5.0 s ago, gripper took hold of cube_3.",
         "4.5 s ago, it is believed, hand touched cup.",
         "4.0 s ago, probably (0.70), somebody picked cup up.",
-        "3.0 s ago, probably (0.95), gripper put cube_4 down.",
+        "Between 22.5 s ago and 3.0 s ago, unseen, probably (0.95), hand put cube_4 down.",
         "2.0 s ago, cup stopped resting on table.",
         '1.0 s ago, chronicler told: "wet".',
     ]
@@ -220,3 +220,13 @@ def test_a_thing_in_the_air_is_told_with_its_height(memory: Memory) -> None:
 )
 def test_lengths_of_time(seconds: float, words: str) -> None:
     assert length_of_time(seconds) == words and ago(seconds) == f"{words} ago"
+
+
+@pytest.mark.parametrize(("height", "is_perceived"), [(0.065, True), (0.08, False)])
+def test_what_is_seen_elsewhere_is_only_believed(memory: Memory, height: float, is_perceived: bool) -> None:
+    memory.update_node("cube_3", last_seen=NOW)
+    memory.update_node("cube_4", perceived=True, last_seen=NOW)
+    memory.add_edge("world", "cube_3", "RT", pose=Pose((0.3, -0.2, height)))  # believed at a height of 0.06 m
+    (told,) = (one for one in account(Moment.of(memory)) if one.names[0] == "cube_3" and one.subject is Subject.PLACE)
+    assert (told.basis is Basis.PERCEIVED) is is_perceived
+    assert ("it is seen 2 cm from there" in told.text) is not is_perceived

@@ -107,7 +107,7 @@ CODE: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
     "a newcomer accounts for what it cannot judge": (
         sync, "accounted_for", lambda right: lambda sender, delta: delta.context),
     "a newcomer has joined whatever it was told": (
-        Fetch, "take", lambda right: lambda self, piece, known: right(self, piece, known) and not setattr(
+        Fetch, "take", lambda right: lambda self, piece: right(self, piece) and not setattr(
             self, "joined", False)),
     "clocks do not listen": (HybridClock, "observe", lambda right: lambda self, stamp, now: None),
 }  # fmt: skip

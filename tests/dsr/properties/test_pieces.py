@@ -75,7 +75,8 @@ class Room:
             if not whole and self.random.random() < 0.5:
                 self.change()
             mine.join(piece.as_delta(), self._now)
-            assert fetch.take(piece, mine.store.context)
+            assert fetch.take(piece)
+            fetch.note_held_back(piece, mine.store.context)
             if not whole and self.random.random() < 0.3:
                 self.replay()
         mine.join(fetch.rest(), self._now)

@@ -49,7 +49,7 @@ def folder(cli: Cli, tmp_path: Path) -> Path:
 
 def test_init_makes_a_certificate_for_everybody_in_the_system(folder: Path, cli: Cli) -> None:
     shown = json.loads(cli("show", folder, "--json").output)
-    assert [row["agent"] for row in shown] == ["first", "second", "launcher", "dsr", "halt", "alice"]
+    assert [row["agent"] for row in shown] == ["first", "second", "launcher", "dsr", "halt", "confirm", "alice"]
     assert shown[0]["nodes"] == list(load_system(SYSTEMS / "counters.toml").agents[0].kind.writes.nodes)
     assert all(row["problem"] is None and row["until"] for row in shown)
     text = cli("show", folder).output

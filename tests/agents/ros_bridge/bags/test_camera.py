@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType
 
+from agents.checked_frames import CheckedFrames
 from agents.drivers import make_driver
 from agents.fixed_camera.agent import FixedCamera
 from agents.ros_bridge.bags import BagCamera
@@ -62,6 +64,19 @@ def test_images_come_when_they_came_with_depth_intrinsics_and_stamps_of_now(cloc
     driver.close()
     driver.close()
     assert driver.frame() is None
+
+
+def test_a_bag_that_is_taken_away_is_told_and_nobody_dies(clock: ManualClock, bag: Path, tmp_path: Path) -> None:
+    copied = tmp_path / bag.name
+    copied.write_bytes(bag.read_bytes())
+    frames = CheckedFrames(camera(copied), clock, logging.getLogger("test"), "cam")
+    clock.advance(0.2)
+    assert frames.frame() is not None
+    copied.unlink()
+    for _ in range(500):
+        clock.advance(0.02)
+        frames.frame()
+    assert "cannot be read" in frames.trouble and frames.counts["failed"] > 0
 
 
 def test_a_bag_begins_where_told_runs_as_fast_as_told_and_again(clock: ManualClock, bag: Path) -> None:

@@ -117,7 +117,7 @@ class Arm:
         self.follow, self.grip = Controller(ros, "/arm/follow", FOLLOW), Controller(ros, "/hand/grip", GRIP)
         self.driver: RosArm = made(
             RosArm, joints=NAMES, trajectory="/arm/follow", gripper="/hand/grip", gripper_joint="finger",
-            gripper_closed=0.8, gripper_open=0.0, stroke=0.085, speed=2.0, effort=40.0,
+            gripper_closed=0.8, gripper_open=0.0, stroke=0.085, effort=40.0,
         )  # fmt: skip
 
     def tell(self, names: tuple[str, ...], positions: tuple[float, ...], stamp: float | None = None) -> None:
@@ -155,6 +155,20 @@ def test_the_state_is_that_of_all_joints(arm: Arm) -> None:
     assert state is not None and state.positions == (0.6, 0.2), "what came from the future holds nothing up"
     arm.tell(NAMES, (0.7, float("nan")))
     assert arm.driver.state() is state and arm.driver.tally.counts["malformed"] == 1
+
+
+def test_a_joint_that_is_not_told_any_more_holds_the_stamp_up(arm: Arm) -> None:
+    arm.tell(NAMES, (0.1, 0.2))
+    state = arm.driver.state()
+    assert state is not None
+    for _ in range(3):
+        arm.ros.clock.advance(0.02)
+        arm.tell(("j1",), (0.3,))
+        held = arm.driver.state()
+        assert held is not None and held.stamp == state.stamp, "the controller counts that as silence"
+    arm.tell(("j2",), (0.2,))
+    held = arm.driver.state()
+    assert held is not None and held.stamp == pytest.approx(arm.ros.clock.now())
 
 
 def test_efforts_are_those_that_are_told_and_no_others(arm: Arm) -> None:
@@ -205,15 +219,6 @@ def test_a_trajectory_goes_to_the_controller(arm: Arm) -> None:
         (0.5, [0.1, 0.2]), (1.25, [0.3, 0.4])
     ]  # fmt: skip
     arm.follow.end(0, 4)
-
-
-def test_a_motion_to_one_place_takes_as_long_as_its_fastest_joint(arm: Arm) -> None:
-    arm.tell(NAMES, (0.0, 0.0))
-    arm.driver.state()
-    arm.driver.move_joints((1.0, -3.0), speed=0.5)
-    arm.follow.wait(1)
-    (point,) = arm.follow.goals[0].trajectory.points
-    assert to_seconds(point.time_from_start) == pytest.approx(3.0) and point.positions.tolist() == [1.0, -3.0]
 
 
 def test_stop_cancels_everything_and_holds_where_the_arm_is(arm: Arm) -> None:

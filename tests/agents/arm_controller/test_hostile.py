@@ -1,0 +1,222 @@
+"""What goes wrong around an arm, one thing at a time: it is refused or halted within 0.1 s, with a clear reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from agents.drivers import ArmState
+from dsr import Pose
+from dsr.network.keys import Keys
+from dsr.vocabulary.halting import HaltOrder, send_order
+from tests.agents.arm_controller.conftest import DOWN, HOME, PERIOD, Bench, Table
+from tests.agents.arm_controller.test_watchdog import AWAY, WITHIN, Liar, stops
+
+MakeBench = Callable[..., Any]
+ASIDE = (-0.9, *HOME[1:])
+"""Joint positions to the left of the arm as it stands at home."""
+
+
+# ---- drivers that lie from the start, or about time
+
+OTHER_CLOCKS: dict[str, tuple[float, str]] = {
+    "far ahead": (100.0, "stamped 100.0 s ahead of the clock of this agent"),
+    "a little ahead": (0.4, "stamped 0.40 s further ahead than before"),
+    "far behind": (-100.0, "stamped 100.0 s behind the clock of this agent"),
+}
+
+
+@pytest.mark.parametrize("clock", OTHER_CLOCKS)
+def test_stamps_that_jump_stop_the_arm(bench: Bench, monkeypatch: pytest.MonkeyPatch, clock: str) -> None:
+    ahead, said = OTHER_CLOCKS[clock]
+    bench.arm.__class__ = Liar
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(0.3)
+    monkeypatch.setattr(Liar, "lie", staticmethod(lambda state: replace(state, stamp=state.stamp + ahead)))
+    bench.run(WITHIN)
+    assert stops(bench) >= 1 and said in bench.memory.node("arm")["explanation"]
+
+
+@pytest.mark.parametrize("ahead", [100.0, -100.0])
+def test_a_driver_with_another_clock_moves_nothing(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, ahead: float
+) -> None:
+    bench.arm.__class__ = Liar
+    monkeypatch.setattr(Liar, "lie", staticmethod(lambda state: replace(state, stamp=state.stamp + ahead)))
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(1.0)
+    assert {command[0] for command in bench.arm.told} <= {"stop"}
+    assert "the clock of this agent" in bench.runner.status().last_error
+
+
+def test_a_joint_that_is_told_twice_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice(state: ArmState) -> ArmState:
+        return replace(state, names=(*state.names, "joint_1"), positions=(*state.positions, 0.3),
+                       velocities=(*state.velocities, 0.0))  # fmt: skip
+
+    bench.arm.__class__ = Liar
+    monkeypatch.setattr(Liar, "lie", staticmethod(twice))
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(0.5)
+    assert {command[0] for command in bench.arm.told} <= {"stop"}
+    assert "the driver tells joint 'joint_1' twice" in bench.runner.status().last_error
+
+
+# ---- an agent that is not well
+
+def test_an_agent_whose_ticks_fail_gives_its_device_no_sign_of_life(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(0.3)
+
+    def fail(joints: object) -> None:
+        raise ValueError("a graph that nobody understands")
+
+    monkeypatch.setattr(bench.agent._holding, "tick", fail)  # type: ignore[attr-defined]
+    last = bench.arm.alive_at
+    for _ in range(4):
+        bench.exchange(PERIOD)
+        bench.arm.advance(bench.clock.now())
+        bench.runner.tick(bench.clock.now())
+    assert bench.arm.alive_at == last
+
+
+def test_a_halt_is_answered_by_an_agent_whose_ticks_fail(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(0.3)
+    monkeypatch.setattr(bench.agent._body, "write", lambda joints: 1 / 0)  # type: ignore[attr-defined]
+    send_order(bench.memory.transport, Keys("test"), HaltOrder("1", True, "anna", "a hand", 1.0))
+    for _ in range(3):
+        bench.exchange(PERIOD)
+        bench.arm.advance(bench.clock.now())
+        bench.runner.tick(bench.clock.now())
+    assert bench.arm.told[-1] == ("stop",)
+    assert bench.memory.node("halt")["explanation"] == "a hand"
+
+
+WRONG_WAYS: dict[str, dict[str, Any]] = {
+    "too short": {"way": (1.0, 2.0), "way_times": (0.0, 1e9)},
+    "no rotation": {"way": (0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1), "way_times": (1e9,)},
+}
+
+
+@pytest.mark.parametrize("way", WRONG_WAYS)
+def test_an_announcement_that_nobody_can_read_disturbs_no_other_arm(bench: Bench, way: str) -> None:
+    bench.memory.add_node("left", "arm", way_since=0.0, **WRONG_WAYS[way])
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(2.0)
+    assert bench.status == "reached"
+
+
+# ---- targets by hand and for actions
+
+@pytest.mark.parametrize(
+    ("pose", "said"),
+    [
+        (Pose((0.42, 0.08, 0.0), DOWN), "cube_3 is in the way"),
+        (Pose((0.36, 0.2, -0.05), DOWN), "table is in the way"),
+        (Pose((3.0, 0.0, 0.3), DOWN), "target_pose"),
+        (Pose((1e200, 0.0, 0.3), DOWN), "target_pose"),
+    ],
+)
+def test_a_target_by_hand_that_cannot_be_is_refused(table: Table, pose: Pose, said: str) -> None:
+    table.memory.update_node("arm", target_pose=pose)
+    table.run(WITHIN)
+    assert table.status == "unreachable" and said in table.memory.node("arm")["explanation"]
+    assert {command[0] for command in table.arm.told} <= {"stop"}
+
+
+@pytest.mark.parametrize("speed", [0.0, -0.5, 1.5])
+def test_an_action_at_no_speed_is_refused(table: Table, speed: float) -> None:
+    table.memory.update_node("arm", target_speed=speed)
+    table.run(PERIOD)
+    assert table.act("pick", target="cube_3") == (
+        "failed", f"target_speed {speed:g}: expected more than 0, at most 1",
+    )  # fmt: skip
+    assert {command[0] for command in table.arm.told} <= {"stop"}
+
+
+# ---- what comes into the way of a moving arm
+
+def forbid(table: Table) -> None:
+    table.memory.add_node("fence", "zone", size=(0.6, 0.3, 0.8))
+    table.memory.add_edge("world", "fence", "RT", pose=Pose((0.4, 0.35, 0.4)))
+
+
+def put(table: Table) -> None:
+    table.believe("cube_9", Pose((0.3, 0.3, 0.3)), (0.4, 0.2, 0.6))
+
+
+@pytest.mark.parametrize(("how", "what"), [(forbid, "fence"), (put, "cube_9")], ids=["zone", "thing"])
+def test_what_comes_into_the_way_of_a_target_by_hand_stops_the_arm(
+    table: Table, how: Callable[[Table], None], what: str
+) -> None:
+    table.memory.update_node("arm", target_joints=ASIDE)
+    table.run(0.3)
+    assert table.status == "moving"
+    how(table)
+    table.run(WITHIN)
+    assert table.arm.told[-1] == ("stop",)
+    assert (table.status, table.memory.node("arm")["explanation"]) == ("stopped", f"{what} is in the way")
+
+
+@pytest.mark.parametrize(("how", "what"), [(forbid, "fence"), (put, "cube_9")], ids=["zone", "thing"])
+def test_what_comes_into_the_way_of_an_action_stops_the_arm_and_another_way_is_sought(
+    table: Table, how: Callable[[Table], None], what: str
+) -> None:
+    name = table.request("move", target_pose=Pose((0.3, 0.35, 0.3), DOWN))
+    table.run(0.4)
+    assert table.arm.told[-1][0] == "follow"
+    how(table)
+    table.run(WITHIN)
+    assert table.arm.told[-1] == ("stop",)
+    assert table.finish(name) == ("failed", f"{what} is in the way")
+
+
+def test_what_comes_elsewhere_stops_nothing(table: Table) -> None:
+    name = table.request("move", target_pose=Pose((0.4, -0.25, 0.3), DOWN))
+    table.run(0.3)
+    forbid(table)
+    table.believe("cube_3", Pose((0.42, 0.2, 0.02)))
+    assert table.finish(name) == ("done", "")
+    assert ("stop",) not in table.arm.told
+
+
+def test_what_came_into_the_way_since_it_was_planned_is_noticed_before_the_arm_moves(table: Table) -> None:
+    name = table.request("pick", target="cube_3")
+    table.run_to("open")
+    table.believe("cube_9", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.3))
+    assert table.finish(name) == ("failed", "there is no room for the gripper around cube_3: cube_9 is in the way")
+    assert [command for command in table.arm.told if command[0] == "follow"] == []
+
+
+# ---- halts at every moment
+
+@pytest.mark.parametrize("step", ["open", "approach", "close", "rise"])
+def test_a_halt_at_any_step_of_a_pick_stops_the_arm_and_keeps_the_grip(table: Table, step: str) -> None:
+    name = table.request("pick", target="cube_3")
+    table.run_to(step)
+    told = len(table.arm.told)
+    for number in ("1", "2"):
+        send_order(table.memory.transport, Keys("test"), HaltOrder(number, True, "anna", "a hand", float(number)))
+        table.run(WITHIN)
+    assert {command[0] for command in table.arm.told[told:]} == {"stop"}
+    assert table.said(name) == ("halted", "halted by anna: a hand")
+    table.run(1.0)
+    assert {command[0] for command in table.arm.told[told:]} == {"stop"}
+
+
+def test_a_halt_during_a_search_ends_it(table: Table) -> None:
+    for number, (x, y) in enumerate([(0.25, -0.15), (0.45, -0.15), (0.35, -0.05), (0.35, -0.25)]):
+        table.believe(f"wall_{number}", Pose((x, y, 0.3)), (0.02, 0.2, 0.6) if number < 2 else (0.2, 0.02, 0.6))
+    table.run(PERIOD)
+    name = table.request("move", target_pose=Pose((0.35, -0.15, 0.2), DOWN))
+    table.run_to("plan")
+    send_order(table.memory.transport, Keys("test"), HaltOrder("1", True, "anna", "a hand", 1.0))
+    table.run(WITHIN)
+    assert table.said(name) == ("halted", "halted by anna: a hand")
+    assert table.step == "" and {command[0] for command in table.arm.told} <= {"stop"}
