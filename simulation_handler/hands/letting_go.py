@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import NamedTuple
 
 from dsr.math3d.transforms import Pose
@@ -11,7 +10,7 @@ from dsr.vocabulary.handling import Handling
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.contacts import TOUCH_DELAY
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
-from simulation_handler.hands.state import Hand
+from simulation_handler.hands.state import UNSEEN, Hand
 from simulation_handler.state.objects import BelievedObject
 
 FALLEN = 0.015
@@ -60,12 +59,12 @@ class LettingGo:
     def keep(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """Fingertips have hold of an object at time `now` (s); for a moment they may seem to, as it falls."""
         recent = [hold for hold in self._holds.get(relation, ()) if now - hold.time <= _REMEMBERED]
-        if not any(map(partial(_has_fallen, hand, item), recent)):
+        if not any(_has_fallen(hand, item, hold, now) for hold in recent):
             self._holds[relation] = (*recent, _Hold(min(now, item.path.newest), hand.path.last, item.path.last))
 
-    def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject) -> bool:
+    def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen to have come down since the hand last had hold of it, by more than the hand."""
-        return any(map(partial(_has_fallen, hand, item), self._holds.get(relation, ())))
+        return any(_has_fallen(hand, item, hold, now) for hold in self._holds.get(relation, ()))
 
     def begin(self, relation: Relation) -> None:
         """A hand holds an object again."""
@@ -76,12 +75,12 @@ class LettingGo:
         """A hand does not hold an object any more at time `now` (s)."""
         self._ended[relation] = LetGo(state, max((hold.time for hold in self._holds.get(relation, ())), default=now))
 
-    def resolve(self, relation: Relation, hand: Hand, item: BelievedObject) -> None:
+    def resolve(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """An object that a hand was seen to open about, unseen, is seen again: it has fallen, or lies where it was."""
         end = self._ended.get(relation)
         is_confirmed = item.path.newest >= item.track.last_stamp  # a single percept that is far away may be false
         if end is not None and end.state is LET_GO and is_confirmed:
-            state = DROPPED if self.has_fallen(relation, hand, item) else PUT_DOWN
+            state = DROPPED if self.has_fallen(relation, hand, item, now) else PUT_DOWN
             self._ended[relation] = LetGo(state, end.since)
 
     def forget(self, name: str) -> None:
@@ -90,9 +89,8 @@ class LettingGo:
         self._ended = {relation: end for relation, end in self._ended.items() if name not in relation}
 
 
-def _has_fallen(hand: Hand, item: BelievedObject, hold: _Hold) -> bool:
-    """Whether an object has come down since then, by more than the hand."""
-    if item.path.newest <= hold.time:
+def _has_fallen(hand: Hand, item: BelievedObject, hold: _Hold, now: float) -> bool:
+    """Whether an object has come down since then, by more than the hand: one that is not seen may have gone with it."""
+    if item.path.newest <= hold.time or not hand.perceived or now - hand.path.newest > UNSEEN:
         return False
-    by_hand = hold.lowered_by(hand.path.last) if hand.perceived else 0.0
-    return hold.place.t[2] - item.path.last.t[2] - by_hand > FALLEN
+    return hold.place.t[2] - item.path.last.t[2] - hold.lowered_by(hand.path.last) > FALLEN
