@@ -20,17 +20,15 @@ from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
 from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
-from simulation_handler.hands.state import FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, PALM_GOES, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _TIP_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
-_NOT_HELD = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
-_PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
 _GRIP_BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
@@ -261,7 +259,7 @@ class Touching:
             return
         at_rest = Sign.OPEN_ALOFT if item.hovering_since is not None else Sign.OPEN_AT_REST
         yield at_rest if is_seen else Sign.OPEN_UNSEEN
-        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > _PASSING:
+        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > PALM_GOES:
             yield Sign.ALONG
         if not is_seen and since < now - _PRESUMED and self._hides(*relation):
             yield Sign.HIDDEN
@@ -356,7 +354,7 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
         rests = not item.driven and item.placement is not None and item.placement.rests
-        return (rests and away > _NOT_HELD) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+        return (rests and away > ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
 
     def _pinches(self, thing: str, besides: str) -> bool:
         """Whether a hand in sight pinches an object, besides the one of that name."""
