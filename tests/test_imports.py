@@ -26,7 +26,7 @@ ONE_PLACE = {
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
-    "mcp": ("agents/assistant/server.py",),
+    "mcp": ("agents/assistant/server.py", "agents/assistant/following.py"),
     "lark": ("dsr/narration/questions.py",),
     "pyrealsense2": ("agents/cameras/realsense.py",),
     "dynamixel_sdk": ("agents/dynamixel/servos.py",),
