@@ -272,8 +272,8 @@ def play(seed: int, fault: Fault) -> Outcome:
         if not fault.at_rest:
             by_hand = fault.by_hand or rng.random() < 0.5
             if by_hand:
-                here = _arm(bench).positions
-                bench.memory.update_node("arm", target_joints=(here[0] + TURN, *here[1:]))
+                first, *others = _arm(bench).positions
+                bench.memory.update_node("arm", target_joints=(first + TURN, *others))
             else:
                 bench.request("pick", target=f"cube_{3 + int(rng.integers(0, 4))}")
             bench.run(float(rng.uniform(0.3, 1.2 if by_hand else 2.2)))

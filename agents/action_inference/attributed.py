@@ -15,7 +15,7 @@ from agents.action_inference.attribution import REMEMBERED, Attribution
 from agents.action_inference.bumps import FRESH, Bumps
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
-from agents.action_inference.observation import ObservedEnd, ObservedThing, Snapshot
+from agents.action_inference.observation import FOUND_OUT, ObservedEnd, ObservedThing, Snapshot
 from agents.action_inference.policy import Inference
 from agents.action_inference.track import ThingTrack
 from dsr.clock import ROUNDING
@@ -26,22 +26,12 @@ from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Actio
 _SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
 """Confidences: something holds it; a hand is near, or it is seen to rest; nothing but its motion tells."""
 _GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
-_DOUBT_ENDS = 3.0  # s after which it is given up to know whether a thing was lifted or the camera bumped
 _FASTER_THAN_PUT = -0.7  # m/s, faster than anybody puts things down
-_SUPPORT_REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
-_HOVERS_FOR = 0.3  # s for which a thing must hover in a hand that has it when it is first seen
-_HAND_MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
-_UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
-_UNDISPUTED = 1.5  # s for which it must be believed to stand there: longer than it takes to see that it does not
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
-_GOES_ON = 0.02  # m that a palm comes down after it seems to have let go, from which it was still putting it down
 _LOWERED = 0.05  # m/s from which it is being lowered
-_DRAGGED = 1.5  # s for which a hand that has put a thing down may seem to take it along, until its fingers are seen
 _LEFT_WITHIN = 0.05  # m from where it rested in the hand, within which it was left there
-_AGAIN = 0.03  # m by which it must be seen higher to have been lifted again
-_EVEN = 0.001  # m by which the edges of a cube or ball differ at most
-_AS_LOW = 0.001  # m by which it may be higher and yet rest as low as before
+_SAME = 0.001  # m by which lengths or heights that are the same may differ
 _UPRIGHT_COSINE = 0.95  # cosine of how far it may lean then
 
 
@@ -56,6 +46,7 @@ class AttributedPolicy:
 
     def __init__(self, config: ActionInferenceConfig | None = None) -> None:
         self._config = config or ActionInferenceConfig()
+        self._moved = 2.0 * self._config.lifted  # m, between two places that are both known with errors
         self._attribution = Attribution(self._config.reach)
         self._bumps = Bumps()
         self._tracks: dict[str, ThingTrack] = {}
@@ -116,7 +107,7 @@ class AttributedPolicy:
         last, rested = track.believed.last, track.rested
         if last is None:
             return
-        if rested is None or last.bottom < rested.bottom + _AS_LOW or now - rested.time > _DRAGGED:
+        if rested is None or last.bottom < rested.bottom + _SAME or now - rested.time > FOUND_OUT:
             track.rested = last
 
     def _note_hidden(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> None:
@@ -149,7 +140,7 @@ class AttributedPolicy:
         is_doubted = thing.in_doubt or self._bumps.may_be(snapshot.now)
         if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted:
             if is_doubted:
-                if snapshot.now - track.seen.departed() > _DOUBT_ENDS:
+                if snapshot.now - track.seen.departed() > 2.0 * FOUND_OUT:
                     track.seen.forget()
                 return None
             if not track.returned or not thing.plausible:
@@ -167,7 +158,7 @@ class AttributedPolicy:
             track.hovers_since = None
         elif track.hovers_since is None:
             track.hovers_since = snapshot.now
-        elif snapshot.now - track.hovers_since >= _HOVERS_FOR - ROUNDING:
+        elif snapshot.now - track.hovers_since >= FRESH - ROUNDING:
             track.held, track.by, track.found, track.hovers_since = True, thing.grasps[-1].holder, track.seen.last, None
             track.resting_since, track.returned = None, False
 
@@ -191,7 +182,7 @@ class AttributedPolicy:
         waiting = [thing.name]
         while waiting:
             when, beneath = self._track(waiting.pop()).beneath
-            if snapshot.now - when > _SUPPORT_REMEMBERED:
+            if snapshot.now - when > REMEMBERED:
                 continue
             for name in sorted(beneath - checked):
                 checked.add(name)
@@ -260,11 +251,11 @@ class AttributedPolicy:
         lowered = let_go.bottom - current.bottom
         if seen is not None and seen.time > let_go_at and track.seen.speed() < _FASTER_THAN_PUT:
             track.hidden = None
-        if lowered - self._palm_lowered(track, snapshot) > config.fallen:
+        if lowered - self._palm_lowered(track, snapshot) > config.lifted and track.how != Handling.PUT_DOWN:
             inference = self._came_down(thing, track, snapshot, let_go_at, current)
         elif self._rests(thing, track, snapshot) and thing.plausible:
             settled = track.believed.settled() if track.believed.last is not None else let_go_at
-            time = settled if lowered > config.fallen else min(settled, let_go_at)  # the hand may have held on unseen
+            time = settled if lowered > config.lifted else min(settled, let_go_at)  # the hand may have held on unseen
             inference = self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
         else:
             inference = None
@@ -283,21 +274,25 @@ class AttributedPolicy:
             why = f"{track.by} left it where it had come to rest"
             return self._let_go(thing, track, PLACE, rested.time, _LIKELY, why)
         unseen = self._put_down_unseen(thing, track, current)
-        goes_on_down = self._palm_lowered(track, snapshot) > _GOES_ON and not self._is_seen_now(thing, snapshot.now)
+        goes_on_down = self._palm_lowered(track, snapshot) > self._config.lifted and not self._is_seen_now(
+            thing, snapshot.now
+        )
         if unseen is None and goes_on_down:  # it may hold on, although its fingertips seem apart
             unseen = self._lowered_out_of_sight(thing, track, current)
         if unseen is None and (rests or track.hidden is None):
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
-        if unseen is not None and self._rests(thing, track, snapshot, _UNDISPUTED) and thing.plausible:
+        if unseen is not None and self._rests(thing, track, snapshot, FOUND_OUT) and thing.plausible:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
     def _rested_in_hand(self, track: ThingTrack, let_go_at: float) -> Height | None:
         """Where it rested shortly before it was let go of, unless it was seen to be lifted again."""
         rested, last = track.rested, track.seen.last
-        if rested is None or let_go_at - rested.time > _DRAGGED:
+        if rested is None or let_go_at - rested.time > FOUND_OUT:
             return None
-        is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + _AGAIN
+        is_seen_lifted = (
+            last is not None and last.time > rested.time and last.bottom > rested.bottom + self._moved
+        )
         return None if is_seen_lifted else rested
 
     def _put_down_unseen(self, thing: ObservedThing, track: ThingTrack, current: Height) -> float | None:
@@ -316,7 +311,7 @@ class AttributedPolicy:
 
     def _stands(self, thing: ObservedThing) -> bool:
         """Whether it is believed to be upright, or has the same height on every side."""
-        if thing.believed is None or max(thing.size) - min(thing.size) < _EVEN:
+        if thing.believed is None or max(thing.size) - min(thing.size) < _SAME:
             return thing.believed is not None
         return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT_COSINE
 
@@ -344,12 +339,12 @@ class AttributedPolicy:
         """Nobody sees it since `last`: it has been let go of if it is believed to lie below that."""
         believed = track.believed.last
         lies = thing.plausible or (bool(thing.on) and track.believed.is_steady())
-        if believed is None or not lies or last.bottom - believed.bottom <= _UNPLAUSIBLE_DROP:
+        if believed is None or not lies or last.bottom - believed.bottom <= self._moved:
             return None
         if self._is_hidden_with_holder(track, snapshot):
             return None
         unseen = self._put_down_unseen(thing, track, believed)
-        least = 0.0 if unseen is None else _UNDISPUTED
+        least = 0.0 if unseen is None else FOUND_OUT
         if unseen is None and (unseen := self._lowered_out_of_sight(thing, track, believed)) is None:
             near = _GUESSED if track.by == UNKNOWN else _LIKELY
             return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it is gone from where it was")
@@ -390,7 +385,11 @@ class AttributedPolicy:
         action = Action(time, kind, thing.name, track.by)
         confidence *= track.probability
         found, last = track.found, track.believed.last or track.seen.last
-        stayed = found is not None and last is not None and math.dist(found.position, last.position) < _HAND_MOVED
+        stayed = (
+            found is not None
+            and last is not None
+            and math.dist(found.position, last.position) < self._moved
+        )
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
         track.returned, track.found, track.rested, track.probability = False, None, None, 1.0
         track.how = Handling.FREE

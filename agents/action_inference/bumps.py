@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 
-from agents.action_inference.observation import ObservedThing, Snapshot
+from agents.action_inference.observation import FOUND_OUT, ObservedThing, Snapshot
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
@@ -17,7 +17,6 @@ _FEW, _NEWEST = 3, 2  # percepts in a row that must show each
 FRESH = 0.3
 """s up to which a percept is of a thing as it is now"""
 _FEWEST_THINGS = 3  # things that must seem to move, unless there are only two
-_BUMP_OPEN = 1.5  # s for which it stays open: longer than the camera takes to be in doubt
 
 
 class Bumps:
@@ -37,13 +36,13 @@ class Bumps:
         free = [thing for thing in snapshot.things.values() if self._stands_by_itself(thing, snapshot)]
         moved = sum(self._has_jumped(thing.name) for thing in free)
         if moved >= 2 and 2 * moved >= len(free) and moved >= min(_FEWEST_THINGS, len(free)):
-            if snapshot.now - self._last > _BUMP_OPEN:
+            if snapshot.now - self._last > FOUND_OUT:
                 self._since = snapshot.now
             self._last = snapshot.now
 
     def may_be(self, now: float) -> bool:
         """Whether a camera may have been bumped in the last moments before `now` (s)."""
-        return now - self._since <= _BUMP_OPEN
+        return now - self._since <= FOUND_OUT
 
     def _add(self, name: str, pose: Pose) -> None:
         seen = self._seen.setdefault(name, deque())

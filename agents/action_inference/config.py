@@ -22,13 +22,14 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """Parameters of a method that a package provides, by name."""
 
     lifted: _Positive = 0.015
-    """m that a thing must be seen, or believed while it is held, above where it lay, before it has been picked"""
+    """m that a thing must be seen, or believed while it is held, above where it lay, before it has been picked
+
+    So far below where it was let go, it has been released rather than placed. Twice as far is no matter of two errors.
+    """
     lifted_frames: Annotated[int, Meta(ge=1)] = 2
     """Percepts in a row that must show it: a single one may be wrong."""
     steady: _Positive = 0.008
     """m within which percepts of a resting thing stay"""
-    fallen: _Positive = 0.02
-    """m that a thing must have come down since it was let go to have been released rather than placed"""
     settle: _Positive = 0.15
     """s for which a thing must rest on something, untouched, before it has been placed"""
     reach: _Positive = 0.1

@@ -12,6 +12,9 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
 
+FOUND_OUT = 1.5
+"""s, longer than it takes until it is known that a hand came back empty, that a thing is missing, or a camera bumped"""
+
 
 class ObservedGrasp(NamedTuple):
     """An edge `grasping`."""

@@ -16,6 +16,7 @@ from mcp.shared.subscriptions import ResourceUpdated
 from mcp.types import ToolAnnotations
 
 from agents.assistant.acting import Acts
+from agents.assistant.following import Followers
 from agents.assistant.limits import RateLimit, as_json, trimmed
 from agents.assistant.memory_tools import MemoryTools
 from dsr.errors import DsrError
@@ -71,11 +72,13 @@ class ToolServer:
         self._memory, self._looking, self._picture = memory, looking, picture
         self._limit = limit or RateLimit(memory.clock)
         self._bus = InMemorySubscriptionBus()
+        self._telling = anyio.Lock()
         self.mcp: MCPServer[None] = MCPServer(
             "dsr", title="Working memory of a robot", instructions=INSTRUCTIONS, lifespan=self._lifespan,
             subscriptions=self._bus, log_level="WARNING",
         )  # fmt: skip
         """The server of the protocol, to be run."""
+        self._followers = Followers(self.mcp)
         self._register_looks()
         self._register_resources()
         if acts is not None and propose is not None:
@@ -204,6 +207,11 @@ class ToolServer:
                 tasks.cancel_scope.cancel()
 
     async def _tell_changes(self) -> None:
+        """Tell all subscribers; there is a lifespan for each client, and only one of them tells at a time."""
+        async with self._telling:
+            await self._tell_on()
+
+    async def _tell_on(self) -> None:
         with self._memory.watch(existing=False) as watch:
             while True:
                 await anyio.sleep(PERIOD)
@@ -213,10 +221,10 @@ class ToolServer:
                     is_other = is_other or (change.element == "node" and change.kind != "updated")
                     names = (change.name,) if change.element == "node" else (change.src, change.dst)
                     changed.update(dict.fromkeys(names))
-                for name in list(changed)[:_MOST_CHANGED]:
-                    await self._bus.publish(ResourceUpdated(NODE.replace("{name}", name)))
-                if is_other:
-                    await self._bus.publish(ResourceUpdated(GRAPH))
+                uris = [NODE.replace("{name}", name) for name in list(changed)[:_MOST_CHANGED]]
+                for uri in [*uris, *([GRAPH] if is_other else [])]:
+                    await self._bus.publish(ResourceUpdated(uri))
+                    await self._followers.tell(uri)
 
 
 def _act(act: ProposedAct) -> dict[str, Any]:

@@ -104,7 +104,8 @@ class Graph(Stamping):
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
         """Write attributes of a visible element. Raises `SchemaError`."""
-        owners = [entry.dot for entry in element._entries]
+        entries = element._entries
+        owners = [entries[0].dot] if len(entries) == 1 else [entry.dot for entry in entries]
         return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
 
     def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
@@ -208,14 +209,19 @@ class Graph(Stamping):
     ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
         rid, first = self.rid, self.counter + (0 if add else 1)
-        tick, known, writes = self.hlc.tick(now), self.schema.attributes, []
-        stamps = {} if add else {name: self._stamp(key, owners, name, tick) for name in values}
+        tick, known = self.hlc.tick(now), self.schema.attributes
+        stamps: dict[str, int] = {}
+        if add is None:  # all of them before the first dot: one may have no room
+            for name in values:
+                stamps[name] = self._stamp(key, owners, name, tick)
+        writes = []
         for name, value in values.items():
             stamp = stamps.get(name, tick)
             stream = not add and value is not TOMBSTONE and known[name].stream
             for owner in owners:
-                dot = None if stream else self.new_dot()
-                writes.append(Write(owner, name, stamp, rid, dot, value))
+                if not stream:
+                    self.counter += 1
+                writes.append(Write(owner, name, stamp, rid, None if stream else (rid, self.counter), value))
         context = [(rid, first, self.counter)] if self.counter >= first else []
         delta = Delta([add] if add else [], writes, [], context)
         self._apply(delta)

@@ -432,7 +432,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
                              "via": "worlds through which it came, comma-separated, see dsr.worlds",
                              "record": "what is known of a world or a name, JSON, see dsr.worlds",
-                             "content": "what a summary holds, JSON, see dsr.timeline",
+                             "content": "what a summary holds, compressed JSON, see dsr.timeline",
                              "halt_id": "tells an order of an emergency stop from all others",
                              "note": "free text"}),
 ])  # fmt: skip

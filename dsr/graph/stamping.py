@@ -66,7 +66,7 @@ class Stamping(Sharing):
 
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """The stamp (see `dsr.crdt.hlc`) of an attribute's value in one incarnation; 0 if it never was set."""
-        entry = self.store.find(owner)
+        entry = self.store.entries.get(owner) or self.store.find(owner)
         write = entry.registers.get(attribute) if entry is not None else None
         return 0 if write is None else write.stamp
 

@@ -1,10 +1,14 @@
 """What is remembered of an event or a situation that was over, and how a summary of many is written; pure.
 
-Names are written once, and times as seconds since the earliest, so that a page holds some hundreds of them.
+Names are written once, and times as seconds since the earliest. The JSON is compressed (DEFLATE, RFC 1951, as text in
+base 85), as much in it is alike: a page holds some thousands of them.
 """
 
 from __future__ import annotations
 
+import base64
+import math
+import zlib
 from collections.abc import Iterable
 from typing import Annotated, Any
 
@@ -16,7 +20,11 @@ from dsr.timeline.entries import EVENT, SITUATION, Entry
 from dsr.timeline.kinds import INTENTION
 
 MOST_BYTES = 8192
-"""Bytes of what a summary holds: some hundreds of things remembered, more than a person tells of a day"""
+"""Bytes of what a summary holds: some thousands of things remembered, more than a person tells of a week"""
+_MOST_UNPACKED = 16 * MOST_BYTES
+"""Bytes of the JSON of a summary: what malformed text unpacks to is no more. Summaries shrink to a third"""
+_MOST_JSON = _MOST_UNPACKED - 1024
+"""Bytes of the JSON of the things in a summary: beside them stand three numbers"""
 _DECIMALS = 1
 """Of times, s: a chronicler looks ten times a second"""
 
@@ -110,7 +118,7 @@ _DEFAULTS: tuple[Any, ...] = (None, None, (), None, 0, 1.0, "")
 """What need not be written at the end of a row"""
 
 
-def encoded_items(items: Iterable[Remembered]) -> dict[str, Any]:
+def _encoded_items(items: Iterable[Remembered]) -> dict[str, Any]:
     """Things remembered as plain data: `since` (s), `names`, and `items` with numbers of names."""
     rows = list(items)
     since = float(int(min((item.begin for item in rows), default=0.0)))
@@ -132,7 +140,13 @@ def encoded_items(items: Iterable[Remembered]) -> dict[str, Any]:
 def encoded_summary(summary: PeriodSummary) -> str:
     """A summary as text."""
     limits = {name: getattr(summary, name) for name in ("resolution", "complete_from", "surprises_from")}
-    return msgspec.json.encode(encoded_items(summary.items) | limits).decode()
+    return _packed(msgspec.json.encode(_encoded_items(summary.items) | limits)).decode()
+
+
+def written_size(items: Iterable[Remembered]) -> int:
+    """Bytes that things remembered take as they are written; more where they could not be read again."""
+    plain = msgspec.json.encode(_encoded_items(items))
+    return max(len(_packed(plain)), math.ceil(len(plain) * MOST_BYTES / _MOST_JSON))
 
 
 def decoded_summary(text: str) -> PeriodSummary:
@@ -142,8 +156,24 @@ def decoded_summary(text: str) -> PeriodSummary:
     return decoded(text, "summary", _decode)
 
 
+def _packed(plain: bytes) -> bytes:
+    return base64.b85encode(zlib.compress(plain, zlib.Z_BEST_COMPRESSION))
+
+
+def _unpacked(text: str) -> bytes:
+    """The JSON of a text. Raises `ValueError`, also for what unpacks to more than any summary."""
+    unpacking = zlib.decompressobj()
+    try:
+        plain = unpacking.decompress(base64.b85decode(text), _MOST_UNPACKED)
+    except zlib.error as error:
+        raise ValueError(str(error)) from error
+    if not unpacking.eof:
+        raise ValueError(f"expected an end within {_MOST_UNPACKED} bytes of JSON")
+    return plain
+
+
 def _decode(text: str) -> PeriodSummary:
-    page = _decoder.decode(text)
+    page = _decoder.decode(_unpacked(text))
     names = page.names
     return PeriodSummary(
         resolution=page.resolution, complete_from=page.complete_from, surprises_from=page.surprises_from,

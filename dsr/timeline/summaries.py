@@ -17,7 +17,7 @@ import msgspec
 
 from dsr.timeline.entries import EVENT, EXPLAINED, Entry
 from dsr.timeline.kinds import ACTION, AGENT, FORBIDDEN, INTENTION, PRESENT, RELATIONS, SURPRISING
-from dsr.timeline.remembered import MOST_BYTES, PeriodSummary, Remembered, encoded_items
+from dsr.timeline.remembered import MOST_BYTES, PeriodSummary, Remembered, written_size
 from dsr.vocabulary.calibration import CALIBRATED
 from dsr.vocabulary.explained import changes_of
 from dsr.vocabulary.intentions import FULFILLED, GIVEN_UP
@@ -31,6 +31,8 @@ _SURPRISING_SHARE = 0.5
 _ENDED = (*FULFILLED, *GIVEN_UP)
 _TOLD_BY_KIND = (*RELATIONS, PRESENT, *KINDS)
 """Kinds whose sentence follows from kind and participants"""
+_UNEVEN = 64
+"""Bytes by which a compressed text may become shorter as something is added: a block of it is written anew"""
 _MOMENT = 5.0
 """s for which contact is lost while a thing rests: what is jolted, or seen through noise"""
 _HELD = "grasping"
@@ -176,11 +178,18 @@ def _newest(
 ) -> tuple[list[Remembered], float]:
     """The newest that have room (bytes) beside others, and until when (s) some are lost; 0 if all stay."""
     ordered, others = sorted(items, key=lambda item: item.order, reverse=True), list(beside)
-    numbers = range(len(ordered) + 1)
-    count = max(0, bisect_right(numbers, room, key=lambda number: _size([*others, *ordered[:number]])) - 1)
+
+    def size(number: int) -> int:
+        return _size([*others, *ordered[:number]])
+
+    if size(len(ordered)) <= room:
+        return ordered, 0.0
+    count = max(0, bisect_right(range(len(ordered) + 1), room - _UNEVEN, key=size) - 1)
+    while count < len(ordered) and size(count + 1) <= room:  # one by one, for the same end however many there are
+        count += 1
     return ordered[:count], ordered[count].last if count < len(ordered) else 0.0
 
 
 def _size(items: Iterable[Remembered]) -> int:
     """Bytes as they are written."""
-    return len(msgspec.json.encode(encoded_items(sorted(items, key=lambda item: item.order))))
+    return written_size(sorted(items, key=lambda item: item.order))

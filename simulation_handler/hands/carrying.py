@@ -11,13 +11,11 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.covering import is_within_reach
-from simulation_handler.hands.state import FINGERS, UNSEEN, Hand
+from simulation_handler.hands.state import FINGERS, PALM_GOES, UNSEEN, Hand
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_WAY = 0.04
-"""m that an object must go with a palm: farther than a palm, of which a part is hidden, seems to go by itself."""
 _RIGID = 0.25
 """Share of the way by which the palm may seem to go elsewhere: a hand that only passes by goes its own way."""
 
@@ -64,7 +62,7 @@ class Carrying:
                 relation, hand_from_object = (name, item.name), palm.inverse() @ there
                 start = self._starts.get(relation, _Start(stamp, there.t, hand_from_object))
                 distance = math.dist(there.t, start.position)
-                if distance >= _WAY:
+                if distance >= PALM_GOES:
                     if math.dist(hand_from_object.t, start.hand_from_object.t) <= _RIGID * distance:
                         carried[relation] = start.time, hand_from_object
                     start = _Start(stamp, there.t, hand_from_object)

@@ -16,7 +16,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
-from simulation_handler.hands.state import HALF, UNSEEN, Hand
+from simulation_handler.hands.state import ELSEWHERE, HALF, SLOWLY, UNSEEN, Hand
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -30,13 +30,9 @@ _GRIPS = tuple((x, 0.0, 0.0) for x in (0.0, 0.03, 0.06, 0.09, 0.12))
 """m, in the palm's frame: where a hand may have what it holds, from the palm to between the fingertips"""
 _GRIP_REACH = 0.05  # m from there to the surface of the object
 _PALM_AWAY = 0.022  # m that the palm must go away from where it rested, until it has taken something along
-_NOT_IN_HAND = 0.06  # m from where its hand would have it, from which what is seen is not in that
-_COVER_BLEND = 0.1  # weight of the newest in how a hand holds an object
 _TURNING = 1.5  # s in which what a hand covers turns with it
 _COVER_SETTLING = 0.3  # s, likewise, before it covers anything
-_HAND_LOST = 0.5  # s without a hand, after which it is seen anew
 _PATH_STEP = 1e-3  # s between two places that a way begins with
-_COVERED_BEFORE = 0.3  # s before it was last seen, that a hand may have covered an object
 
 
 @dataclass
@@ -83,7 +79,7 @@ class Covering:
         have.
         """
         time, hand, there = self._passed.get(name, (-math.inf, "", None))
-        if there is None or time < self._bodies.object(name).track.last_stamp - _COVERED_BEFORE:
+        if there is None or time < self._bodies.object(name).track.last_stamp - UNSEEN:
             return ""
         self.recall((hand, name), there, now)
         return hand
@@ -137,7 +133,7 @@ class Covering:
                 last = hand.path.last
                 before = self._palms.get(name, last)
                 share = 1.0 - math.exp(-seconds / (_TURNING if name in covering else _COVER_SETTLING))
-                is_lost = last.stamp - before.stamp > _HAND_LOST
+                is_lost = last.stamp - before.stamp > 2.0 * UNSEEN
                 turned = last.q if is_lost else quaternions.slerp(before.q, last.q, share)
                 self._palms[name] = Pose.unchecked(last.t, turned, last.stamp)
 
@@ -152,14 +148,14 @@ class Covering:
             stamp = min(hand.path.newest, item.path.newest)
             there = Pose.unchecked(hand.path.at(stamp).t, palm.q).inverse() @ item.path.at(stamp)
             cover.taken |= math.dist(item.path.last.t, cover.place) > _PALM_AWAY
-            if math.dist(there.t, cover.hand_from_object.t) > _NOT_IN_HAND or (has_left and not cover.taken):
+            if math.dist(there.t, cover.hand_from_object.t) > ELSEWHERE or (has_left and not cover.taken):
                 return False
-            cover.hand_from_object = between(cover.hand_from_object, there, _COVER_BLEND)
+            cover.hand_from_object = between(cover.hand_from_object, there, SLOWLY)
         elif has_left:
             cover.taken = True
         elif not cover.taken:
             here = self._bodies.pose(item.name)
-            cover.hand_from_object = between(cover.hand_from_object, palm.inverse() @ here, _COVER_BLEND)
+            cover.hand_from_object = between(cover.hand_from_object, palm.inverse() @ here, SLOWLY)
             item.path.add(here.with_stamp(palm.stamp))  # where its way in the hand begins
         return True
 

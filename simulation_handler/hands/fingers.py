@@ -24,7 +24,6 @@ from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _SPHERE_LAG = 0.1  # s by which a sphere is behind what is seen: the newest place is not smoothed yet
-_LONGEST_LAG = 0.5  # s, at most, that is caught up with: the time until an object counts as unseen
 _FASTEST_SPHERE = 1.0  # m/s
 _SPHERE_SLACK = 0.004  # m that a fingertip may move without its sphere
 _SPHERE_REACH = 0.012  # m from an object within which a fingertip has a sphere
@@ -67,7 +66,7 @@ class Fingers:
 
         Objects that are `waiting` for an explanation are seen elsewhere than they are believed to be.
         """
-        seconds, self._now = min(now - self._now, _LONGEST_LAG), now
+        seconds, self._now = min(now - self._now, 2.0 * UNSEEN), now
         paths = self._touching.paths()
         before, self._loose = self._loose.keys(), self._find_loose(now, waiting)
         for name in sorted(self._tips.keys() - paths.keys()):
@@ -106,7 +105,7 @@ class Fingers:
             return
         stamps = [self._bodies.objects[name].track.last_stamp for name in new if self._is_near(path.last.t, name)]
         if stamps:
-            tip.played = min(tip.played, max(min(stamps), now - _LONGEST_LAG))
+            tip.played = min(tip.played, max(min(stamps), now - 2.0 * UNSEEN))
             tip.place = _at(path, tip.played)
 
     def _go_on(self, name: str, tip: _Tip, path: Path, now: float, seconds: float, count: int) -> None:

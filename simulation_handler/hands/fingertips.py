@@ -9,20 +9,18 @@ from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.relations import Relation
+from simulation_handler.hands.state import SLOWLY, UNSEEN
 from simulation_handler.shapes.geometry import Solid
 
 TIP_RADIUS = 0.008
 """m, radius of a fingertip"""
 NEAR = 0.010
-"""m between surfaces up to which a touch begins: the error of hands and percepts"""
+"""m between surfaces up to which a touch begins, and by which it may grow: the error of hands and percepts"""
 FAR = 0.018
 """m between surfaces up to which a touch goes on, at most"""
-WITHDRAWN = 0.010
-"""m, growth of the gap between the surfaces since they touched, from which a touch ends"""
 
-_SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
+_SOON = 0.4  # weight of the newest gap in what it is now
 _LEAST_GAP = -0.002  # m, as which less than that counts: fingertips are not in objects
-_FORGOTTEN = 0.5  # s
 _TIP_REACH = 0.040  # m, further than which no fingertip is at an object
 _DEEPEST_TIP = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
@@ -51,16 +49,16 @@ class Gaps:
 
         Those that were not near enough to have a gap for some time are forgotten: they come to touch anew.
         """
-        self._gaps = {relation: gap for relation, gap in self._gaps.items() if gap[2] >= now - _FORGOTTEN}
+        self._gaps = {relation: gap for relation, gap in self._gaps.items() if gap[2] >= now - 2.0 * UNSEEN}
         found = set()
         for relation, gap in gaps.items():
             here, touched, _ = self._gaps.get(relation, (gap, math.inf, now))
             here = gap if math.isinf(touched) else here + _SOON * (gap - here)
-            most = min(FAR, touched + WITHDRAWN) if relation in known else min(NEAR, touched + 0.5 * WITHDRAWN)
+            most = min(FAR, touched + NEAR) if relation in known else min(NEAR, touched + 0.5 * NEAR)
             if here <= most:
                 found.add(relation)
-                if gap <= touched + 0.5 * WITHDRAWN:
-                    touched = gap if math.isinf(touched) else touched + _LATE * (gap - touched)
+                if gap <= touched + 0.5 * NEAR:
+                    touched = gap if math.isinf(touched) else touched + SLOWLY * (gap - touched)
             self._gaps[relation] = here, max(touched, _LEAST_GAP), now
         return found
 

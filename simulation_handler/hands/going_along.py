@@ -15,15 +15,13 @@ from simulation_handler.hands.contacts import Contacts
 from simulation_handler.hands.covering import Covering
 from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.relation import LEFT_BEHIND, Sign
-from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
+from simulation_handler.hands.state import ELSEWHERE, SLOWLY, UNSEEN, Hand, HandGrasp
 from simulation_handler.perception.paths import between
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _PALM_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
 _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
-_DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
-_JUMPED = 0.05  # m from where a hand would have an object to where it is seen, from which the palm is misplaced
 _WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
 _LEFT_THERE = 0.02  # m from where a hand left it, within which an object is there
 
@@ -81,7 +79,7 @@ class GoingAlong:
                 grasp.note(Sign.THROUGH_WALL)
             if is_absent is not None or grasp.state is LEFT_BEHIND:
                 return
-        if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
+        if not is_seen or math.dist(there.t, item.path.last.t) < ELSEWHERE:  # else the palm is not where it seems
             item.turned_by_hand, item.place_by_hand = leaning, there.t
         if not is_seen:
             turned = there.q if item.shows_rotation else leaning
@@ -123,7 +121,7 @@ class GoingAlong:
         before = item.path.last.t
         position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
         held = Pose.unchecked(position, there.q, palm.stamp)
-        grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
+        grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, SLOWLY)
         grasp.sure = held
         return held
 

@@ -16,6 +16,12 @@ from simulation_handler.perception.paths import Path
 
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
+ELSEWHERE = 0.05
+"""m from where its hand would have it, from which an object that is seen is not in that hand as it was"""
+PALM_GOES = 0.04
+"""m, farther than a palm, of which a part is hidden, seems to go by itself, or than it goes while a hand closes"""
+SLOWLY = 0.1
+"""Weight of the newest, by which what changes little is averaged"""
 _MEASURED = 0.15  # s up to which a fingertip is known
 FINGERS = 5
 """count of fingers: a hand of which so many are measured hides none"""

@@ -20,17 +20,15 @@ from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
 from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
-from simulation_handler.hands.state import FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, PALM_GOES, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _TIP_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
-_NOT_HELD = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
-_PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
 _GRIP_BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
@@ -151,7 +149,7 @@ class Touching:
         for hand, thing in self._letting_go.ended:
             item = self._bodies.objects[thing]
             if hand in self._hands and now - item.track.last_stamp <= UNSEEN:
-                self._letting_go.resolve((hand, thing), self._hands[hand], item)
+                self._letting_go.resolve((hand, thing), self._hands[hand], item, now)
         held = [item for item in self._bodies.objects.values() if item.hand]
         self._going_along.keep(held, now)
         for item in held:
@@ -255,30 +253,33 @@ class Touching:
             yield Sign.SHOWN
         if is_pinched:
             yield Sign.OPPOSED
-        if is_seen and self._drops(relation):
+        if is_seen and self._drops(relation, now):
             yield Sign.FALLS
         if is_pinched:
             return
         at_rest = Sign.OPEN_ALOFT if item.hovering_since is not None else Sign.OPEN_AT_REST
         yield at_rest if is_seen else Sign.OPEN_UNSEEN
-        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > _PASSING:
+        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > PALM_GOES:
             yield Sign.ALONG
         if not is_seen and since < now - _PRESUMED and self._hides(*relation):
             yield Sign.HIDDEN
 
-    def _drops(self, relation: Relation) -> bool:
+    def _drops(self, relation: Relation, now: float) -> bool:
         """Whether an object has come down from fingertips that may have opened."""
         hand, item = self._hands[relation[0]], self._bodies.objects[relation[1]]
-        return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item)
+        return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item, now)
 
     def _opened(self, relation: Relation, now: float) -> Handling:
         """The state of a hand and an object which that touches no more: as seen as the hand opened, if it was."""
         grasp, item = self._grasps[relation], self._bodies.objects[relation[1]]
-        if relation[0] in self._hands and now - item.track.last_stamp <= UNSEEN:
-            if self._drops(relation):
-                grasp.note(Sign.FALLS)
-            elif item.hovering_since is None:
-                grasp.note(Sign.OPEN_AT_REST)
+        if relation[0] not in self._hands:
+            return grasp.state
+        if now - item.track.last_stamp > UNSEEN:
+            grasp.note(Sign.OPEN_UNSEEN)
+        elif self._drops(relation, now):
+            grasp.note(Sign.FALLS)
+        elif item.hovering_since is None:
+            grasp.note(Sign.OPEN_AT_REST)
         return grasp.state
 
     def _hides(self, name: str, thing: str) -> bool:
@@ -356,7 +357,7 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
         rests = not item.driven and item.placement is not None and item.placement.rests
-        return (rests and away > _NOT_HELD) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+        return (rests and away > ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
 
     def _pinches(self, thing: str, besides: str) -> bool:
         """Whether a hand in sight pinches an object, besides the one of that name."""

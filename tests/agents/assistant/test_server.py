@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import threading
+import warnings
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -167,6 +168,40 @@ def test_resources_and_their_changes(memory: Memory) -> None:
                     assert (await anext(aiter(changes))).uri == GRAPH
 
     anyio.run(run)
+
+
+def test_an_assistant_of_an_earlier_version_is_told_what_changes(memory: Memory) -> None:
+    async def run() -> None:
+        server, told_of = server_of(memory)[0], list[str]()
+
+        async def hear(message: Any) -> None:
+            if (params := getattr(message, "params", None)) is not None and hasattr(params, "uri"):
+                told_of.append(str(params.uri))
+
+        async with Client(server.mcp, mode="legacy", message_handler=hear) as client, client_of(server):
+            assert client.server_capabilities is not None and client.server_capabilities.resources is not None
+            assert client.server_capabilities.resources.subscribe is True
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                await client.subscribe_resource("dsr://node/cup")
+                await client.subscribe_resource(GRAPH)
+                memory.update_node("box", mass=0.3)
+                memory.update_node("cup", mass=0.3)
+                await until(lambda: told_of == ["dsr://node/cup"])
+                memory.add_node("plate", "box")
+                await until(lambda: told_of == ["dsr://node/cup", GRAPH])
+                await client.unsubscribe_resource("dsr://node/cup")
+                memory.update_node("cup", mass=0.4)
+                memory.add_node("plate_2", "box")
+                await until(lambda: told_of == ["dsr://node/cup", GRAPH, GRAPH])
+
+    anyio.run(run)
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    with anyio.fail_after(10.0):
+        while not holds():
+            await anyio.sleep(0.05)
 
 
 def test_rate_and_size_are_bounded(memory: Memory) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from dsr.timeline import SUMMARY, Chronicle, Consolidator, Retention, recall, stored_summaries
 from dsr.timeline.consolidation import PERIOD, bucket_of
-from dsr.timeline.remembered import MOST_BYTES
+from dsr.timeline.remembered import MOST_BYTES, PeriodSummary, encoded_summary
 from dsr.timeline.summaries import DAY, EARLIER, HOUR, MOST_SUMMARIES, WEEK
 from tests.dsr.conftest import Net
 
@@ -161,10 +161,11 @@ def test_damaged_summaries_are_left_alone_and_told(caplog: pytest.LogCaptureFixt
     kitchen = Kitchen()
     routine(kitchen, 2)
     day = int(START // DAYS) + 1  # which is written once the third day begins
+    empty = encoded_summary(PeriodSummary())
     for name, values in {
         "summary_a": {"content": "{", "kind": "day", "order": day}, "summary_b": {"kind": "day"},
-        "summary_c": {"content": "{}", "kind": "century", "order": 1}, "summary_d": {},
-        "summary_e": {"content": "{}", "kind": "hour", "order": -(2**62)},
+        "summary_c": {"content": empty, "kind": "century", "order": 1}, "summary_d": {},
+        "summary_e": {"content": empty, "kind": "hour", "order": -(2**62)},
     }.items():  # fmt: skip
         kitchen.memory.add_node(name, SUMMARY, **values)
     with caplog.at_level(logging.WARNING):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import random
+import zlib
 from itertools import pairwise
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,6 +22,7 @@ from dsr.timeline.summaries import (
     HOUR,
     LEVELS,
     SURPRISES,
+    WEEK,
     Level,
     merged,
     remembered,
@@ -62,7 +66,7 @@ def test_merging_again_changes_nothing_and_order_does_not_matter(
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_full_summary_is_bounded_and_merging_it_again_changes_nothing(level: Level) -> None:
-    items = [*many(1000), *many(200, kind="explained"), *many(500, kind="Pick")]
+    items = [*many(3000), *many(600, kind="explained"), *many(1500, kind="Pick")]
     whole = merged(level, (), items)
     assert len(encoded_summary(whole)) <= MOST_BYTES + 200
     assert merged(level, [(level, whole)], items) == whole
@@ -110,15 +114,16 @@ def test_what_is_remembered_of_places_was_so(items: list[Remembered], level: Lev
 
 
 def test_detail_goes_first() -> None:
-    picks = [Remembered(float(time), "Pick", ("cup", f"hand_{time % 3}")) for time in range(0, 3600, 2)]
+    times = np.random.default_rng(0).uniform(0.0, 3600.0, 6000).round(1)
+    picks = [Remembered(float(time), "Pick", ("cup", f"hand_{number % 3}")) for number, time in enumerate(times)]
     kept = merged(HOUR, (), picks)
-    assert 8.0 <= kept.resolution <= 128.0 and kept.complete_from == 0.0
+    assert 1.0 <= kept.resolution <= 128.0 and kept.complete_from == 0.0
     assert {item.participants for item in kept.items} == {item.participants for item in picks}
     assert max(b.begin - a.begin for a, b in pairwise(kept.items)) <= 2.0 * kept.resolution
 
 
 def test_then_goes_the_oldest_and_surprises_last() -> None:
-    surprises, ordinary = many(30, kind="explained"), many(400)
+    surprises, ordinary = many(30, kind="explained"), many(1500)
     kept = merged(HOUR, (), [*surprises, *ordinary])
     assert set(surprises) <= set(kept.items) and kept.surprises_from == 0.0
     left = [item for item in kept.items if item.kind == "on"]
@@ -127,10 +132,10 @@ def test_then_goes_the_oldest_and_surprises_last() -> None:
 
 
 def test_surprises_take_half_at_most_and_lose_the_oldest() -> None:
-    surprises = many(400, kind="explained")
+    surprises = many(1500, kind="explained")
     kept = merged(HOUR, (), [*surprises, *many(20)])
     told = [item for item in kept.items if item.kind in SURPRISES]
-    assert told == sorted(surprises, key=lambda item: item.order)[-len(told) :] and 20 < len(told) < 400
+    assert told == sorted(surprises, key=lambda item: item.order)[-len(told) :] and 20 < len(told) < 1500
     assert kept.surprises_from == max(item.last for item in surprises if item not in told)
 
 
@@ -162,15 +167,34 @@ def test_what_is_remembered_of_entries() -> None:
     assert long is not None and len(long.text) == 160 and len(long.participants) == 8
 
 
-@pytest.mark.parametrize("text", ["", "{", '{"items": [[1]]}', '{"resolution": -1}', "[" * 9000, '{"items": 3}'])
+@pytest.mark.parametrize("text", ["{", '{"items": [[1]]}', '{"resolution": -1}', "[" * 9000, '{"items": 3}', ""])
 def test_nonsense_is_an_error(text: str) -> None:
-    with pytest.raises(WireError):
-        decoded_summary(text)
+    assert decoded_summary(packed(b"{}")) == PeriodSummary()
+    for malformed in (text, packed(text.encode()), packed(b"{}")[:-2]):
+        with pytest.raises(WireError):
+            decoded_summary(malformed)
+
+
+def test_what_unpacks_to_far_more_than_it_is_long_is_not_read() -> None:
+    bomb = packed(b" " * 10_000_000 + b"{}")
+    assert len(bomb) < 2 * MOST_BYTES
+    with pytest.raises(WireError, match="expected an end within 131072 bytes"):
+        decoded_summary(bomb)
+
+
+def test_what_is_written_can_be_read_however_well_it_is_compressed() -> None:
+    alike = [Remembered(float(time), "explained", ("cup",), text="x" * 160) for time in range(3000)]
+    whole = merged(WEEK, (), alike)
+    assert len(whole.items) < 3000 and decoded_summary(encoded_summary(whole)) == whole
+
+
+def packed(plain: bytes) -> str:
+    return base64.b85encode(zlib.compress(plain, 9)).decode()
 
 
 def test_a_text_that_is_far_too_long_is_not_read() -> None:
     with pytest.raises(WireError, match="expected at most"):
-        decoded_summary(encoded_summary(PeriodSummary(items=tuple(many(1000)))))
+        decoded_summary(encoded_summary(PeriodSummary(items=tuple(many(4000)))))
 
 
 def test_the_levels_grow_coarser() -> None:
