@@ -251,7 +251,7 @@ class AttributedPolicy:
         lowered = let_go.bottom - current.bottom
         if seen is not None and seen.time > let_go_at and track.seen.speed() < _FASTER_THAN_PUT:
             track.hidden = None
-        if lowered - self._palm_lowered(track, snapshot) > config.lifted:
+        if lowered - self._palm_lowered(track, snapshot) > config.lifted and track.how != Handling.PUT_DOWN:
             inference = self._came_down(thing, track, snapshot, let_go_at, current)
         elif self._rests(thing, track, snapshot) and thing.plausible:
             settled = track.believed.settled() if track.believed.last is not None else let_go_at

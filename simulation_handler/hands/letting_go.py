@@ -10,11 +10,13 @@ from dsr.vocabulary.handling import Handling
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.contacts import TOUCH_DELAY
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
-from simulation_handler.hands.state import Hand
+from simulation_handler.hands.state import UNSEEN, Hand
 from simulation_handler.state.objects import BelievedObject
 
 FALLEN = 0.015
 """m that an object must have come down, farther than its hand, to have fallen: five times the noise of percepts"""
+
+_REMEMBERED = 2.0 * TOUCH_DELAY  # s, longer than fingertips that open seem to touch what falls
 
 
 class LetGo(NamedTuple):
@@ -46,7 +48,7 @@ class LettingGo:
     """Remembers holds and their ends, by (hand, object)."""
 
     def __init__(self) -> None:
-        self._holds: dict[Relation, _Hold] = {}
+        self._holds: dict[Relation, tuple[_Hold, ...]] = {}  # of the last moments
         self._ended: dict[Relation, LetGo] = {}
 
     @property
@@ -56,18 +58,13 @@ class LettingGo:
 
     def keep(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """Fingertips have hold of an object at time `now` (s); for a moment they may seem to, as it falls."""
-        hold = self._holds.get(relation)
-        if hold is not None and now - hold.time <= 2.0 * TOUCH_DELAY and self.has_fallen(relation, hand, item):
-            return
-        self._holds[relation] = _Hold(min(now, item.path.newest), hand.path.last, item.path.last)
+        recent = [hold for hold in self._holds.get(relation, ()) if now - hold.time <= _REMEMBERED]
+        if not any(_has_fallen(hand, item, hold, now) for hold in recent):
+            self._holds[relation] = (*recent, _Hold(min(now, item.path.newest), hand.path.last, item.path.last))
 
-    def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject) -> bool:
+    def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen to have come down since the hand last had hold of it, by more than the hand."""
-        hold = self._holds.get(relation)
-        if hold is None or item.path.newest <= hold.time:
-            return False
-        by_hand = hold.lowered_by(hand.path.last) if hand.perceived else 0.0
-        return hold.place.t[2] - item.path.last.t[2] - by_hand > FALLEN
+        return any(_has_fallen(hand, item, hold, now) for hold in self._holds.get(relation, ()))
 
     def begin(self, relation: Relation) -> None:
         """A hand holds an object again."""
@@ -76,17 +73,24 @@ class LettingGo:
 
     def end(self, relation: Relation, state: Handling, now: float) -> None:
         """A hand does not hold an object any more at time `now` (s)."""
-        hold = self._holds.get(relation)
-        self._ended[relation] = LetGo(state, now if hold is None else hold.time)
+        self._ended[relation] = LetGo(state, max((hold.time for hold in self._holds.get(relation, ())), default=now))
 
-    def resolve(self, relation: Relation, hand: Hand, item: BelievedObject) -> None:
+    def resolve(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """An object that a hand was seen to open about, unseen, is seen again: it has fallen, or lies where it was."""
         end = self._ended.get(relation)
-        if end is not None and end.state is LET_GO:
-            state = DROPPED if self.has_fallen(relation, hand, item) else PUT_DOWN
+        is_confirmed = item.path.newest >= item.track.last_stamp  # a single percept that is far away may be false
+        if end is not None and end.state is LET_GO and is_confirmed:
+            state = DROPPED if self.has_fallen(relation, hand, item, now) else PUT_DOWN
             self._ended[relation] = LetGo(state, end.since)
 
     def forget(self, name: str) -> None:
         """Forget an object or a hand that is no more."""
         self._holds = {relation: hold for relation, hold in self._holds.items() if name not in relation}
         self._ended = {relation: end for relation, end in self._ended.items() if name not in relation}
+
+
+def _has_fallen(hand: Hand, item: BelievedObject, hold: _Hold, now: float) -> bool:
+    """Whether an object has come down since then, by more than the hand: one that is not seen may have gone with it."""
+    if item.path.newest <= hold.time or not hand.perceived or now - hand.path.newest > UNSEEN:
+        return False
+    return hold.place.t[2] - item.path.last.t[2] - hold.lowered_by(hand.path.last) > FALLEN

@@ -149,7 +149,7 @@ class Touching:
         for hand, thing in self._letting_go.ended:
             item = self._bodies.objects[thing]
             if hand in self._hands and now - item.track.last_stamp <= UNSEEN:
-                self._letting_go.resolve((hand, thing), self._hands[hand], item)
+                self._letting_go.resolve((hand, thing), self._hands[hand], item, now)
         held = [item for item in self._bodies.objects.values() if item.hand]
         self._going_along.keep(held, now)
         for item in held:
@@ -253,7 +253,7 @@ class Touching:
             yield Sign.SHOWN
         if is_pinched:
             yield Sign.OPPOSED
-        if is_seen and self._drops(relation):
+        if is_seen and self._drops(relation, now):
             yield Sign.FALLS
         if is_pinched:
             return
@@ -264,19 +264,22 @@ class Touching:
         if not is_seen and since < now - _PRESUMED and self._hides(*relation):
             yield Sign.HIDDEN
 
-    def _drops(self, relation: Relation) -> bool:
+    def _drops(self, relation: Relation, now: float) -> bool:
         """Whether an object has come down from fingertips that may have opened."""
         hand, item = self._hands[relation[0]], self._bodies.objects[relation[1]]
-        return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item)
+        return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item, now)
 
     def _opened(self, relation: Relation, now: float) -> Handling:
         """The state of a hand and an object which that touches no more: as seen as the hand opened, if it was."""
         grasp, item = self._grasps[relation], self._bodies.objects[relation[1]]
-        if relation[0] in self._hands and now - item.track.last_stamp <= UNSEEN:
-            if self._drops(relation):
-                grasp.note(Sign.FALLS)
-            elif item.hovering_since is None:
-                grasp.note(Sign.OPEN_AT_REST)
+        if relation[0] not in self._hands:
+            return grasp.state
+        if now - item.track.last_stamp > UNSEEN:
+            grasp.note(Sign.OPEN_UNSEEN)
+        elif self._drops(relation, now):
+            grasp.note(Sign.FALLS)
+        elif item.hovering_since is None:
+            grasp.note(Sign.OPEN_AT_REST)
         return grasp.state
 
     def _hides(self, name: str, thing: str) -> bool:

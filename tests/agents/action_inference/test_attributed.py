@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from agents.action_inference.attributed import AttributedPolicy
-from agents.action_inference.observation import Holder, ObservedGrasp
+from agents.action_inference.observation import Holder, ObservedEnd, ObservedGrasp
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 from tests.agents.action_inference.stage import TICK, Stage
@@ -409,6 +409,23 @@ def test_what_falls_from_a_hand_that_goes_down_is_released(stage: Stage):
     lower(stage, 0.5, 0.0, 0.2)
     assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
     assert stage.actions[1][1].time == pytest.approx(let_go, abs=0.1)
+
+
+@pytest.mark.parametrize(("how", "kind"), [("dropped", "Release"), ("put down", "Place")])
+def test_how_the_belief_says_that_a_hand_let_go_is_told(stage: Stage, how: str, kind: str):
+    """The grasp ends when the thing has long been lying: only the belief knows how it came down."""
+    stage.grasp("cup", HAND)
+    lift(stage)
+    stage.run(0.7, cup=(0.0, 0.0, -0.2))
+    let_go = stage.now
+    stage.run(0.1, cup=(0.0, 0.0, -0.3))
+    stage.change("cup", plausible=True, on=frozenset({"table"}))
+    stage.run(0.2)
+    stage.grasp("cup")
+    stage.change("cup", let_go=ObservedEnd(HAND, let_go, how))
+    stage.run(0.5)
+    assert stage.told == [f"Pick(cup, {HAND})", f"{kind}(cup, {HAND})"]
+    assert stage.actions[1][1].time == pytest.approx(let_go, abs=0.15)
 
 
 def test_an_earlier_run_is_continued(stage: Stage):

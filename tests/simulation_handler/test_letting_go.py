@@ -1,0 +1,79 @@
+"""How the belief says that a hand came to hold something no more: dropped, from however low, or put down."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from dsr.vocabulary.handling import Handling
+from simulation_handler.hands.relation import DROPPED, LET_GO, PINCHING, PUT_DOWN
+from tests.simulation_handler.occluded import PERIOD, SMALL, Occlusion, standing
+
+HELD = ("hand", "cup")
+G = 9.81
+
+
+def lifted_and_lowered(seed: int, to: float) -> Occlusion:
+    """A cup that a hand took up and holds again with its bottom at that height (m)."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)}, seed)
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
+    world.move("cup", standing(0.3, 0.0, SMALL, on=to))
+    world.run(0.5)
+    assert world.belief.grasps()[HELD].state is PINCHING
+    return world
+
+
+def opened(world: Occlusion, fallen_from: float) -> float:
+    """The hand opens at 0.1 m/s while the cup falls to the table; gives when it opened, s."""
+    at, palm, places = world.now, world.palm, world.tips_from_object
+    world.held = ""
+    for k in range(1, 21):
+        seconds = k * PERIOD
+        height = max(0.0, fallen_from - 0.5 * G * seconds**2)
+        world.truths["cup"] = standing(0.3, 0.0, SMALL, on=height)
+        wider = min(0.1 * seconds, 0.025)
+        world.tips_from_object = {name: (x, y + math.copysign(wider, y), z) for name, (x, y, z) in places.items()}
+        world.palm = palm
+        world.tick()
+    return at
+
+
+@pytest.mark.parametrize("height", [0.02, 0.03, 0.05, 0.12])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_falls_from_a_hand_was_dropped_however_low_that_was(seed: int, height: float) -> None:
+    world = lifted_and_lowered(seed, height)
+    at = opened(world, height)
+    assert world.belief.grasps() == {}
+    assert world.belief.let_go()[HELD].state is DROPPED
+    assert world.belief.let_go()[HELD].since == pytest.approx(at, abs=0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_lies_where_a_hand_opens_was_put_down(seed: int) -> None:
+    world = lifted_and_lowered(seed, 0.0)
+    opened(world, 0.0)
+    assert world.belief.let_go()[HELD].state is PUT_DOWN
+
+
+@pytest.mark.parametrize(("height", "state"), [(0.05, DROPPED), (0.0, PUT_DOWN)])
+def test_it_is_known_when_it_shows_how_fingers_let_go_of_what_they_hid(height: float, state: Handling) -> None:
+    world = lifted_and_lowered(0, height)
+    world.seen.discard("cup")
+    world.run(0.5)
+    opened(world, height)
+    assert world.belief.let_go()[HELD].state is LET_GO
+    world.seen.add("cup")
+    world.run(0.3)
+    assert world.belief.let_go()[HELD].state is state
+
+
+def test_what_is_held_again_is_not_told_to_have_been_let_go() -> None:
+    world = lifted_and_lowered(0, 0.05)
+    opened(world, 0.05)
+    world.hand("cup")
+    world.run(0.8)
+    assert world.belief.let_go() == {}
