@@ -31,7 +31,7 @@ _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been pu
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
 _LOWERED = 0.05  # m/s from which it is being lowered
 _LEFT_WITHIN = 0.05  # m from where it rested in the hand, within which it was left there
-_SAME = 0.001  # m by which lengths or heights that are the same may differ
+_SAME_LENGTH = 0.001  # m by which lengths or heights that are the same may differ
 _UPRIGHT_COSINE = 0.95  # cosine of how far it may lean then
 
 
@@ -107,7 +107,7 @@ class AttributedPolicy:
         last, rested = track.believed.last, track.rested
         if last is None:
             return
-        if rested is None or last.bottom < rested.bottom + _SAME or now - rested.time > FOUND_OUT:
+        if rested is None or last.bottom < rested.bottom + _SAME_LENGTH or now - rested.time > FOUND_OUT:
             track.rested = last
 
     def _note_hidden(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> None:
@@ -290,9 +290,7 @@ class AttributedPolicy:
         rested, last = track.rested, track.seen.last
         if rested is None or let_go_at - rested.time > FOUND_OUT:
             return None
-        is_seen_lifted = (
-            last is not None and last.time > rested.time and last.bottom > rested.bottom + self._moved
-        )
+        is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + self._moved
         return None if is_seen_lifted else rested
 
     def _put_down_unseen(self, thing: ObservedThing, track: ThingTrack, current: Height) -> float | None:
@@ -311,7 +309,7 @@ class AttributedPolicy:
 
     def _stands(self, thing: ObservedThing) -> bool:
         """Whether it is believed to be upright, or has the same height on every side."""
-        if thing.believed is None or max(thing.size) - min(thing.size) < _SAME:
+        if thing.believed is None or max(thing.size) - min(thing.size) < _SAME_LENGTH:
             return thing.believed is not None
         return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT_COSINE
 
@@ -385,11 +383,7 @@ class AttributedPolicy:
         action = Action(time, kind, thing.name, track.by)
         confidence *= track.probability
         found, last = track.found, track.believed.last or track.seen.last
-        stayed = (
-            found is not None
-            and last is not None
-            and math.dist(found.position, last.position) < self._moved
-        )
+        stayed = found is not None and last is not None and math.dist(found.position, last.position) < self._moved
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
         track.returned, track.found, track.rested, track.probability = False, None, None, 1.0
         track.how = Handling.FREE

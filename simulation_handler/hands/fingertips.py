@@ -19,7 +19,7 @@ NEAR = 0.010
 FAR = 0.018
 """m between surfaces up to which a touch goes on, at most"""
 
-_SOON = 0.4  # weight of the newest gap in what it is now
+_OF_THE_NEWEST = 0.4  # weight of the newest gap in what it is now
 _LEAST_GAP = -0.002  # m, as which less than that counts: fingertips are not in objects
 _TIP_REACH = 0.040  # m, further than which no fingertip is at an object
 _DEEPEST_TIP = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
@@ -53,7 +53,7 @@ class Gaps:
         found = set()
         for relation, gap in gaps.items():
             here, touched, _ = self._gaps.get(relation, (gap, math.inf, now))
-            here = gap if math.isinf(touched) else here + _SOON * (gap - here)
+            here = gap if math.isinf(touched) else here + _OF_THE_NEWEST * (gap - here)
             most = min(FAR, touched + NEAR) if relation in known else min(NEAR, touched + 0.5 * NEAR)
             if here <= most:
                 found.add(relation)

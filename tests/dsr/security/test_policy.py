@@ -86,7 +86,7 @@ def test_a_reader_is_told_everything_and_may_say_nothing(policy: AccessPolicy) -
     assert granted["dsr"] == ["ask", "be told"]
     assert granted["arm"] == ["ask", "be told", "tell as arm"]
     told = [rule for rule in rules["rules"] if "put" in rule["messages"] and "ingress" in rule["flows"]]
-    tellers = {"tell as arm", "tell as scene", "tell as launcher", "tell as halt"}
+    tellers = {f"tell as {name}" for name in ("arm", "scene", "launcher", "halt", "confirm")}
     assert {rule["id"] for rule in told} == tellers | {"pass on"}
     assert [name for name, rules in granted.items() if "pass on" in rules] == ["hub"]
     assert rules["default_permission"] == "deny"
