@@ -6,12 +6,13 @@ import pytest
 
 from benchmarks import floors, workload
 from benchmarks.pairs import Latencies
+from benchmarks.peers.zenoh_ring import RingLink
 from benchmarks.ports import reserved_endpoint
 
 
 @pytest.mark.parametrize("decoded", [False, True])
 def test_messages_are_taken_from_a_ring(decoded: bool) -> None:
-    with Latencies(floors.RingLink(reserved_endpoint(), 64, decoded)) as pair:
+    with Latencies(RingLink(reserved_endpoint(), 64, decoded)) as pair:
         pair.warm_up()
         assert all(0 < seconds < 10 for seconds in pair.burst(5))
 
