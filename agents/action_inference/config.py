@@ -22,7 +22,7 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """Parameters of a method that a package provides, by name."""
 
     lifted: _Positive = 0.015
-    """m that a thing must be seen, or believed while it is held, above where it lay, before it has been picked
+    """m that a thing must be seen, or believed while it is held, above where it lay, before it has been picked.
 
     So far below where it was let go, it has been released rather than placed. Twice as far is no matter of two errors.
     """

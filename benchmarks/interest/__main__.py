@@ -11,6 +11,7 @@ Exit 0 only if all is as it must be.
 from __future__ import annotations
 
 import argparse
+import logging
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
@@ -77,6 +78,7 @@ def _mutants() -> bool:
 
 
 def _curves(json: Path | None, plot: Path | None) -> None:
+    logging.getLogger("dsr").setLevel(logging.ERROR)  # many begin at once, and say that they wait for each other
     findings = measured(lambda text: print(text, flush=True))
     if json is not None:
         json.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(findings))))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from statistics import median
 from typing import NamedTuple
 
 from dsr.math3d.transforms import Pose
@@ -38,10 +39,10 @@ class _Hold(NamedTuple):
     place: Pose
     """World_from_object"""
 
-    def lowered_by(self, palm: Pose) -> float:
-        """How far (m) the object comes down with the palm, which is there now: as it is shifted, or turned as well."""
+    def height_with(self, palm: Pose) -> float:
+        """World z (m) of the object if it went with the palm, which is there now: as that is shifted, or turned."""
         turned = palm @ self.palm.inverse() @ self.place
-        return max(0.0, self.palm.t[2] - palm.t[2], self.place.t[2] - turned.t[2])
+        return min(self.place.t[2] + palm.t[2] - self.palm.t[2], turned.t[2])
 
 
 class LettingGo:
@@ -59,12 +60,12 @@ class LettingGo:
     def keep(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """Fingertips have hold of an object at time `now` (s); for a moment they may seem to, as it falls."""
         recent = [hold for hold in self._holds.get(relation, ()) if now - hold.time <= _REMEMBERED]
-        if not any(_has_fallen(hand, item, hold, now) for hold in recent):
+        if not _has_fallen(hand, item, recent, now):
             self._holds[relation] = (*recent, _Hold(min(now, item.path.newest), hand.path.last, item.path.last))
 
     def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen to have come down since the hand last had hold of it, by more than the hand."""
-        return any(_has_fallen(hand, item, hold, now) for hold in self._holds.get(relation, ()))
+        return _has_fallen(hand, item, self._holds.get(relation, ()), now)
 
     def begin(self, relation: Relation) -> None:
         """A hand holds an object again."""
@@ -89,8 +90,11 @@ class LettingGo:
         self._ended = {relation: end for relation, end in self._ended.items() if name not in relation}
 
 
-def _has_fallen(hand: Hand, item: BelievedObject, hold: _Hold, now: float) -> bool:
+def _has_fallen(hand: Hand, item: BelievedObject, holds: Sequence[_Hold], now: float) -> bool:
     """Whether an object has come down since then, by more than the hand: one that is not seen may have gone with it."""
-    if item.path.newest <= hold.time or not hand.perceived or now - hand.path.newest > UNSEEN:
+    is_known = hand.perceived and now - hand.path.newest <= UNSEEN
+    if not holds or not is_known or item.path.newest <= holds[-1].time:
         return False
-    return hold.place.t[2] - item.path.last.t[2] - hold.lowered_by(hand.path.last) > FALLEN
+    height = item.path.last.t[2] + FALLEN
+    with_hand = median(hold.height_with(hand.path.last) for hold in holds)  # palms are noisy, and it may fall already
+    return max(hold.place.t[2] for hold in holds) > height and with_hand > height
