@@ -31,6 +31,8 @@ if TYPE_CHECKING:
         NodeNotFoundError,
         NodeTypeError,
         NoPathError,
+        PartError,
+        PartNotFoundError,
         RegistrationError,
         SchemaError,
         TransformError,
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from dsr.math3d.transforms import Pose
     from dsr.memory import Memory
     from dsr.network.local_transport import Faults, LocalNetwork
+    from dsr.parts.registry import PartInfo
     from dsr.persistence.content import GraphContent
     from dsr.persistence.files import read_graph, write_graph
     from dsr.persistence.keeper import StateKeeper
@@ -90,6 +93,9 @@ __all__ = [
     "Node",
     "NodeNotFoundError",
     "NodeTypeError",
+    "PartError",
+    "PartInfo",
+    "PartNotFoundError",
     "Pose",
     "RegistrationError",
     "Schema",
@@ -127,6 +133,7 @@ _MODULES = {
     "dsr.math3d.transforms": "Pose",
     "dsr.memory": "Memory",
     "dsr.network.local_transport": "Faults LocalNetwork",
+    "dsr.parts.registry": "PartInfo",
     "dsr.persistence.content": "GraphContent",
     "dsr.persistence.files": "read_graph write_graph",
     "dsr.persistence.keeper": "StateKeeper",

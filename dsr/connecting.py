@@ -6,7 +6,7 @@ import atexit
 import contextlib
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,6 +43,7 @@ def connect(
     security: str | Path | None = None,
     begin: bool = False,
     must_exist: bool | None = None,
+    interest: Iterable[str] | None = None,
 ) -> Memory:
     """Join the working memory `graph` over Zenoh and wait until all of it is here.
 
@@ -64,10 +65,13 @@ def connect(
         begin: begin with what is here by then if some who hold the graph do not answer; the rest comes when they do.
         must_exist: whether somebody else must hold the graph. By default a warning says if nobody does; False
             means that the graph may begin here, without a word.
+        interest: listed parts of the graph to hold, beside what is in no part, see `Memory.hold_part`. By default the
+            memory can hold none; with an empty interest it can later.
 
     Raises:
         ConfigError: for a name that cannot be used, an agent without a valid certificate, or if the graph must exist
             and nobody holds it.
+        PartNotFoundError: if a part of the interest is not listed.
         TransportError: if the network cannot be used, or some who hold the graph do not answer in time: says which.
     """
     rid = new_rid(agent)
@@ -82,7 +86,7 @@ def connect(
         memory = Memory(
             graph, agent, transport=transport, clock=clock, schema=schema, guard=_guard(guard, identity),
             gate=identity.gate() if identity else None, rid=rid, threaded=True,
-            holders=lambda: _holders(graph, registration),
+            holders=lambda: _holders(graph, registration), interest=None if interest is None else (),
         )  # fmt: skip
         memory.replica.on_new_id = registration.rename
         memory.on_close(resources.pop_all().close)
@@ -92,6 +96,8 @@ def connect(
         _wait_joined(memory, timeout, all_known=not routers, begin=begin, secured=identity is not None)
         if must_exist is not False and not memory.peers:
             _tell_alone(graph, must_exist=must_exist is True)
+        if interest is not None:
+            memory.hold_part(*interest, timeout=timeout)
         resources.pop_all()
     return memory
 
@@ -133,7 +139,7 @@ def _guard(guard: Guard | None, identity: Identity | None) -> Guard | None:
     """Both what the agent declares and what the policy grants it."""
     if identity is None:
         return guard
-    return _Both(guard, identity.guard)
+    return _Both(guard, identity.guard, identity.check_part)
 
 
 @dataclass(frozen=True)
@@ -142,6 +148,7 @@ class _Both:
 
     declared: Guard | None
     granted: Guard
+    check_part: Callable[[str], None]
 
     def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
         names = tuple(attributes)
@@ -151,7 +158,7 @@ class _Both:
 
     def in_world(self, world: str) -> _Both:
         """The guards in another world."""
-        return _Both(guard_in(self.declared, world), self.granted)
+        return _Both(guard_in(self.declared, world), self.granted, self.check_part)
 
 
 def _holders(graph: str, registration: rendezvous.Registration) -> list[str]:

@@ -8,7 +8,9 @@
     │   ├── NodeNotFoundError
     │   ├── NodeTypeError       a node keeps the type under which it was made
     │   ├── EdgeNotFoundError
-    │   └── WorldNotFoundError
+    │   ├── WorldNotFoundError
+    │   └── PartNotFoundError   no part of this name is listed
+    ├── PartError               a part of the graph is not held here, or cannot be made
     ├── WorldError              a world cannot be made, followed or deleted
     ├── TransformError          a frame chain cannot be evaluated
     │   ├── NoPathError
@@ -74,6 +76,14 @@ class NoRoomError(GraphError):
 
 class WorldNotFoundError(GraphError):
     """No world has this name, or nobody holds its content any more."""
+
+
+class PartNotFoundError(GraphError):
+    """No part of the graph has this name."""
+
+
+class PartError(DsrError):
+    """A part of the graph is not held here, or cannot be made."""
 
 
 class WorldError(DsrError):

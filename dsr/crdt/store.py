@@ -100,7 +100,11 @@ class Store:
         for write in writes:
             if not self._write(write) and write.dot:
                 held_back.append(write.dot)
-        self._learn(delta, held_back)
+        if held_back:
+            self._learn(delta, held_back)
+        else:
+            for rid, first, last in delta.context:
+                self.context.add_range(rid, first, last)
         if delta.live is not None:
             for owner in [owner for owner in self._waiting if owner in self.context]:
                 self._forget_waiting(owner)
@@ -192,7 +196,7 @@ class Store:
 
     def _write(self, write: Write) -> bool:
         """Apply a write; false if its dot must not yet count as seen."""
-        entry = self.find(write.owner)
+        entry = self.entries.get(write.owner) or self.find(write.owner)
         if entry is None:
             return write.owner in self.context or self._wait(write)
         self._set(entry, write)
@@ -299,10 +303,6 @@ class Store:
 
     def _learn(self, delta: Delta, held_back: list[Dot]) -> None:
         """Take over the delta's context, except the dots of writes that could not be applied yet."""
-        if not held_back:
-            for dots in delta.context:
-                self.context.add_range(*dots)
-            return
         holes: dict[str, list[int]] = {}
         for rid, counter in sorted(held_back):
             holes.setdefault(rid, []).append(counter)

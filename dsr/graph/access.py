@@ -148,6 +148,12 @@ def guard_in(guard: Guard | None, world: str) -> Guard | None:
     return guard if in_world is None else in_world(world)
 
 
+def part_check(guard: Guard | None) -> Callable[[str], None] | None:
+    """What raises `AgentError` for a part of the graph into which nothing may be written; None if all may."""
+    check: Callable[[str], None] | None = getattr(guard, "check_part", None)
+    return check
+
+
 def check_writers(writes: Mapping[str, Access]) -> None:
     """Raise `ConfigError` if an agent writes what another one (both by name) claims for itself alone."""
     for owner, access in writes.items():

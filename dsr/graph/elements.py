@@ -47,7 +47,8 @@ class _Element(Mapping[str, Any]):
     @property
     def type(self) -> str:
         """Type name. If two agents created it at once with different types, all replicas see the same one."""
-        return type_of(self._entries)
+        entries = self._entries
+        return entries[0].type if len(entries) == 1 else type_of(entries)
 
     def _value(self, attribute: str) -> Any:
         return stored(self._entries, attribute)

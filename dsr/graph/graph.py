@@ -6,10 +6,10 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any
 
-from dsr.crdt.context import Dot
+from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
@@ -21,6 +21,7 @@ from dsr.graph.sharing import Groups
 from dsr.graph.stamping import Stamping
 from dsr.graph.watches import Watches
 from dsr.math3d.transforms import Pose
+from dsr.network.keys import part_of
 
 _POSE = "pose"
 
@@ -103,7 +104,8 @@ class Graph(Stamping):
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
         """Write attributes of a visible element. Raises `SchemaError`."""
-        owners = [entry.dot for entry in element._entries]
+        entries = element._entries
+        owners = [entries[0].dot] if len(entries) == 1 else [entry.dot for entry in entries]
         return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
 
     def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
@@ -159,6 +161,14 @@ class Graph(Stamping):
         if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
             self._attach_or_bury()
 
+    def restore(self, delta: Delta, now: float) -> None:
+        """Join what was kept of this graph, at physical time `now` (s)."""
+        self.join(delta, now)
+
+    def contexts(self) -> Iterator[DotRange]:
+        """All dots that have been seen here, as ranges."""
+        yield from self.store.context.ranges()
+
     def make_durable(self, patience: int = 3) -> Delta:
         """Make stream samples durable; to be called about once a second.
 
@@ -199,14 +209,19 @@ class Graph(Stamping):
     ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
         rid, first = self.rid, self.counter + (0 if add else 1)
-        tick, known, writes = self.hlc.tick(now), self.schema.attributes, []
-        stamps = {} if add else {name: self._stamp(key, owners, name, tick) for name in values}
+        tick, known = self.hlc.tick(now), self.schema.attributes
+        stamps: dict[str, int] = {}
+        if add is None:  # all of them before the first dot: one may have no room
+            for name in values:
+                stamps[name] = self._stamp(key, owners, name, tick)
+        writes = []
         for name, value in values.items():
             stamp = stamps.get(name, tick)
             stream = not add and value is not TOMBSTONE and known[name].stream
             for owner in owners:
-                dot = None if stream else self.new_dot()
-                writes.append(Write(owner, name, stamp, rid, dot, value))
+                if not stream:
+                    self.counter += 1
+                writes.append(Write(owner, name, stamp, rid, None if stream else (rid, self.counter), value))
         context = [(rid, first, self.counter)] if self.counter >= first else []
         delta = Delta([add] if add else [], writes, [], context)
         self._apply(delta)
@@ -407,6 +422,8 @@ class Graph(Stamping):
             elif self._is_dead(entry):
                 del self._unattached[dot]
                 self._bury([entry])
+            elif any(part_of(rid) for rid, _ in (*entry.sources, *entry.destinations)):
+                del self._unattached[dot]  # it waits for a part of the graph that is not held here (see dsr/parts)
 
     def _bury(self, dead: list[Incarnation]) -> None:
         """Drop edges that no replica can ever show again, so that state does not grow with history."""

@@ -33,7 +33,9 @@ WORLD_RECORD = "world_record"
 """Type of the nodes that list the worlds of a system (dsr/worlds/registry.py)."""
 SCHEMA_RECORD = "schema_record"
 """Type of the nodes that describe registered names (dsr/graph/extensions.py)."""
-RECORDS = {WORLD_RECORD: ".world.", SCHEMA_RECORD: ".schema."}
+PART_RECORD = "part_record"
+"""Type of the nodes that list the parts of a graph (dsr/parts/registry.py)."""
+RECORDS = {WORLD_RECORD: ".world.", SCHEMA_RECORD: ".schema.", PART_RECORD: ".part."}
 """Types of the nodes that are about the graph itself, and how the names of such nodes begin.
 
 They are never shown among the things of the graph, and nobody else has such names.
@@ -195,7 +197,7 @@ def records_are_own(what: str) -> str:
     """The message for somebody who writes a node about the graph itself, told in `what`."""
     return (
         f"{what}: names that begin with {' or '.join(_RECORD_PREFIXES)} and types {' and '.join(RECORDS)} are the "
-        "graph's own; they change with memory.schema.register_..., create_world and delete_world"
+        "graph's own; they change with memory.schema.register_..., create_world, delete_world and create_part"
     )
 
 
@@ -291,6 +293,7 @@ _NODE_TYPES = {
     "world": "root of all frames",
     WORLD_RECORD: "an entry of the list of worlds, see dsr.worlds",
     SCHEMA_RECORD: "a registered name, see dsr.graph.extensions",
+    PART_RECORD: "an entry of the list of parts, see dsr.parts",
     "robot": "the robot's base",
     "body": "a part of the robot's body",
     "mind": "where intentions hang",

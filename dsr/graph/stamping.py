@@ -16,7 +16,7 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_LEAD, MAX_STAMP, HybridClock, stamp_at
 from dsr.crdt.store import Incarnation
 from dsr.errors import NoRoomError
-from dsr.graph.elements import Edge, Node
+from dsr.graph.elements import Edge, Node, key_of
 from dsr.graph.far_stamps import FAR, FarStamps
 from dsr.graph.schema import Schema
 from dsr.graph.sharing import Sharing
@@ -66,7 +66,7 @@ class Stamping(Sharing):
 
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """The stamp (see `dsr.crdt.hlc`) of an attribute's value in one incarnation; 0 if it never was set."""
-        entry = self.store.find(owner)
+        entry = self.store.entries.get(owner) or self.store.find(owner)
         write = entry.registers.get(attribute) if entry is not None else None
         return 0 if write is None else write.stamp
 
@@ -176,12 +176,13 @@ class Stamping(Sharing):
 
     def _again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> Add:
         """The addition of an element that is there; `made` begins with that of the node `renewed`, if it is one."""
+        return Add(self.new_dot(), key_of(element), element.type, *self._ends_again(element, renewed, made))
+
+    def _ends_again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> list[tuple[Dot, ...]]:
+        """The ends of an element that is made anew; none of a node."""
         if isinstance(element, Node):
-            return Add(self.new_dot(), element.name, element.type)
-        ends = [
-            (made[0].dot,) if name == renewed else self._ends_at(name) for name in (element.src, element.dst)
-        ]
-        return Add(self.new_dot(), element.key, element.type, *ends)
+            return []
+        return [(made[0].dot,) if name == renewed else self._ends_at(name) for name in (element.src, element.dst)]
 
 
 def _present(element: Node | Edge) -> Iterator[Write]:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
+from functools import lru_cache
 
 from dsr.errors import ConfigError
 
 PROTOCOL = "dsr/v1"
 BASE = "base"
 """The world that a system is launched with: its graph."""
+WHOLE = ""
+"""The part of the base that each process holds: what is in no other part."""
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+_PART = re.compile(r"[A-Za-z0-9_]{1,64}")
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]{1,256}(/[A-Za-z0-9_.-]{1,256}){0,8}")
 
@@ -31,6 +36,30 @@ def agent_of(rid: str) -> str:
     return rid.rpartition("-")[0]
 
 
+def check_part(name: str) -> str:
+    """Return `name` if a part of a graph can be called so, else raise `ConfigError`: replica ids hold it."""
+    if not isinstance(name, str) or not _PART.fullmatch(name):
+        raise ConfigError(f"part {name!r}: expected 1 to 64 letters, digits or '_'")
+    return name
+
+
+@lru_cache(maxsize=1 << 14)
+def part_of(rid: str) -> str:
+    """The part of the graph to which all dots of replica `rid` belong; `WHOLE` for a replica of the base itself.
+
+    An id of a part is `<agent>-<part>.<nonce>`, and no nonce of another one holds a '.'.
+    """
+    _, agent, rest = rid.rpartition("-")
+    part, dot, _ = rest.partition(".")
+    return part if agent and dot else WHOLE
+
+
+def part_rid(rid: str, part: str, number: int) -> str:
+    """The id under which the process of replica `rid` takes part in `part`, for the time with this `number`."""
+    nonce = hashlib.blake2b(f"{rid}/{part}/{number}".encode(), digest_size=4).hexdigest()
+    return f"{agent_of(rid)}-{part}.{nonce}"
+
+
 def descriptor_key(key: str) -> str:
     """Key of the descriptors of large messages of `key` (`bulk.py`); no wildcard matches a part that begins with @."""
     return f"{key}/@shm"
@@ -43,14 +72,17 @@ class Keys:
         graph: name of the graph.
         world: which of its worlds; only the keys of replicas depend on it, all else belongs to the whole system.
         channel: where replicas of that world meet (see dsr/worlds/registry.py); nothing for the base.
+        part: which part of the base (see dsr/parts); what is in no part if empty.
     """
 
-    def __init__(self, graph: str, world: str = BASE, channel: str = "") -> None:
+    def __init__(self, graph: str, world: str = BASE, channel: str = "", *, part: str = WHOLE) -> None:
         self.graph = check_name("graph name", graph)
         self.world = check_name("world name", world)
         self.root = f"{PROTOCOL}/{graph}"
         self.state = self.root if world == BASE else f"{self.root}/world/{world}/{check_name('channel', channel)}"
         """Root of what replicas tell each other."""
+        if part:
+            self.state = f"{self.root}/part/{check_part(part)}"
 
     def delta(self, rid: str = "*") -> str:
         """Durable changes of replica `rid`."""

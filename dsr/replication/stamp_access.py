@@ -104,7 +104,7 @@ class StampAccess:
             delta = write()
         except NoRoomError as full:
             delta = self._put_anew(full, write)
-        if delta:
+        if delta.context or delta:
             self._replica.commit(delta)
         return delta
 

@@ -23,12 +23,12 @@ _HEADER = """\
 
 
 class _EveryGraph(Keys):
-    """Key expressions that match the keys of every graph: of its base, or of all its other worlds."""
+    """Key expressions that match the keys of every graph: of its base, or of what is below it."""
 
-    def __init__(self, *, worlds: bool = False) -> None:
+    def __init__(self, below: str = "") -> None:
         self.graph = "*"
         self.root = f"{PROTOCOL}/*"
-        self.state = f"{self.root}/world/*/*" if worlds else self.root
+        self.state = f"{self.root}/{below}" if below else self.root
 
 
 def zenoh_settings(folder: SecurityFolder, policy: AccessPolicy, agent: str) -> dict[str, Any]:
@@ -86,7 +86,7 @@ def own_keys(agent: str, grant: Grant) -> list[str]:
     """Key expressions on which only `agent` and its replicas may send, in any graph."""
     keys = _EveryGraph()
     replicas = f"{agent}-$*"
-    states = (keys, _EveryGraph(worlds=True))
+    states = (keys, _EveryGraph("world/*/*"), *(_EveryGraph(f"part/{part}") for part in grant.parts))
     by_replica = [key(replicas) for k in states for key in (k.delta, k.stream, k.digest, k.sync)]
     by_replica.append(keys.mesh(replicas))
     by_replica += [k.presence(agent, replicas) for k in states]

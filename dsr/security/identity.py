@@ -53,6 +53,12 @@ class Identity:
         except AgentError as error:
             raise AgentError(f"{error} in the security policy; see: dsr security show") from None
 
+    def check_part(self, part: str) -> None:
+        """Raise `AgentError` if others would refuse all writes into a part of the graph."""
+        if not self.grant.includes_part(part):
+            raise AgentError(f"{self.agent!r} may not write into part {part!r} by the security policy; "
+                             f"granted: {', '.join(self.grant.parts) or 'none'}")  # fmt: skip
+
 
 def load_identity(folder: str | Path, agent: str, clock: Clock = WALL_CLOCK) -> Identity:
     """The identity of `agent` in a security folder.

@@ -12,8 +12,8 @@ from dsr.agent import Agent
 from dsr.config.toml import convert
 from dsr.errors import ConfigError, suggest
 from dsr.files.data_files import read_text
-from dsr.graph.access import Access, WriteGuard
-from dsr.network.keys import check_name
+from dsr.graph.access import EVERYTHING, Access, WriteGuard
+from dsr.network.keys import check_name, check_part
 from dsr.runtime.system import System
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE, HALTER
 from dsr.vocabulary.proposed_acts import CONFIRMER, DECISIONS
@@ -22,7 +22,7 @@ LAUNCHER = "launcher"
 READER = "dsr"
 """The command line tools: they only read."""
 
-_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "mesh", "live", "status", "log", "world")
+_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "mesh", "live", "status", "log", "world", "part")
 """First parts of the keys that each agent has for itself."""
 _BUS_KEY = re.compile(r"[A-Za-z0-9_.-]+(/([A-Za-z0-9_.-]+|\*))*(/\*\*)?")
 
@@ -37,6 +37,8 @@ class Grant(msgspec.Struct, frozen=True, omit_defaults=True):
     attributes: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
     """Keys of the bus outside the graph, below the graph's root: `device/arm/command`, `blob/**`."""
+    parts: tuple[str, ...] = ("*",)
+    """Parts of the graph (dsr/parts) in which the agent may write and answer; "*" for all."""
     read_only: bool = False
     """Whether the agent may send nothing at all."""
     trusted: bool = False
@@ -50,6 +52,10 @@ class Grant(msgspec.Struct, frozen=True, omit_defaults=True):
     def writes(self) -> Access:
         """The part that concerns the graph."""
         return Access(self.nodes, self.edges, self.attributes)
+
+    def includes_part(self, name: str) -> bool:
+        """Whether it may write into the part `name`; all may write into what is in no part."""
+        return not name or name in self.parts or EVERYTHING in self.parts
 
 
 class AccessPolicy(msgspec.Struct, frozen=True):
@@ -117,6 +123,9 @@ def checked(agents: Mapping[str, Grant]) -> AccessPolicy:
             if not _BUS_KEY.fullmatch(key) or key.split("/")[0] in _OWN_TRAFFIC:
                 raise ConfigError(f"agent {name!r} publishes {key!r}: expected a key such as 'device/arm/command', "
                                   f"'blob/**', that does not begin with {', '.join(_OWN_TRAFFIC)}")  # fmt: skip
+        for part in grant.parts:
+            if part != EVERYTHING:
+                check_part(part)
         if (grant.read_only or grant.relay) and grant not in (Grant(read_only=True), Grant(relay=True)):
             raise ConfigError(f"agent {name!r} is {'read-only' if grant.read_only else 'a relay'}, but may do more")
     return AccessPolicy(dict(agents))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dsr.errors import TransportError
-from dsr.network.keys import Keys
+from dsr.network.keys import Keys, agent_of
 from dsr.network.transport import (
     BulkHandler,
     Chunks,
@@ -31,7 +31,7 @@ class SilentTransport:
     def __init__(self, transport: Transport, keys: Keys, rid: str) -> None:
         self._transport = transport
         self._root = f"{keys.root}/"
-        self._rid = rid
+        self._replicas = f"{agent_of(rid)}-"
 
     @property
     def trouble(self) -> str:
@@ -40,8 +40,8 @@ class SilentTransport:
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Raise `TransportError`, but for the replica's own upkeep, which is left out."""
-        *_, kind, sender = key.split("/")  # in whichever world; the ids of its replicas there begin with ours
-        upkeep = key.startswith(self._root) and kind in ("d", "rt", "dig") and sender.startswith(self._rid)
+        *_, kind, sender = key.split("/")  # of whichever world or part
+        upkeep = key.startswith(self._root) and kind in ("d", "rt", "dig") and sender.startswith(self._replicas)
         if not upkeep:
             raise _read_only(key)
 

@@ -182,6 +182,8 @@ def _newest(
     def size(number: int) -> int:
         return _size([*others, *ordered[:number]])
 
+    if size(len(ordered)) <= room:
+        return ordered, 0.0
     count = max(0, bisect_right(range(len(ordered) + 1), room - _UNEVEN, key=size) - 1)
     while count < len(ordered) and size(count + 1) <= room:  # one by one, for the same end however many there are
         count += 1

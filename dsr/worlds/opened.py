@@ -21,6 +21,8 @@ from dsr.graph.schema import WORLD_RECORD, Schema
 from dsr.graph.watches import Watches
 from dsr.network.keys import BASE, Keys, check_name
 from dsr.network.transport import Transport
+from dsr.parts.graph import PartedGraph
+from dsr.replication.holders import gathered
 from dsr.replication.polling import Poller
 from dsr.replication.replica import Replica
 from dsr.worlds.fork import ForkedGraph
@@ -40,11 +42,6 @@ from dsr.worlds.registry import (
     records,
     to_attribute,
 )
-
-HOLDER_PATIENCE = 1.0
-"""s to wait for a sign of anybody who holds a world."""
-_ROUNDS = 3
-"""Exchanges that opening takes where nothing moves by itself: who is there, request and reply, merge."""
 
 _log = logging.getLogger("dsr.worlds")
 
@@ -131,7 +128,7 @@ class WorldHandle:
         theirs = self.source.replica.graph
         if self.record.info.follows:
             return OverlayFrames(self.source._frames)
-        return None if isinstance(theirs, Overlay) else ForkedFrames(self.source._frames)
+        return None if isinstance(theirs, Overlay | PartedGraph) else ForkedFrames(self.source._frames)
 
     def graph(self, watches: Watches) -> Graph:
         """Make the world's graph with its first content."""
@@ -147,7 +144,7 @@ class WorldHandle:
         parent = self.source.replica.graph
         if isinstance(watches.frames, OverlayFrames):
             return Overlay(self.rid, parent, watches, watches.frames)
-        if not isinstance(parent, Overlay):
+        if not isinstance(parent, Overlay | PartedGraph):
             return ForkedGraph(self.rid, parent, watches)
         graph = Graph(self.rid, parent.schema, watches)
         graph.join(parent.flattened(), self.worlds.base.clock.now())
@@ -298,23 +295,13 @@ class Worlds(Generic[World]):
         return memory
 
     def _wait_joined(self, memory: World, name: str, timeout: float) -> None:
-        replica, sync = memory.replica, memory.replica.synchroniser
-        if self.threaded:
-            sync.joining.others_possible = True
-            replica.wait_until(lambda: sync.joined, min(timeout, HOLDER_PATIENCE))
-            joined = replica.wait_for_pieces(lambda: sync.joined, 0.0 if sync.joining.insists else timeout)
-        else:
-            came = -1
-            while came < sync.pieces:
-                came = sync.pieces
-                for _ in range(_ROUNDS):
-                    memory.transport.pump()
-                    memory.poll()
-            joined = sync.joined
-        if joined or (sync.peers and not self.threaded):
-            return
-        if sync.joining.nobody_has_more:  # whoever holds it gave all, though nobody there may speak for others
-            sync.nobody_there()
+        sync = memory.replica.synchroniser
+
+        def move() -> None:
+            memory.transport.pump()
+            memory.poll()
+
+        if gathered(memory.replica, None if self.threaded else move, timeout):
             return
         if not sync.joining.insists:
             why = sync.joining.why(memory.clock.monotonic())

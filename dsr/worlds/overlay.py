@@ -8,10 +8,10 @@ while both its ends are, here; an edge of the parent is hidden with an end of it
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-from dsr.crdt.context import Dot
+from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
 from dsr.crdt.store import Incarnation
 from dsr.graph.elements import Edge, Node, key_of
@@ -348,12 +348,12 @@ class Overlay(Graph, LayerObserver):
             for entry in element._entries:
                 delta.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
                 delta.writes += [_rewritten(entry.dot, write) for write in writes]
-        delta.context = [*self._contexts()]
+        delta.context = [*self.contexts()]
         return delta
 
-    def _contexts(self) -> Iterable[tuple[str, int, int]]:
-        parent = self.parent
-        yield from parent._contexts() if isinstance(parent, Overlay) else parent.store.context.ranges()
+    def contexts(self) -> Iterator[DotRange]:
+        """See `Graph.contexts`; all that the parent has seen, too."""
+        yield from self.parent.contexts()
         yield from self.store.context.ranges()
 
     def _recover(self) -> None:

@@ -61,13 +61,13 @@ class OtherArms:
         """Their names, in the order in which arms are listed."""
         return [node.name for node in arm_nodes(self._memory) if node.name != self._arm]
 
-    def obstacles(self, now: float, *, ways: bool = True) -> list[Obstacle]:
-        """The boxes of their parts at time `now` (s), and, with `ways`, along their ways. Each has its arm's name."""
+    def obstacles(self, now: float) -> list[Obstacle]:
+        """The boxes of their parts at time `now` (s), and along their ways. Each has its arm's name."""
         found: list[Obstacle] = []
         for node in arm_nodes(self._memory):
             if node.name != self._arm:
                 found += _grown(self._present(node), 2 * APART)
-                found += _grown(self._ahead(node, now), 2 * APART + STRIDE) if ways else []
+                found += _grown(self._ahead(node, now), 2 * APART + STRIDE)
         return found
 
     def state(self, name: str) -> tuple[object, ...]:

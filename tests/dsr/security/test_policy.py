@@ -37,6 +37,8 @@ def test_the_agents_of_a_system_are_granted_what_they_declare() -> None:
         ({"arm": Grant(publishes=("**",))}, "publishes"),
         ({"arm": Grant(publishes=("*/scene-1",))}, "publishes"),
         ({"arm": Grant(publishes=("device/a$*",))}, "publishes"),
+        ({"arm": Grant(parts=("the kitchen",))}, "part 'the kitchen'"),
+        ({"arm": Grant(publishes=("part/kitchen/d/scene-1",))}, "publishes"),
         ({"hub": Grant(nodes=("cube",), relay=True)}, "a relay, but may do more"),
         ({"arm": Grant(nodes=("cube",), read_only=True)}, "read-only, but may do more"),
     ],
@@ -65,6 +67,17 @@ def test_a_broken_policy_file_is_a_clear_error(tmp_path: Path, text: str, messag
 def test_every_key_on_which_something_can_be_said_has_one_owner(policy: AccessPolicy) -> None:
     owners = [key for name, grant in policy.agents.items() for key in own_keys(name, grant)]
     assert len(owners) == len(set(owners))
+
+
+def test_a_grant_names_the_parts_in_which_an_agent_may_speak() -> None:
+    def parts(grant: Grant) -> set[str]:
+        return {key for key in own_keys("arm", grant) if "/part/" in key}
+
+    one, all_of_them = Grant(parts=("kitchen",)), Grant()
+    assert "dsr/v1/*/part/kitchen/d/arm-$*" in parts(one) and "dsr/v1/*/part/*/d/arm-$*" in parts(all_of_them)
+    assert len(parts(one)) == len(parts(all_of_them)) == 5 and not parts(Grant(parts=()))
+    assert one.includes_part("kitchen") and one.includes_part("") and not one.includes_part("hall")
+    assert all_of_them.includes_part("hall")
 
 
 def test_a_reader_is_told_everything_and_may_say_nothing(policy: AccessPolicy) -> None:

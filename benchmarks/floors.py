@@ -1,0 +1,322 @@
+"""What the rows of `dsr bench` cost at least in Python: the same path with ever more of what a write needs.
+
+    python -m benchmarks.floors --rounds 20
+
+Each table begins with the peer of the rows and ends with the memory. Between them stand programs that do a part of the
+work and keep no graph: none of them merges, orders or checks anything. All take turns, so that all are disturbed alike.
+What one process does alone is told in processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import itertools
+import statistics
+import threading
+from collections.abc import Callable, Iterator
+from functools import partial
+from multiprocessing.connection import Connection
+from time import process_time
+from typing import Any
+
+import msgspec
+import zenoh
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks import session, workload
+from benchmarks.links import Closable, DsrLink, Link, Received, Sender
+from benchmarks.pairs import Latencies
+from benchmarks.peers import zenoh_query
+from benchmarks.peers.documents import Document
+from benchmarks.peers.zenoh_link import KEY, ZenohLink, open_session, publisher
+from benchmarks.ports import reserved_endpoint
+from benchmarks.rows import number
+from benchmarks.timing import percentile
+from benchmarks.workers import Worker, commands
+from dsr.clock import WALL_CLOCK
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import Delta, Write
+from dsr.crdt.pieces import all_pieces
+from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
+from dsr.replication.collector import collector_paused
+from dsr.replication.piece_wire import decode_piece, encode_piece
+from dsr.replication.replica import NEWEST_DELTAS
+from dsr.replication.wire import decode_delta, encode_delta
+
+_NODES = 10_000
+_BURST = 100
+Times = dict[str, list[float]]
+"""s, by what was done."""
+
+
+class RingLink(msgspec.Struct, frozen=True):
+    """Raw Zenoh, but a thread of the reader takes messages from a ring, as the memory does: no callback may block."""
+
+    endpoint: str
+    size: int
+    decoded: bool = False
+    """Whether the message is a delta of one write, encoded, decoded and put into a dictionary under a lock."""
+
+    def writer(self) -> Sender:
+        """The end that listens."""
+        return _RingSender(self)
+
+    def reader(self, received: Received) -> Closable:
+        """An end that connects."""
+        return _RingReader(self, received)
+
+
+class _RingSender:
+    def __init__(self, link: RingLink) -> None:
+        self._session = open_session(listen=link.endpoint)
+        self._publisher = publisher(self._session, reliable=True)
+        self._link = link
+
+    def send(self, number: int) -> None:
+        link = self._link
+        self._publisher.put(_delta(number) if link.decoded else number.to_bytes(8, "little").ljust(link.size, b"\0"))
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+class _RingReader:
+    def __init__(self, link: RingLink, received: Received) -> None:
+        self._session = open_session(connect=link.endpoint)
+        ring: Any = zenoh.handlers.RingChannel(NEWEST_DELTAS)
+        self._subscriber: Any = self._session.declare_subscriber(KEY, ring)
+        self._lock, self._registers = threading.RLock(), dict[Any, Write]()
+        threading.Thread(target=self._read, args=(link.decoded, received), daemon=True).start()
+
+    def _read(self, decoded: bool, received: Received) -> None:
+        for sample in self._subscriber:
+            payload = sample.payload.to_bytes()
+            received(self._keep(payload) if decoded else int.from_bytes(payload[:8], "little"))
+
+    def _keep(self, payload: bytes) -> int:
+        (write,) = decode_delta(payload).writes
+        with self._lock:
+            self._registers[write.owner, write.attribute] = write
+        return int(write.value)
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _delta(number: int) -> bytes:
+    owner, rid = ("writer-process-12345678", number % 1000 + 1), "writer-process-12345678"
+    write = Write(owner, "order", int(WALL_CLOCK.now() * 1e6) << 10, rid, (rid, number + 1000), number)
+    return encode_delta(Delta(writes=[write], context=[(rid, number + 1000, number + 1000)]))
+
+
+def one_way(rounds: int) -> Times:
+    """One update between two processes."""
+    size = workload.message_size(rt=False)
+    links: dict[str, Link] = {
+        "raw Zenoh, until the callback": ZenohLink(reserved_endpoint(), size),
+        "and a thread takes it from a ring": RingLink(reserved_endpoint(), size),
+        "and it is encoded, decoded, kept in a dictionary": RingLink(reserved_endpoint(), size, decoded=True),
+        "the memory: attribute update": DsrLink("floor", "attribute"),
+    }
+    times: Times = {name: [] for name in links}
+    with contextlib.ExitStack() as stack:
+        pairs = {name: stack.enter_context(Latencies(link)) for name, link in links.items()}
+        for pair in pairs.values():
+            pair.warm_up()
+        for _ in range(rounds):
+            for name, pair in pairs.items():
+                times[name].append(percentile(pair.burst(_BURST), 0.5))
+    return times
+
+
+class _Element:
+    __slots__ = ("registers",)
+
+    def __init__(self) -> None:
+        self.registers: dict[str, Any] = {}
+
+
+class _NoGraph:
+    """Methods with the signature of `Memory.update_node` that do a part of its work."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._elements = {workload.name(index): _Element() for index in range(workload.NODES)}
+        self._sent: list[Write] = []
+        self._counter = 0
+
+    def nothing(self, name: str, /, **attributes: Any) -> None:
+        """The call alone."""
+
+    def kept(self, name: str, /, **attributes: Any) -> None:
+        """A lock, a lookup and an entry of a dictionary."""
+        with self._lock:
+            registers = self._elements[name].registers
+            for attribute, value in attributes.items():
+                registers[attribute] = value
+
+    def stamped(self, name: str, /, **attributes: Any) -> None:
+        """The entry is a write with a dot and a stamp beyond that of the last one, and is listed to be sent."""
+        with self._lock:
+            registers, tick = self._elements[name].registers, int(WALL_CLOCK.now() * 1e6) << 10
+            for attribute, value in attributes.items():
+                self._counter += 1
+                last = registers.get(attribute)
+                stamp = tick if last is None or last.stamp < tick else last.stamp + 1
+                write = Write(("w", 1), attribute, stamp, "w", ("w", self._counter), value)
+                registers[attribute] = write
+                self._sent.append(write)
+
+    def flush(self) -> None:
+        """Forget what is listed."""
+        self._sent = []
+
+
+def updates(rounds: int) -> Times:
+    """1000 updates of an attribute in one process, and 1000 of a pose."""
+    memory, keeping, stamping = workload.local_memory(), _NoGraph(), _NoGraph()
+    workload.fill(memory)
+    changes = workload.changes()
+    calls: dict[str, Callable[..., object]] = {
+        "a method that does nothing": keeping.nothing,
+        "and a lock, a lookup, an entry in a dictionary": keeping.kept,
+        "and a write with its dot and stamp, listed to be sent": stamping.stamped,
+        "the memory: update_node": memory.update_node,
+    }
+    times: Times = {}
+    spark = _spark()
+    for turn in range(rounds):
+        if spark is not None:
+            times.setdefault("Spark-DSG, get_node and a field", []).append(_processor_time(spark.update))
+        values = list(itertools.islice(changes, workload.NODES))
+        poses = [(workload.name(index), workload.pose(index, turn + 2.0)) for index in range(workload.NODES)]
+        for name, call in calls.items():
+            times.setdefault(name, []).append(_processor_time(partial(_apply, call, values)))
+        times.setdefault("the memory: update_edge, a pose", []).append(
+            _processor_time(partial(_place, memory, poses))
+        )
+        memory.flush()
+        stamping.flush()
+    return times
+
+
+def _apply(call: Callable[..., object], values: list[tuple[str, dict[str, Any]]]) -> None:
+    for name, attributes in values:
+        call(name, **attributes)
+
+
+def _place(memory: Memory, poses: list[tuple[str, Pose]]) -> None:
+    for name, pose in poses:
+        memory.update_edge("world", name, "RT", pose=pose)
+
+
+def inserts(rounds: int) -> Times:
+    """1000 new nodes with five attributes each."""
+    values = [(workload.name(index), workload.attributes(index)) for index in range(workload.NODES)]
+    times: Times = {}
+    spark = _spark()
+    for _ in range(rounds):
+        if spark is not None:
+            times.setdefault("Spark-DSG, add_node and five fields", []).append(_processor_time(spark.insert))
+        memory = workload.local_memory()
+        times.setdefault("the memory: add_node", []).append(_processor_time(partial(_insert, memory, values)))
+    return times
+
+
+def _insert(memory: Memory, values: list[tuple[str, dict[str, Any]]]) -> None:
+    for name, attributes in values:
+        memory.add_node(name, workload.TYPE, **attributes)
+
+
+def _processor_time(work: Callable[[], object]) -> float:
+    begin = process_time()
+    work()
+    return process_time() - begin
+
+
+def _spark() -> Document | None:
+    try:
+        from benchmarks.peers.spark_document import SparkDocument
+    except ImportError:
+        return None
+    return SparkDocument()
+
+
+def late_join(rounds: int) -> Times:
+    """10 000 nodes with five attributes and an RT edge each, in one process but for the peer."""
+    memory = workload.local_memory()
+    workload.fill(memory, _NODES)
+    payloads = [encode_piece(piece) for piece in all_pieces(memory.replica.graph.store, CausalContext())]
+    size, endpoint, times = sum(map(len, payloads)), reserved_endpoint(), Times()
+    with Worker(_hold_bytes, endpoint, size) as holder:
+        holder.receive()
+        for _ in range(rounds):
+            times.setdefault("raw Zenoh, a session and as many bytes", []).append(zenoh_query.fetch(endpoint, size))
+            for name, work in _steps(memory, payloads).items():
+                with collector_paused():
+                    times.setdefault(name, []).append(_processor_time(work))
+    return times
+
+
+def _hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
+    with zenoh_query.holding(endpoint, size):
+        connection.send("ready")
+        for _ in commands(connection):
+            pass
+
+
+def _steps(memory: Memory, payloads: list[bytes]) -> dict[str, Callable[[], object]]:
+    store = memory.replica.graph.store
+    pieces = [decode_piece(payload) for payload in payloads]
+    newcomer = workload.local_memory().replica.graph
+
+    def join() -> None:
+        for piece in pieces:
+            newcomer.join(piece.as_delta(), WALL_CLOCK.now())
+
+    return {
+        "the holder: pieces made and encoded": lambda: [encode_piece(p) for p in all_pieces(store, CausalContext())],
+        "the newcomer: pieces decoded and checked": lambda: [decode_piece(data) for data in payloads],
+        "an entry in a dictionary for each decoded change": lambda: list(map(_kept, pieces)),
+        "the newcomer: pieces joined into a graph": join,
+    }
+
+
+def _kept(piece: Any) -> dict[Any, Any]:
+    kept: dict[Any, Any] = {add.dot: add for add in piece.adds}
+    kept.update({(write.owner, write.attribute): write for write in piece.writes})
+    return kept
+
+
+def _tables(rounds: int) -> Iterator[Table]:
+    for title, measure, per in (
+        ("one update, one way", one_way, 1), ("one of 1000 local updates", updates, workload.NODES),
+        ("one of 1000 nodes with five attributes", inserts, workload.NODES),
+        ("late join, 10 000 nodes and as many RT edges", late_join, 1),
+    ):  # fmt: skip
+        times = measure(rounds)
+        table = Table("", "us", "by the first", title=title, caption="medians of rounds")
+        first = next(iter(times.values()))
+        for name, taken in times.items():
+            ratio = statistics.median(mine / theirs for mine, theirs in zip(taken, first, strict=True))
+            table.add_row(name, number(statistics.median(taken) / per * 1e6), number(ratio))
+        yield table
+
+
+def main() -> None:
+    """Measure and show."""
+    parser = argparse.ArgumentParser(
+        "python -m benchmarks.floors", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rounds", type=int, default=20, help="in which all take turns (default: 20)")
+    rounds = parser.parse_args().rounds
+    with session.private_runtime():
+        for table in _tables(rounds):
+            Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

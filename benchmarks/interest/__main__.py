@@ -1,0 +1,104 @@
+"""Parts of a graph of which each process holds some: are they right under faults, and what do they cost?
+
+    python -m benchmarks.interest --histories 60              # seeds 0, 1, ...: all must be right
+    python -m benchmarks.interest --seed 17                   # one history again, made shorter if it fails
+    python -m benchmarks.interest --mutants                   # each wrong design must be seen
+    python -m benchmarks.interest --curves --json interest.json --plot interest.png
+
+Exit 0 only if all is as it must be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.progress import track
+
+from benchmarks.interest.curves import measured
+from benchmarks.interest.histories import Setting, run, shortest
+from benchmarks.interest.mutants import MUTANTS, shown_by
+
+SEEDS = 40
+"""Histories in which each wrong design is looked for."""
+
+
+def main() -> None:
+    """Do what the command line asks for; exit 1 if something is not as it must be."""
+    options = _parser().parse_args()
+    if options.curves:
+        _curves(options.json, options.plot)
+        right = True
+    elif options.mutants:
+        right = _mutants()
+    elif options.seed is not None:
+        right = _again(options.seed)
+    else:
+        right = _histories(options.histories)
+    raise SystemExit(0 if right else 1)
+
+
+def _histories(number: int) -> bool:
+    met: Counter[str] = Counter()
+    changes = waiting = 0
+    problems: dict[int, str] = {}
+    for seed in track(range(number), "histories", console=Console(stderr=True)):
+        outcome = run(Setting(seed))
+        met += outcome.met
+        changes, waiting = changes + outcome.changes, waiting + outcome.waiting
+        if outcome.problem:
+            problems[seed] = outcome.problem
+            print(f"seed {seed}: {outcome.problem}")
+    print(f"{number} histories, {sum(met.values())} faults: {', '.join(f'{met[kind]} {kind}' for kind in sorted(met))}")
+    print(f"{changes} changes of mind, {waiting} edges that waited for a part at the end; {len(problems)} failed")
+    return not problems
+
+
+def _again(seed: int) -> bool:
+    setting = Setting(seed)
+    problem = run(setting).problem
+    print(problem or "nothing was wrong")
+    for step in shortest(setting, problem) if problem else ():
+        print(step)
+    return not problem
+
+
+def _mutants() -> bool:
+    right = True
+    for mutant in MUTANTS:
+        seed = shown_by(mutant, range(SEEDS))
+        print(f"{mutant.title}: {'not seen' if seed is None else f'seen in history {seed}'}", flush=True)
+        right = right and seed is not None
+    return right
+
+
+def _curves(json: Path | None, plot: Path | None) -> None:
+    logging.getLogger("dsr").setLevel(logging.ERROR)  # many begin at once, and say that they wait for each other
+    findings = measured(lambda text: print(text, flush=True))
+    if json is not None:
+        json.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(findings))))
+    if plot is not None:
+        from benchmarks.interest.picture import draw  # needs matplotlib
+
+        draw(findings, plot)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("python -m benchmarks.interest", description=(__doc__ or "").partition("\n")[0])
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--histories", type=int, default=100, help="how many are run (default: 100)")
+    what.add_argument("--seed", type=int, help="run the history of this seed alone")
+    what.add_argument("--mutants", action="store_true", help="look for a history that shows each wrong design")
+    what.add_argument("--curves", action="store_true", help="measure what interest costs and spares")
+    parser.add_argument("--json", type=Path, help="write the curves to this file")
+    parser.add_argument("--plot", type=Path, help="draw the curves into this file")
+    return parser
+
+
+if __name__ == "__main__":
+    main()

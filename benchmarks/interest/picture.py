@@ -1,0 +1,63 @@
+"""Draws the curves of what interest costs and spares."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+from benchmarks.interest.curves import Findings, Join
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+
+def draw(findings: Findings, file: Path) -> None:
+    """Draw all curves into one picture."""
+    figure, axes = plt.subplots(2, 3, figsize=(12.0, 7.0))
+    _join(axes[0, 0], findings.by_building, "nodes", "nodes of the building; three rooms are asked for")
+    _join(axes[0, 1], findings.by_interest, "asked", f"rooms asked for, of {findings.by_interest[0].rooms}")
+    _memory(axes[0, 2], findings)
+    _writers(axes[1, 0], findings)
+    _fleets(axes[1, 1], findings)
+    _idle(axes[1, 2], findings)
+    figure.tight_layout()
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def _join(axes: Any, joins: list[Join], field: str, label: str) -> None:
+    axes.loglog([getattr(join, field) for join in joins], [join.received / 1e3 for join in joins], "o-")
+    axes.set_ylim(bottom=10)
+    axes.set(title="late join", xlabel=label, ylabel="kB received")
+
+
+def _memory(axes: Any, findings: Findings) -> None:
+    for joins, label in ((findings.by_building, "larger building"), (findings.by_interest, "more rooms asked for")):
+        axes.loglog([join.nodes if joins is findings.by_building else join.asked * 1000 for join in joins],
+                    [join.memory / 1e6 for join in joins], "o-", label=label)  # fmt: skip
+    axes.set(title="memory of a process", xlabel="nodes of the building, or of what is asked for", ylabel="MB")
+    axes.legend()
+
+
+def _writers(axes: Any, findings: Findings) -> None:
+    for elsewhere, label in ((True, "readers in another room"), (False, "readers in the same room")):
+        rows = [row for row in findings.writers if row["elsewhere"] == elsewhere]
+        axes.plot([row["readers"] for row in rows], [row["bytes"] / 1e3 for row in rows], "o-", label=label)
+    axes.set(title="100 writes", xlabel="readers", ylabel="kB sent by the writer")
+    axes.legend()
+
+
+def _fleets(axes: Any, findings: Findings) -> None:
+    for parted, label in ((False, "all hold all"), (True, "each holds three rooms")):
+        rows = [row for row in findings.fleets if row["parted"] == parted]
+        axes.loglog([row["robots"] for row in rows], [row["messages"] for row in rows], "o-", label=label)
+    axes.set(title="robots at work", xlabel="robots", ylabel="messages that one gets per second")
+    axes.legend()
+
+
+def _idle(axes: Any, findings: Findings) -> None:
+    rows = findings.idle
+    axes.loglog([row["parts"] for row in rows], [row["bytes"] for row in rows], "o-")
+    axes.set(title="nothing happens", xlabel="parts held", ylabel="bytes per second to each other holder")
