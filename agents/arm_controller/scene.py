@@ -44,6 +44,13 @@ class Obstacle:
         away = np.abs(self.pose.inverse().apply(point))
         return bool((away < np.array(self.size) / 2).all())
 
+    def is_around(self, other: Obstacle) -> bool:
+        """Whether the middle of another thing is in a hollow of this one, which carries that along then."""
+        if not self.shape or not self.contains(other.pose.t):
+            return False
+        x, y, z = self.pose.inverse().apply(other.pose.t).tolist()
+        return not any(part.contains((x, y, z)) for part in self.shape)
+
     @property
     def top(self) -> float:
         """m, the height of its highest point in the world."""

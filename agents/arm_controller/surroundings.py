@@ -56,12 +56,14 @@ class ArmSurroundings:
         return Load(opening, self.held_box())
 
     def things(self, now: float) -> list[Obstacle]:
-        """All that must not be touched at time `now` (s), without what the gripper holds."""
+        """All that must not be touched at time `now` (s), but for what the gripper holds and what is in that."""
         return [*self.things_and_zones(), *self.others.obstacles(now)]
 
     def things_and_zones(self) -> list[Obstacle]:
-        """All that must not be touched, but for other arms, and for what the gripper holds."""
-        objects = [thing for thing in self._scene.objects() if thing.name != self._holding.held]
+        """All that must not be touched, but for other arms, what the gripper holds, and what goes along in that."""
+        objects = self._scene.objects()
+        held = next((thing for thing in objects if thing.name == self._holding.held), None)
+        objects = [thing for thing in objects if held is None or not (thing is held or held.is_around(thing))]
         models = self._scene.models(self.world_from_arm.t)
         return [*objects, *self._scene.tables(), *models, *self._zones.forbidden()]
 

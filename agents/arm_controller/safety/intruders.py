@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from agents.arm_controller.motion.obstacles import MARGIN
 from agents.arm_controller.scene import Obstacle
-from dsr.math3d.tolerance import PoseTolerance
+from dsr.math3d.boxes import CORNERS, Array
 
-SAME_PLACE = PoseTolerance(MARGIN, 0.1)
-"""m, rad by which a thing may move: as far as ways keep away from it; a belief moves by some mm with each percept"""
+FARTHEST = MARGIN
+"""m that a corner of a thing may move: ways keep as far away from it; a belief moves by some mm with each percept"""
 
 
 class Intruders:
@@ -30,4 +32,13 @@ class Intruders:
 
     def _is_known(self, thing: Obstacle) -> bool:
         known = self._known.get(thing.name)
-        return known is not None and known.size == thing.size and SAME_PLACE.covers(known.pose, thing.pose)
+        return known is not None and (known == thing or _moved(known, thing) <= FARTHEST)
+
+
+def _moved(before: Obstacle, now: Obstacle) -> float:
+    """M by which a corner of the box of a thing moved at most: as that was shifted or turned, or grew."""
+    return float(np.linalg.norm(_corners(now) - _corners(before), axis=1).max())
+
+
+def _corners(thing: Obstacle) -> Array:
+    return thing.pose.apply(CORNERS * thing.size * 0.5)

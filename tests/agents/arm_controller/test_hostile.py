@@ -8,8 +8,12 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from agents.arm_controller.safety.intruders import Intruders
+from agents.arm_controller.scene import Obstacle
 from agents.drivers import ArmState
 from dsr import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part, to_numbers
 from dsr.network.keys import Keys
 from dsr.vocabulary.halting import HaltOrder, send_order
 from tests.agents.arm_controller.conftest import DOWN, HOME, PERIOD, Bench, Table
@@ -192,6 +196,53 @@ def test_what_came_into_the_way_since_it_was_planned_is_noticed_before_the_arm_m
     table.believe("cube_9", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.3))
     assert table.finish(name) == ("failed", "there is no room for the gripper around cube_3: cube_9 is in the way")
     assert [command for command in table.arm.told if command[0] == "follow"] == []
+
+
+BOARD = (0.02, 0.9, 0.3)
+"""m"""
+
+
+@pytest.mark.parametrize(
+    ("pose", "size", "is_new"),
+    [
+        (Pose((0.4, 0.005, 0.3)), BOARD, False),
+        (Pose((0.4, 0.02, 0.3)), BOARD, True),
+        (Pose.from_rotvec((0.4, 0.0, 0.3), (0.0, 0.0, 0.01)), BOARD, False),
+        (Pose.from_rotvec((0.4, 0.0, 0.3), (0.0, 0.0, 0.09)), BOARD, True),
+        (Pose((0.4, 0.0, 0.3)), (0.021, 0.899, 0.302), False),
+        (Pose((0.4, 0.0, 0.3)), (0.02, 0.95, 0.3), True),
+    ],
+    ids=["shifted by noise", "shifted", "turned by noise", "turned", "measured anew", "larger"],
+)
+def test_a_thing_has_moved_if_a_corner_of_it_has(pose: Pose, size: Vector3, is_new: bool) -> None:
+    intruders = Intruders()
+    intruders.expect([Obstacle("board", Pose((0.4, 0.0, 0.3)), BOARD)])
+    moved = Obstacle("board", pose, size)
+    assert intruders.among([moved]) == ([moved] if is_new else [])
+    assert intruders.among([moved]) == []
+
+
+WALLS = [(0.018, 0.0), (-0.018, 0.0), (0.0, 0.018), (0.0, -0.018)]
+CUP = (
+    Part("box", (0.04, 0.04, 0.004), (0.0, 0.0, -0.018)),
+    *(Part("box", (0.004 if x else 0.04, 0.004 if y else 0.04, 0.04), (x, y, 0.0)) for x, y in WALLS),
+)
+
+
+def test_what_goes_along_in_what_the_arm_carries_is_not_in_its_way(table: Table) -> None:
+    table.believe("pea", Pose((0.42, 0.08, 0.02)), (0.02, 0.02, 0.02))
+    assert table.act("pick", target="cube_3") == ("done", "")
+    table.memory.update_node("cube_3", shape=to_numbers(CUP))
+    table.run(0.1)
+    name = table.request("place", target="cube_3", destination="table", target_pose=Pose((0.42, -0.2, 0.02)))
+    for _ in range(round(20.0 / PERIOD)):
+        for edge in table.memory.edges("grasping"):
+            here = table.memory.transform("world", "gripper") @ edge["held_at"]
+            for thing in ("cube_3", "pea"):
+                table.memory.add_edge("world", thing, "Virtual_RT", pose=here)
+        table.run(PERIOD)
+    assert table.said(name) == ("done", "")
+    assert ("stop",) not in table.arm.told
 
 
 # ---- halts at every moment
