@@ -59,14 +59,20 @@ class CheckedFrames:
     @property
     def trouble(self) -> str:
         """What is wrong with the camera now, in words; empty if nothing is."""
-        told = self._driver.trouble if isinstance(self._driver, Diagnosed) else ""
-        return "; ".join(filter(None, (told, self._trouble)))
+        try:
+            told = self._driver.trouble if isinstance(self._driver, Diagnosed) else ""
+            return "; ".join(filter(None, (told, self._trouble)))
+        except Exception as error:  # as of `frame`
+            return f"its driver failed: {type(error).__name__}: {error}"
 
     @property
     def counts(self) -> Mapping[str, int]:
         """By name what the driver counts, how often it `failed`, and frames `malformed` or `out of order`."""
-        told = self._driver.counts if isinstance(self._driver, Diagnosed) else {}
-        return Counter(told) + self._counts
+        try:
+            told = self._driver.counts if isinstance(self._driver, Diagnosed) else {}
+            return Counter(told) + self._counts
+        except Exception:  # `trouble` tells of it
+            return self._counts
 
     def _drop(self, what: str, said: str) -> None:
         if not self._counts[what]:

@@ -21,6 +21,7 @@ _DTYPES = {"uint8", "uint16", "int32", "float32", "float64"}
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER = 1 << 16
 _ALIGN = 8
+_MOST_AXES = 4  # of an array
 
 
 class Frame(msgspec.Struct, frozen=True):
@@ -53,20 +54,36 @@ def encode_frame(frame: Frame) -> bytes:
 
 
 def frame_chunks(frame: Frame) -> list[bytes | memoryview]:
-    """The pieces of the encoded frame; arrays that are contiguous are not copied."""
+    """The pieces of the encoded frame; arrays that are contiguous are not copied.
+
+    Raises `ValueError` or `TypeError` for what no receiver could decode.
+    """
     entries: list[tuple[str, str, list[int], int]] = []
     chunks: list[bytes | memoryview] = []
     offset = 0
     for name, array in frame.arrays.items():
         if array.dtype.name not in _DTYPES:
             raise ValueError(f"array {name!r} has dtype {array.dtype.name}; expected one of {sorted(_DTYPES)}")
+        if array.ndim > _MOST_AXES:
+            raise ValueError(f"array {name!r} has {array.ndim} axes; expected {_MOST_AXES} at most")
         padding = -array.nbytes % _ALIGN
         entries.append((name, array.dtype.name, list(array.shape), offset))
         chunks += [np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, b"\0" * padding]
         offset += array.nbytes + padding
     header = _encoder.encode(_Header(frame.stamp, frame.meta, entries))
+    _check(header)
     padding = _body_start(len(header)) - _LENGTH.size - len(header)
     return [_LENGTH.pack(len(header)), header, b"\0" * padding, *chunks]
+
+
+def _check(header: bytes) -> None:
+    """Raise `ValueError` for a header that no receiver takes: what is in a frame is whatever a driver puts there."""
+    if len(header) > _MAX_HEADER:
+        raise ValueError(f"a frame header of {len(header)} bytes; expected {_MAX_HEADER} at most")
+    try:
+        _decoder.decode(header)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"frame header: {error}") from error
 
 
 def decode_frame(payload: bytes | memoryview) -> Frame:
@@ -90,7 +107,7 @@ def _body_start(header_length: int) -> int:
 
 
 def _array(body: memoryview, name: str, dtype: str, shape: list[int], offset: int) -> NDArray[Any]:
-    if dtype not in _DTYPES or len(shape) > 4 or any(n < 0 for n in shape):
+    if dtype not in _DTYPES or len(shape) > _MOST_AXES or any(n < 0 for n in shape):
         raise WireError(f"frame array {name!r}: dtype {dtype!r}, shape {shape}")
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if offset < 0 or offset + size > len(body):

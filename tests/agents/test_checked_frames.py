@@ -56,6 +56,10 @@ def good(stamp: float, **meta: Any) -> Frame:
         (Frame(1.0, {"depth": DEPTH.astype(np.float16)}, {}), "malformed", "float16"),
         (Frame(1.0, {"color": None}, {}), "malformed", "NoneType"),  # type: ignore[dict-item]
         (Frame(1.0, {"color": COLOR}, {"fx": np.float32(60.0)}), "malformed", "numpy.float32"),  # type: ignore[dict-item]
+        (Frame(1.0, {"color": COLOR}, None), "malformed", "Expected `object`, got `None`"),  # type: ignore[arg-type]
+        (good(1.0, fx=True), "malformed", "got `bool`"),
+        (Frame(1.0, {5: COLOR}, {}), "malformed", "Expected `str`, got `int`"),  # type: ignore[dict-item]
+        (Frame(1.0, {"color": COLOR[None, None]}, {}), "malformed", "5 axes"),
         (good(0.4), "out of order", "0.600 s before"),
     ],
 )
@@ -71,6 +75,22 @@ def test_what_cannot_be_used_is_dropped_and_counted(
     assert len(caplog.records) == 1
     after = frames.frame()
     assert after is not None and after.stamp == 1.1 and frames.trouble == ""
+
+
+class Gone(Scripted):
+    """A driver that cannot even tell how it does."""
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in ("trouble", "counts"):
+            raise OSError("no such device")
+        return super().__getattribute__(name)
+
+
+def test_a_driver_that_fails_to_tell_how_it_does_is_in_trouble() -> None:
+    frames = CheckedFrames(Gone("a picture"), ManualClock(), LOG, "cam")
+    assert frames.frame() is None
+    assert frames.trouble == "its driver failed: OSError: no such device"
+    assert frames.counts == {"malformed": 1}
 
 
 def test_a_clock_that_was_set_back_is_taken_anew() -> None:
