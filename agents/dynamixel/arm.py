@@ -6,7 +6,9 @@ off until the first motion.
 
 from __future__ import annotations
 
+import itertools
 import logging
+import math
 import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -94,16 +96,20 @@ class DynamixelArm:
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
         """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones.
 
-        A way that begins where the arm is not, and cannot be by then, is refused, and told as a fault.
+        A way that begins where the arm is not, and cannot be by then, is refused, and told as a fault; likewise one of
+        numbers that are not finite.
         """
         with self._lock:
             if (ramp := self._ready()) is None:
                 return
-            if (aside := ramp.aside(times, positions)) is None:
-                ramp.follow(times, positions)
-                return
+            wrong = "the way has numbers that are not finite"
+            if all(map(math.isfinite, (*times, *itertools.chain(*positions)))):
+                if (aside := ramp.aside(times, positions)) is None:
+                    ramp.follow(times, positions)
+                    return
+                wrong = f"the way begins {aside[1]:.2f} rad from where {self._names[aside[0]]} is"
             self._counts["motions refused"] += 1
-            self._tell(f"the way begins {aside[1]:.2f} rad from where {self._names[aside[0]]} is")
+            self._tell(wrong)
             ramp.stop()
 
     def move_gripper(self, opening: float) -> None:
@@ -162,6 +168,12 @@ class DynamixelArm:
                 if not self._trouble:
                     _log.warning("%s", error)
                 self._trouble = str(error)
+            except Exception as error:  # else the thread would end without a word: the servos hold where they are
+                self._counts["failures"] += 1
+                _log.exception("a cycle of the driver failed")
+                with self._lock:
+                    self._ramp = None
+                    self._tell(f"the driver failed: {type(error).__name__}: {error}")
             self.clock.wait(self._over, max(0.0, PERIOD - (self.clock.monotonic() - began)))
 
     def _cycle(self) -> None:

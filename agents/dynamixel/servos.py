@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import termios
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -121,13 +122,18 @@ class Servos:
         self._port.closePort()
 
     def _ask(self, reader: Any, what: str) -> None:
-        result = reader.txRxPacket()
+        try:
+            result = reader.txRxPacket()
+        except (OSError, termios.error) as error:  # unplugged
+            raise ServoError(f"no {what} of the servos: {error}") from error
         if result != sdk.COMM_SUCCESS:
             raise ServoError(f"no {what} of the servos: {self._packets.getTxRxResult(result)}")
 
     def _value(self, reader: Any, id: int, place: int, length: int) -> int:
         if not reader.isAvailable(id, place, length):
             raise ServoError(f"servo {id} does not answer")
+        if (told := len(reader.data_dict[id])) != reader.data_length:  # a late answer to another question
+            raise ServoError(f"servo {id} answers with {told} bytes instead of {reader.data_length}")
         return int(reader.getData(id, place, length))
 
     def _write(self, id: int, place: int, value: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,8 +12,9 @@ import pytest
 from agents.dynamixel import DynamixelArm
 from agents.dynamixel.arm import DEADMAN, SHOWN
 from agents.dynamixel.servos import SERIES
+from agents.joint_ramp import Ramp
 from dsr.clock import WALL_CLOCK, ManualClock
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, DsrError
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
 from dsr.vocabulary.halting import HaltOrder, send_order
@@ -62,6 +64,11 @@ def is_at(arm: DynamixelArm, place: tuple[float, ...]) -> bool:
     return state is not None and state.positions == pytest.approx(place, abs=2e-3)
 
 
+def faults(arm: DynamixelArm) -> str:
+    state = arm.state()
+    return "" if state is None else state.fault
+
+
 def rests(arm: DynamixelArm) -> bool:
     return arm._ramp is not None and arm._ramp.is_resting
 
@@ -102,6 +109,46 @@ def test_the_arm_goes_where_it_is_sent(arm: DynamixelArm) -> None:
     arm.follow((0.0, 0.5), (START, THERE))
     until(lambda: is_at(arm, THERE), arm)
     assert arm.trouble == ""
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_way_of_numbers_that_are_not_finite_is_refused(arm: DynamixelArm, wrong: float) -> None:
+    arm.follow((0.0, 0.5), (START, (*THERE[:-1], wrong)))
+    assert arm.trouble == "the way has numbers that are not finite"
+    assert arm.counts["motions refused"] == 1
+    arm.follow((0.0, 0.5), (START, THERE))
+    until(lambda: is_at(arm, THERE), arm)
+
+
+def test_a_cycle_that_fails_is_told_and_the_driver_goes_on(arm: DynamixelArm, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(ramp: Ramp) -> None:
+        raise DsrError("no way to rest")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Ramp, "step", fail)
+        arm.follow((0.0, 0.5), (START, THERE))
+        until(lambda: faults(arm) == "the driver failed: DsrError: no way to rest", arm)
+    until(lambda: arm.trouble == "", arm)
+    arm.follow((0.0, 0.5), (START, THERE))
+    until(lambda: is_at(arm, THERE), arm)
+
+
+def test_late_answers_to_another_question_are_taken_for_no_positions_nor_faults(
+    arm: DynamixelArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = Emulator._answer
+
+    def late(self: Emulator, id: int, data: bytes) -> None:
+        answer(self, id, bytes([1]) if len(data) > 1 else bytes(10))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Emulator, "_answer", late)
+        until(lambda: "bytes instead of" in arm.trouble, arm)
+        before = arm.counts["cycles without an answer"]
+        until(lambda: arm.counts["cycles without an answer"] > before + 3, arm)
+    until(lambda: arm.trouble == "", arm)
+    assert arm.counts.keys() == {"cycles without an answer"}
+    assert is_at(arm, START) and faults(arm) == ""
 
 
 def test_lost_corrupt_and_late_answers_delay_nothing_but_samples(arm: DynamixelArm, line: Emulator) -> None:
