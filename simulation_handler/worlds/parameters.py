@@ -43,7 +43,7 @@ class PlaceNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, factor on all standard deviations where something unknown is wrong, and once more where that is wrong, too"""
     wrong: Share
     """1, probability of these worlds, and of the wider one among them"""
-    perceived: Share
+    perceived: Annotated[float, msgspec.Meta(ge=0, lt=1)]
     """1, probability of the world in which the object is where percepts have it, if the simulation has it there, too"""
     trust: Amount
     """1, power by which the odds of that world grow with 1 + the squared Mahalanobis distance between the two"""

@@ -17,7 +17,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
-from simulation_handler.worlds.parameters import learned_parameters
+from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 from tests.simulation_handler.worlds import container
 
@@ -188,3 +188,6 @@ def test_parameters_are_complete(tmp_path: Path) -> None:
     file.write_text("[parameters.rates]\nmoved = -1.0\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"worlds\.toml"):
         learned_parameters(file)
+    everywhere = {name: msgspec.structs.replace(noise, perceived=1.0) for name, noise in learned.noise.items()}
+    with pytest.raises(msgspec.ValidationError, match="perceived"):  # no odds tell what is certain
+        msgspec.convert(msgspec.to_builtins(msgspec.structs.replace(learned, noise=everywhere)), WorldParameters)
