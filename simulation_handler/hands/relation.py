@@ -39,8 +39,6 @@ class Sign(Enum):
     """It is not seen, and by the palm it would have gone through a wall of what it is in."""
     ABSENT = auto()
     """It should be seen in the hand, and is not, for too long."""
-    APART = auto()
-    """Nothing tells any more that the hand touches it."""
 
 
 _CONTACT = (FREE, TOUCHING, PASSING, HIDING, COVERING, TAKING, PUT_DOWN, DROPPED, LET_GO)
@@ -61,9 +59,11 @@ TRANSITIONS = MappingProxyType({
     Sign.TAKEN: {COVERING: TAKING},
     Sign.THROUGH_WALL: dict.fromkeys(_HELD, LEFT_BEHIND),
     Sign.ABSENT: dict.fromkeys(_HELD, LEFT_BEHIND),
-    Sign.APART: dict.fromkeys(Handling, FREE),
 })  # fmt: skip
-"""By evidence: the next state by the present one. States that are not named stay."""
+"""By evidence: the next state by the present one. States that are not named stay.
+
+Any state ends, and is `FREE` again, once nothing tells that the hand touches the object: `Touching` forgets it then.
+"""
 
 
 def after(state: Handling, sign: Sign) -> Handling:
