@@ -10,7 +10,7 @@ from agents.arm_controller.motion.obstacles import MARGIN
 from agents.arm_controller.scene import Obstacle
 from dsr.math3d.boxes import CORNERS, Array
 
-FARTHEST = MARGIN
+LEAST_MOVE = MARGIN
 """m that a corner of a thing may move: ways keep as far away from it; a belief moves by some mm with each percept"""
 
 
@@ -32,7 +32,7 @@ class Intruders:
 
     def _is_known(self, thing: Obstacle) -> bool:
         known = self._known.get(thing.name)
-        return known is not None and (known == thing or _moved(known, thing) <= FARTHEST)
+        return known is not None and (known == thing or _moved(known, thing) <= LEAST_MOVE)
 
 
 def _moved(before: Obstacle, now: Obstacle) -> float:
