@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import msgspec
 
-from dsr.errors import ConfigError, PartNotFoundError, suggest
+from dsr.errors import ConfigError, PartNotFoundError, WireError, suggest
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import PART_RECORD, RECORDS
 from dsr.graph.watch import ChangeFilter, Watch
+from dsr.network.decoding import decoded
 from dsr.network.keys import WHOLE, check_part
 
 _PREFIX = RECORDS[PART_RECORD]
@@ -99,9 +100,9 @@ def read_record(node: Node) -> PartInfo | None:
     """The entry that a node of the base graph holds; None if it makes no sense."""
     name = node.name.removeprefix(_PREFIX)
     try:
-        stored = _decoder.decode(node.get("record", ""))
+        stored = decoded(node.get("record", ""), "record of a part", _decoder.decode)
         check_part(name)
-    except (msgspec.MsgspecError, ConfigError, TypeError):
+    except (WireError, ConfigError, TypeError):
         return None
     if node.type != PART_RECORD or name == node.name:
         return None
