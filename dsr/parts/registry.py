@@ -60,7 +60,8 @@ class PartList:
         self._graph: Graph | None = None
         self._known: dict[str, PartInfo] = {}
         self._by_type: dict[str, str] = {}
-        self._outdated = False
+        self._changes = self._read = 0
+        """How often the list has changed, and at which of these changes it was read last."""
 
     def follow(self, graph: Graph) -> None:
         """Read the list in this graph, from now on."""
@@ -70,18 +71,18 @@ class PartList:
 
     def _outdate(self) -> None:
         self._watch.poll()
-        self._outdated = True
+        self._changes += 1
 
     @property
     def parts(self) -> dict[str, PartInfo]:
         """The readable entries by name, in order."""
-        if self._outdated and self._graph is not None:
-            self._outdated = False  # first: it may change meanwhile
+        if (changes := self._changes) != self._read and self._graph is not None:
             nodes = list(self._graph.nodes_by_type.get(PART_RECORD, {}).values())
             found = [info for node in nodes if (info := read_record(node)) is not None]
             self._known = {info.name: info for info in sorted(found, key=lambda info: info.name)}
             claims = [(type, info.name) for info in self._known.values() for type in info.types if type not in RECORDS]
             self._by_type = dict(reversed(claims))
+            self._read = changes  # last: another thread must not take what was before for the list, nor Ctrl-C leave it
         return self._known
 
     def info(self, part: str) -> PartInfo:

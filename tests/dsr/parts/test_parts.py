@@ -19,6 +19,7 @@ from dsr.crdt.delta import Add, Delta
 from dsr.network.keys import part_of, part_rid
 from dsr.parts.graph import PartedGraph
 from tests.dsr.conftest import Net
+from tests.dsr.test_interrupts import interrupted_at
 
 
 def house(net: Net) -> tuple[Memory, Memory]:
@@ -291,6 +292,17 @@ def test_a_record_that_makes_no_sense_is_no_part(net: Net) -> None:
     assert [each.name for each in a.parts()] == ["hall", "kitchen", "own"]
     a.create_part("lab")
     assert a.part(a.nodes("part_record")[-1]) == ""
+
+
+def test_the_list_is_read_again_after_an_interrupt(net: Net) -> None:
+    a, _ = house(net)
+    line, interrupted = 1, True
+    while interrupted:
+        a.write_record(".part.lab", "part_record", f'{{"created": {line}}}')
+        interrupted = interrupted_at(line, a.parts)
+        assert [(each.name, each.created) for each in a.parts()][2:] == [("lab", line)]
+        line += 1
+    assert line > 5
 
 
 def test_into_a_part_that_is_not_granted_nothing_is_written(net: Net) -> None:
