@@ -79,8 +79,12 @@ class HeldParts:
             with lock:
                 member = self.graph.hold(part, part_rid(self._rid, part, self._times))
                 keys = Keys(self._graph_name, part=part)
-                replica = Replica(member, self._transport, self._clock, keys, self._agent, gate, lock)
-                self._replica.parts = {**self._replica.parts, part: replica}
+                try:
+                    replica = Replica(member, self._transport, self._clock, keys, self._agent, gate, lock)
+                    self._replica.parts = {**self._replica.parts, part: replica}
+                except BaseException:  # else what is written into the part would be sent by nobody
+                    self.graph.leave(part)
+                    raise
             if self._poller is not None:
                 replica.start(self._poller)
             return replica

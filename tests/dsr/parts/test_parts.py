@@ -14,6 +14,7 @@ from dsr import (
     PartNotFoundError,
     Pose,
     SchemaError,
+    TransportError,
 )
 from dsr.crdt.delta import Add, Delta
 from dsr.network.keys import part_of, part_rid
@@ -292,6 +293,25 @@ def test_a_record_that_makes_no_sense_is_no_part(net: Net) -> None:
     assert [each.name for each in a.parts()] == ["hall", "kitchen", "own"]
     a.create_part("lab")
     assert a.part(a.nodes("part_record")[-1]) == ""
+
+
+def test_a_part_that_the_network_refuses_is_not_held(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    a, b = house(net)
+
+    def refuse(*_: object) -> None:
+        raise TransportError("no more tokens")
+
+    with monkeypatch.context() as patched, pytest.raises(TransportError, match="no more tokens"):
+        patched.setattr(b.transport, "announce", refuse)
+        b.hold_part("kitchen")
+    net.pump(1.5)
+    with pytest.raises(PartError, match="not held"):
+        b.add_node("plate", "cube", "kitchen")
+    assert b.interest == () and "cup" not in b
+    b.hold_part("kitchen")
+    b.add_node("plate", "cube", "kitchen")
+    net.pump(1.5)
+    assert "plate" in a and "cup" in b
 
 
 def test_the_list_is_read_again_after_an_interrupt(net: Net) -> None:
