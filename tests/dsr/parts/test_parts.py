@@ -314,6 +314,23 @@ def test_a_part_that_the_network_refuses_is_not_held(net: Net, monkeypatch: pyte
     assert "plate" in a and "cup" in b
 
 
+def test_leaving_that_is_interrupted_leaves_nothing_in_sight_and_can_be_repeated(net: Net) -> None:
+    a, b = house(net)
+    line, interrupted = 1, True
+    while interrupted:
+        b.hold_part("kitchen")
+        net.pump(1.0)
+        b.update_node("cup", mass=float(line))
+        interrupted = interrupted_at(line, lambda: b.leave_part("kitchen"))
+        assert ("cup" in b) == ("kitchen" in graph(b).parts) == bool(graph(b).edges_out.get("world"))
+        if interrupted and line % 2 and "kitchen" in b.interest:
+            b.leave_part("kitchen")
+            assert "cup" not in b and b.interest == ()
+        line += 3
+    net.pump(3.0)
+    assert line > 50 and a.node("cup")["mass"] == line - 3
+
+
 def test_the_list_is_read_again_after_an_interrupt(net: Net) -> None:
     a, _ = house(net)
     line, interrupted = 1, True
