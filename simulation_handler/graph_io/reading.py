@@ -35,6 +35,8 @@ FIXTURES = (*SURFACES, MODELLED)
 """Node types of static bodies."""
 OBJECTS = THINGS
 """Node types of the objects that the belief follows."""
+EXPLAINED = ("cube",)
+"""Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 FARTHEST = 100.0
 """m from the world's origin that anything may be: farther is an error, not a tabletop"""
@@ -165,7 +167,7 @@ class GraphReader:
         if known:
             self._belief.remove(name)
         size, mass, friction, rolling_friction, shape = properties
-        drivable = bool(shape)  # the moves of a solid box are explained: it may be part of a tower that nobody sees
+        drivable = node.type not in EXPLAINED
         self._belief.add_object(
             name, size, mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape, drivable=drivable
         )
