@@ -16,11 +16,12 @@ from typing import Literal, Protocol
 
 import msgspec
 
-from dsr.errors import SchemaError
+from dsr.errors import SchemaError, WireError
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import RECORDS, SCHEMA_RECORD, AttributeType, Schema
 from dsr.graph.watch import ChangeFilter, Watch
+from dsr.network.decoding import decoded
 
 _log = logging.getLogger("dsr.memory")
 _PREFIX = RECORDS[SCHEMA_RECORD]
@@ -106,8 +107,8 @@ class Extensions:
                 self._lost = True
                 continue
             try:
-                conflict = self._take(_decoder.decode(node["record"]))
-            except (msgspec.MsgspecError, SchemaError, TypeError) as error:
+                conflict = self._take(_decode(node["record"]))
+            except (WireError, SchemaError, TypeError) as error:
                 self._lost = True
                 self._warn(change.name, f"{change.name}: no valid record of a registered name: {error}")
                 continue
@@ -163,11 +164,15 @@ class Extensions:
             _log.warning("%.500s", text)
 
 
+def _decode(record: str) -> ExtensionRecord:
+    return decoded(record, "record of a name", _decoder.decode)
+
+
 def _read(node: Node) -> ExtensionRecord | None:
     """The record that a node holds; None if it holds none of the name for which the node stands."""
     try:
-        record = _decoder.decode(node.get("record", ""))
-    except (msgspec.MsgspecError, TypeError):
+        record = _decode(node.get("record", ""))
+    except (WireError, TypeError):
         return None
     return record if record.node_name == node.name else None
 

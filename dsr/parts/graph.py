@@ -94,18 +94,23 @@ class PartedGraph(Graph):
     def hold(self, part: str, rid: str) -> PartGraph:
         """Begin to hold a part, empty at first; the graph must be locked."""
         member = self.parts[part] = PartGraph(rid, self, part)
+        self.leaving.discard(part)
         self._unattached |= self._beyond.pop(part, {})
         return member
 
     def leave(self, part: str) -> None:
-        """Hold a part no more: what is in it goes out of sight; the graph must be locked."""
-        member = self.parts.pop(part)
-        self.leaving.discard(part)
-        for entry in member.store.detach():
-            self._unattached.pop(entry.dot, None)
-            self._condemned.pop(entry.dot, None)
-            self.entry_removed(entry)
-        self.look_again()
+        """Hold a part no more: what is in it goes out of sight; harmless when repeated. The graph must be locked."""
+        if part not in self.parts:
+            return
+        try:
+            for entry in self.parts.pop(part).store.detach():
+                self._unattached.pop(entry.dot, None)
+                self._condemned.pop(entry.dot, None)
+                self.entry_removed(entry)
+            self.look_again()
+        except BaseException:  # see `Graph._apply`
+            self._recover()
+            raise
 
     def members(self) -> list[Graph]:
         """The replicas of the base and of all parts."""
@@ -210,6 +215,7 @@ class PartedGraph(Graph):
             raise
 
     def _recover(self) -> None:
+        self.store.by_key.clear()  # of a part that is not held any more, too
         for member in self.parts.values():
             member.store.rebuild()
             member.store.context.add_range(member.rid, 1, member.counter)

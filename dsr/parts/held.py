@@ -72,25 +72,33 @@ class HeldParts:
         """Begin to hold a part, or go on; nobody is waited for."""
         check_part(part)
         with self._changing:
-            if part in self._replica.parts:
+            if self._holds(part):
                 return self._replica.parts[part]
+            self.leave(part)  # if leaving was broken off
             self._times += 1
             lock, gate = self._replica.lock, self._replica.synchroniser.gate
             with lock:
                 member = self.graph.hold(part, part_rid(self._rid, part, self._times))
                 keys = Keys(self._graph_name, part=part)
-                replica = Replica(member, self._transport, self._clock, keys, self._agent, gate, lock)
-                self._replica.parts = {**self._replica.parts, part: replica}
+                try:
+                    replica = Replica(member, self._transport, self._clock, keys, self._agent, gate, lock)
+                    self._replica.parts = {**self._replica.parts, part: replica}
+                except BaseException:  # else what is written into the part would be sent by nobody
+                    self.graph.leave(part)
+                    raise
             if self._poller is not None:
                 replica.start(self._poller)
             return replica
+
+    def _holds(self, part: str) -> bool:
+        return part in self._replica.parts and part in self.graph.parts and part not in self.graph.leaving
 
     def hold(self, parts: Iterable[str], timeout: float) -> None:
         """Hold listed parts, complete. Raises `PartNotFoundError`, `TransportError`."""
         names = list(dict.fromkeys(parts))
         for name in names:
             self.listed.info(name)
-        begun = [name for name in names if name not in self._replica.parts]
+        begun = [name for name in names if not self._holds(name)]
         try:
             for name, replica in [(name, self.take(name)) for name in begun]:
                 self._wait(name, replica, timeout)
@@ -128,8 +136,8 @@ class HeldParts:
                 self.graph.leaving.add(part)  # what is written from now on would not be sent
             replica.close()
             with self._replica.lock:
-                self._replica.parts = {name: each for name, each in self._replica.parts.items() if name != part}
                 self.graph.leave(part)
+                self._replica.parts = {name: each for name, each in self._replica.parts.items() if name != part}
 
     def close(self) -> None:
         """Send what was written; nothing changes in the parts any more."""

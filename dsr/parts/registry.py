@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import msgspec
 
-from dsr.errors import ConfigError, PartNotFoundError, suggest
+from dsr.errors import ConfigError, PartNotFoundError, WireError, suggest
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import PART_RECORD, RECORDS
 from dsr.graph.watch import ChangeFilter, Watch
+from dsr.network.decoding import decoded
 from dsr.network.keys import WHOLE, check_part
 
 _PREFIX = RECORDS[PART_RECORD]
@@ -59,7 +60,8 @@ class PartList:
         self._graph: Graph | None = None
         self._known: dict[str, PartInfo] = {}
         self._by_type: dict[str, str] = {}
-        self._outdated = False
+        self._changes = self._read = 0
+        """How often the list has changed, and at which of these changes it was read last."""
 
     def follow(self, graph: Graph) -> None:
         """Read the list in this graph, from now on."""
@@ -69,18 +71,18 @@ class PartList:
 
     def _outdate(self) -> None:
         self._watch.poll()
-        self._outdated = True
+        self._changes += 1
 
     @property
     def parts(self) -> dict[str, PartInfo]:
         """The readable entries by name, in order."""
-        if self._outdated and self._graph is not None:
-            self._outdated = False  # first: it may change meanwhile
+        if (changes := self._changes) != self._read and self._graph is not None:
             nodes = list(self._graph.nodes_by_type.get(PART_RECORD, {}).values())
             found = [info for node in nodes if (info := read_record(node)) is not None]
             self._known = {info.name: info for info in sorted(found, key=lambda info: info.name)}
             claims = [(type, info.name) for info in self._known.values() for type in info.types if type not in RECORDS]
             self._by_type = dict(reversed(claims))
+            self._read = changes  # last: another thread must not take what was before for the list, nor Ctrl-C leave it
         return self._known
 
     def info(self, part: str) -> PartInfo:
@@ -99,9 +101,9 @@ def read_record(node: Node) -> PartInfo | None:
     """The entry that a node of the base graph holds; None if it makes no sense."""
     name = node.name.removeprefix(_PREFIX)
     try:
-        stored = _decoder.decode(node.get("record", ""))
+        stored = decoded(node.get("record", ""), "record of a part", _decoder.decode)
         check_part(name)
-    except (msgspec.MsgspecError, ConfigError, TypeError):
+    except (WireError, ConfigError, TypeError):
         return None
     if node.type != PART_RECORD or name == node.name:
         return None

@@ -175,13 +175,19 @@ def _unpacked(text: str) -> bytes:
 def _decode(text: str) -> PeriodSummary:
     page = _decoder.decode(_unpacked(text))
     names = page.names
+
+    def time(shifted: float) -> float:
+        if not math.isfinite(page.since + shifted):
+            raise ValueError("a time without end")
+        return round(page.since + shifted, _DECIMALS)
+
     return PeriodSummary(
         resolution=page.resolution, complete_from=page.complete_from, surprises_from=page.surprises_from,
         items=tuple(
             Remembered(
-                begin=round(page.since + row.begin, _DECIMALS), kind=names[row.kind],
+                begin=time(row.begin), kind=names[row.kind],
                 participants=tuple(names[number] for number in row.participants),
-                end=None if row.end is None else round(page.since + row.end, _DECIMALS), text=row.text,
+                end=None if row.end is None else time(row.end), text=row.text,
                 source=names[row.source], confidence=row.confidence,
             )
             for row in page.items

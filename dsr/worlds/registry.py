@@ -13,10 +13,11 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from dsr.crdt.context import Dot
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, WireError
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import RECORDS, WORLD_RECORD
+from dsr.network.decoding import decoded
 from dsr.network.keys import BASE, check_name
 
 ROOT = "world"
@@ -102,10 +103,10 @@ def read_record(node: Node) -> Record | None:
     """The entry that a node of the base graph holds; None if it makes no sense."""
     name = node.name.removeprefix(_PREFIX)
     try:
-        stored = _decoder.decode(node.get("record", ""))
+        stored = decoded(node.get("record", ""), "record of a world", _decoder.decode)
         check_name("world name", name)
         check_name("channel", stored.channel)
-    except (msgspec.MsgspecError, ConfigError):
+    except (WireError, ConfigError, TypeError):
         return None
     if node.type != WORLD_RECORD or name in (BASE, node.name):
         return None

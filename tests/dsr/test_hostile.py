@@ -14,7 +14,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta, Write
 from dsr.crdt.store import Store
 from dsr.graph.graph import Graph
-from dsr.graph.schema import MAX_LENGTH
+from dsr.graph.schema import MAX_LENGTH, RECORDS
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
@@ -131,3 +131,18 @@ def test_values_of_the_wrong_kind_are_kept_alike_everywhere(net: Net) -> None:
     for memory in (a, b):
         assert memory.node("x")["mass"] == "heavy" and memory.edge("x", "y", "RT")["pose"] == 7
         assert memory.edge("x", "y", "RT").get("translation") is None
+
+
+@pytest.mark.parametrize("kind", sorted(RECORDS))
+def test_a_record_that_nests_without_end_is_no_record_and_stops_nobody(net: Net, kind: str) -> None:
+    a, b = net.join("a", interest=()), net.join("b", interest=())
+    net.pump(0.5)
+    a.write_record(f"{RECORDS[kind]}bad", kind, '{"x":' + "[" * 9000 + "]" * 9000 + "}")
+    net.pump(0.5)
+    a.add_node("cube", "cube")
+    net.pump(0.5)
+    assert "cube" in b and b.parts() == [] and [world.name for world in b.worlds()] == ["base"]
+    b.schema.register_node_type("drone", "what flies")
+    b.add_node("d1", "drone")
+    net.pump(0.5)
+    assert "d1" in a

@@ -14,11 +14,13 @@ from dsr import (
     PartNotFoundError,
     Pose,
     SchemaError,
+    TransportError,
 )
 from dsr.crdt.delta import Add, Delta
 from dsr.network.keys import part_of, part_rid
 from dsr.parts.graph import PartedGraph
 from tests.dsr.conftest import Net
+from tests.dsr.test_interrupts import interrupted_at
 
 
 def house(net: Net) -> tuple[Memory, Memory]:
@@ -291,6 +293,53 @@ def test_a_record_that_makes_no_sense_is_no_part(net: Net) -> None:
     assert [each.name for each in a.parts()] == ["hall", "kitchen", "own"]
     a.create_part("lab")
     assert a.part(a.nodes("part_record")[-1]) == ""
+
+
+def test_a_part_that_the_network_refuses_is_not_held(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    a, b = house(net)
+
+    def refuse(*_: object) -> None:
+        raise TransportError("no more tokens")
+
+    with monkeypatch.context() as patched, pytest.raises(TransportError, match="no more tokens"):
+        patched.setattr(b.transport, "announce", refuse)
+        b.hold_part("kitchen")
+    net.pump(1.5)
+    with pytest.raises(PartError, match="not held"):
+        b.add_node("plate", "cube", "kitchen")
+    assert b.interest == () and "cup" not in b
+    b.hold_part("kitchen")
+    b.add_node("plate", "cube", "kitchen")
+    net.pump(1.5)
+    assert "plate" in a and "cup" in b
+
+
+def test_leaving_that_is_interrupted_leaves_nothing_in_sight_and_can_be_repeated(net: Net) -> None:
+    a, b = house(net)
+    line, interrupted = 1, True
+    while interrupted:
+        b.hold_part("kitchen")
+        net.pump(1.0)
+        b.update_node("cup", mass=float(line))
+        interrupted = interrupted_at(line, lambda: b.leave_part("kitchen"))
+        assert ("cup" in b) == ("kitchen" in graph(b).parts) == bool(graph(b).edges_out.get("world"))
+        if interrupted and line % 2 and "kitchen" in b.interest:
+            b.leave_part("kitchen")
+            assert "cup" not in b and b.interest == ()
+        line += 3
+    net.pump(3.0)
+    assert line > 50 and a.node("cup")["mass"] == line - 3
+
+
+def test_the_list_is_read_again_after_an_interrupt(net: Net) -> None:
+    a, _ = house(net)
+    line, interrupted = 1, True
+    while interrupted:
+        a.write_record(".part.lab", "part_record", f'{{"created": {line}}}')
+        interrupted = interrupted_at(line, a.parts)
+        assert [(each.name, each.created) for each in a.parts()][2:] == [("lab", line)]
+        line += 1
+    assert line > 5
 
 
 def test_into_a_part_that_is_not_granted_nothing_is_written(net: Net) -> None:

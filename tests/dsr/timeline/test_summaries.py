@@ -167,7 +167,11 @@ def test_what_is_remembered_of_entries() -> None:
     assert long is not None and len(long.text) == 160 and len(long.participants) == 8
 
 
-@pytest.mark.parametrize("text", ["{", '{"items": [[1]]}', '{"resolution": -1}', "[" * 9000, '{"items": 3}', ""])
+ENDLESS = '{"since": 1e308, "items": [[1e308, 0]]}'
+NONSENSE = ("{", '{"items": [[1]]}', '{"resolution": -1}', "[" * 9000, '{"items": 3}', "", ENDLESS)
+
+
+@pytest.mark.parametrize("text", NONSENSE)
 def test_nonsense_is_an_error(text: str) -> None:
     assert decoded_summary(packed(b"{}")) == PeriodSummary()
     for malformed in (text, packed(text.encode()), packed(b"{}")[:-2]):
