@@ -68,9 +68,10 @@ class Remembered(msgspec.Struct, frozen=True):
         )  # fmt: skip
 
     @property
-    def order(self) -> tuple[float, float, str, tuple[str, ...], str, str, float]:
-        """By which things remembered are sorted: the times of being over first."""
-        return self.last, self.begin, self.kind, self.participants, self.text, self.source, self.confidence
+    def order(self) -> tuple[float, float, str, tuple[str, ...], str, str, float, bool]:
+        """By which things remembered are sorted, the times of being over first; equal for equal things alone."""
+        what = self.kind, self.participants, self.text, self.source, self.confidence
+        return self.last, self.begin, *what, self.is_event
 
 
 class PeriodSummary(msgspec.Struct, frozen=True):

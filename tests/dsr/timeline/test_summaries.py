@@ -64,6 +64,12 @@ def test_merging_again_changes_nothing_and_order_does_not_matter(
     assert decoded_summary(encoded_summary(whole)) == whole
 
 
+def test_an_event_and_a_situation_of_the_same_instant_have_an_order() -> None:
+    event = Remembered(60.0, "on", ("cup", "table"), None)
+    moment = Remembered(60.0, "on", ("cup", "table"), 60.0)
+    assert event.order != moment.order
+
+
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_full_summary_is_bounded_and_merging_it_again_changes_nothing(level: Level) -> None:
     items = [*many(3000), *many(600, kind="explained"), *many(1500, kind="Pick")]
