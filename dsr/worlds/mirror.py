@@ -192,7 +192,6 @@ class Mirror:
         for name in set(here.attributes) - values.keys() - {VIA} if ours else ():
             target.remove_attribute(here, name)
 
-
     def _came_round(self, key: Key, write: Write | None) -> bool:
         """Whether a value is one of ours, through other worlds: changed once more, it would go round for ever."""
         return write is not None and self._overruled.get(key, {}).get(write.attribute) == write.stamp

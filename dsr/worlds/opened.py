@@ -288,8 +288,11 @@ class Worlds(Generic[World]):
     def _take_world_handle(
         self, record: Record, source: World | None, rid: str = "", content: tuple[Delta, ...] = ()
     ) -> World:
+        """Open a world. Raises `TransportError` once the base is closed, for nobody would close the world."""
         world_handle = WorldHandle(record, rid or self._new_rid(source), self, source, content)
         with self.lock:
+            if self.base.closed:
+                raise TransportError(f"the memory of graph {self.base.graph_name!r} is closed")
             memory = self._memory_for(world_handle)
             self._open = {**self._open, record.info.name: memory}
         return memory
@@ -327,6 +330,8 @@ class Worlds(Generic[World]):
             return
         try:
             for name, memory in list(self._open.items()):
+                if self.base.closed:  # worlds that close are not to be opened anew
+                    return
                 self._follow_list(name, memory)
         finally:
             self._opening.release()
@@ -367,7 +372,12 @@ class Worlds(Generic[World]):
             content, joined = reply_to(memory.replica.graph.store, CausalContext()), memory.replica.synchroniser.joined
         _log.warning("world %r is opened anew, for what it shows is another world now", name)
         memory.drop()
-        opened = self._joined_by(name, (content,))
+        try:
+            opened = self._joined_by(name, (content,))
+        except TransportError:
+            if self.base.closed:
+                return
+            raise
         if joined:
             opened.replica.synchroniser.nobody_there()
 

@@ -10,7 +10,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsr import AgentError, ConfigError, Memory, NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
+from dsr import (
+    AgentError,
+    ConfigError,
+    Memory,
+    NodeNotFoundError,
+    Pose,
+    TransportError,
+    WorldError,
+    WorldInfo,
+    WorldNotFoundError,
+)
 from dsr.crdt.delta import Add, Delta
 from dsr.graph.access import Access, WriteGuard
 from tests.dsr.conftest import Net, tabletop
@@ -197,6 +207,31 @@ def test_closing_the_base_closes_all_worlds(net: Net) -> None:
     for world in worlds:
         with pytest.raises(Exception, match="closed"):
             world.add_node("ball", "ball")
+
+
+def test_what_polls_while_a_memory_closes_opens_no_world_anew(net: Net) -> None:
+    """An overlay whose parent has closed is opened anew, but not when all are closing: nobody would close it."""
+    a, b = net.join("a"), net.join("b")
+    net.pump(1.5)
+    idea = a.fork("idea")
+    idea.fork("view", follow=True)
+    idea.on_close(a.poll)
+    net.pump(0.5)
+    a.close()
+    net.pump(0.5)
+    assert b.worlds()[-1].name == "view"
+    for world in ("idea", "view"):
+        with pytest.raises(WorldNotFoundError, match="nobody holds it any more"):
+            b.world(world)
+
+
+def test_a_closed_memory_opens_no_world(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    a.create_world("w")
+    net.pump(0.5)
+    b.close()
+    with pytest.raises(TransportError, match="is closed"):
+        b.world("w")
 
 
 def test_a_deleted_fork_leaves_no_memory_behind(net: Net) -> None:
