@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from dsr.clock import is_time
 from dsr.errors import ConfigError, PartNotFoundError, WireError, suggest
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
@@ -116,6 +117,6 @@ def read_record(node: Node) -> PartInfo | None:
         check_part(name)
     except (WireError, ConfigError, TypeError):
         return None
-    if node.type != PART_RECORD or name == node.name:
+    if node.type != PART_RECORD or not is_time(stored.created) or name == node.name:
         return None
     return PartInfo(name, stored.types, stored.creator, stored.created)
