@@ -237,7 +237,7 @@ def test_a_way_that_begins_elsewhere_or_is_none_is_refused_told_and_the_arm_stop
     arm.driver.follow((0.0, 1.0), way)
     arm.follow.wait(1)
     assert [list(point.positions) for point in arm.follow.goals[0].trajectory.points] == [[0.4, 0.5]], "it holds still"
-    assert arm.driver.tally.counts["motions refused"] == 1 and said in arm.driver.tally.trouble
+    assert arm.driver.tally.counts["motions refused"] == 1 and f"a motion was refused: {said}" in arm.driver.tally.told
     arm.follow.end(0, 4)
     clock = cast(ManualClock, arm.ros.clock)
     for passed, fault in ((0.02, said), (1.0, "")):
