@@ -44,7 +44,8 @@ GRAMMAR = r"""
 start: question view? NOW? when?
 
 question: where | where_else | where_in | where_by | last_seen | last_seen_by | contents | contents_by | is_so
-    | is_so_by | knows | is_wrong | is_there | sees | is_visible | who_sees | what_sees | hides | holder | held | is_holding
+    | is_so_by | knows | is_wrong | is_there | sees | is_visible | who_sees | what_sees | hides | holder | held
+    | is_holding
     | when_was | since_when | how_long | how_long_so | why_so | why_state | why_waits | why_moved | happened | who_did
     | what_if | would | wants | doing | count | which | any_so | was_done | what_unseen | surprises | sure | closest
     | property | was_so | why_not_so | unmoved | how_long_there | any_sees | is_empty | any_state | which_state
