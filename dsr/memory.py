@@ -40,6 +40,7 @@ from dsr.parts.graph import PartedGraph
 from dsr.parts.held import HeldParts, burial_allowed, not_parted
 from dsr.parts.registry import PartList
 from dsr.parts.replica import PartedReplica
+from dsr.replication.portions import parts_in
 from dsr.replication.replica import Replica, Statistics
 from dsr.replication.stamp_access import StampAccess
 from dsr.replication.sync import ChangeGate
@@ -115,7 +116,10 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         self.extensions: Extensions = _base.extensions if _base else Extensions(self.schema, self._graph)
         self.extensions.serve(self._graph)
         self._closing = contextlib.ExitStack()
-        self._closed = False
+        self._ending = threading.RLock()
+        """Held while the memory is closed."""
+        self._closed = self._ended = False
+        """Whether nothing is written any more, and whether all that takes is done."""
         self.meshes = meshes or MeshExchange(transport, self.keys, self.rid, clock, threaded=threaded)
         if meshes is None:
             self._closing.callback(self.meshes.close)
@@ -138,7 +142,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def _new_graph(self, listed: PartList | None) -> Graph:
         if listed is None:
             return Graph(self.rid, self.schema, self._watches)
-        graph = PartedGraph(self.rid, self.schema, self._watches, listed.part_for)
+        graph = PartedGraph(self.rid, self.schema, self._watches, listed.claiming)
         graph.check_part = part_check(self._guard)
         if self._gate is not None and self._guard is not None:
             graph.may_bury = burial_allowed(self._guard)
@@ -211,9 +215,9 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def add_node(self, name: str, type: str, part: str | None = None, /, **attributes: Any) -> Node:
         """Create a node; if it is there already, only write the attributes.
 
-        It is made in this part of the graph, which must be held here; by default where nodes of its type belong, see
-        `create_part`. Raises `SchemaError`, `NodeTypeError` if the node is there under another type, and `PartError` if
-        it is in another part, or if the part is not held.
+        It is made in this part of the graph, which must be held here. By default that is the first part held here that
+        claims its type, see `create_part`; else it is in no part. Raises `SchemaError`, `NodeTypeError` if the node is
+        there under another type, and `PartError` if it is in another part, or if the part is not held.
         """
         with self._replica.lock:
             self._check_write("node", type, attributes)
@@ -470,8 +474,14 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         return self._replica.snapshot()
 
     def restore(self, snapshot: bytes) -> None:
-        """Join a snapshot. Raises `WireError` if it is none."""
+        """Join a snapshot; what is in parts that are not held here is left out.
+
+        Raises `WireError` if it is none, and `PartError` if it has parts and this memory can hold none.
+        """
         delta = decode_kept(snapshot)
+        parts = [part for part in parts_in(delta) if part != WHOLE]
+        if parts and self._held is None and self.world_handle is None:
+            raise not_parted(f"a snapshot with parts {', '.join(sorted(parts))}")
         with self._replica.lock:
             self._graph.restore(delta, self.clock.now())
 
@@ -481,24 +491,41 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
 
     def abandon(self) -> None:
         """Count as closed, without a word to anybody: in a forked child."""
-        self._closed = True
+        self._closed = self._ended = True
         self._replica.lock = threading.RLock()  # the old one may be held by a thread that the child does not have
 
     def close(self) -> None:
-        """Send the waiting writes, end all watches and leave; harmless when repeated."""
+        """Send the waiting writes, end all watches and leave; harmless when repeated.
+
+        What Ctrl-C breaks off goes on when it is called again, at the latest when the program ends.
+        """
+        if not self._ending.acquire(blocking=False):
+            return  # another thread is at it
+        try:
+            if not self._ended:
+                self._end()
+                self._ended = True
+        finally:
+            self._ending.release()
+
+    def _end(self) -> None:
         with self._replica.lock:  # after the last write that returned
-            if self._closed:
-                return
             self._closed = True
         if self.world_handle is None:
             self._worlds.close()
-        else:
-            self._worlds.forget(self)
+        elif not self._base_memory.closed:
+            self._worlds.forget(self)  # who opens the world from now on gets another memory of it
         self._watches.close()
-        with self._closing:
+        try:
             if self._held is not None:
                 self._held.close()
             self._replica.close()
+        except Exception:  # Ctrl-C is none: then the network is needed again
+            self._closing.close()
+            raise
+        if self.world_handle is not None:
+            self._worlds.forget(self)
+        self._closing.close()
 
     def write_record(self, name: str, type: str, record: str) -> None:
         """Write an entry about the graph itself, a node of one of `RECORDS`; for the memory's own use."""

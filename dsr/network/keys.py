@@ -83,6 +83,8 @@ class Keys:
         """Root of what replicas tell each other."""
         if part:
             self.state = f"{self.root}/part/{check_part(part)}"
+        self.part = part if world == BASE else None
+        """The part of which all dots are that travel under these keys; None in a world, which has dots of any part."""
 
     def delta(self, rid: str = "*") -> str:
         """Durable changes of replica `rid`."""

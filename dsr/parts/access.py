@@ -44,7 +44,7 @@ class PartAccess:
 
         Args:
             name: letters, digits and `_`.
-            types: node types of which new nodes are made in this part, unless another one is named.
+            types: node types of which those who hold the part make new nodes in it, unless they name another one.
             exist_ok: hold the part if it is listed, with the types that it has.
 
         Raises:
