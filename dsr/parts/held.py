@@ -50,6 +50,7 @@ class HeldParts:
         self._poller = poller
         self._changing = threading.RLock()
         self._times = 0
+        self._ended = False
 
     @property
     def graph(self) -> PartedGraph:
@@ -69,7 +70,10 @@ class HeldParts:
         return all(replica.synchroniser.joined for replica in self._replica.parts.values())
 
     def take(self, part: str) -> Replica:
-        """Begin to hold a part, or go on; nobody is waited for."""
+        """Begin to hold a part, or go on; nobody is waited for.
+
+        Raises `TransportError` once the memory is closed, for nobody would close the part.
+        """
         check_part(part)
         with self._changing:
             if self._holds(part):
@@ -78,6 +82,8 @@ class HeldParts:
             self._times += 1
             lock, gate = self._replica.lock, self._replica.synchroniser.gate
             with lock:
+                if self._ended:
+                    raise TransportError(f"the memory of graph {self._graph_name!r} is closed")
                 member = self.graph.hold(part, part_rid(self._rid, part, self._times))
                 keys = Keys(self._graph_name, part=part)
                 try:
@@ -141,6 +147,8 @@ class HeldParts:
 
     def close(self) -> None:
         """Send what was written; nothing changes in the parts any more."""
+        with self._replica.lock:
+            self._ended = True
         for replica in self.replicas.values():
             replica.close()
 
