@@ -23,8 +23,6 @@ from surprise.expectation import Expectations
 from surprise.improbability import ATTRIBUTE, ImprobabilityWriter, LatelySeen, improbability, jump, silence
 from surprise.suspicion import Suspicion
 
-_OLDEST = 1.0  # s, percepts older than that when they are found say nothing any more
-
 
 class SurpriseDetector(Agent):
     """Compares percepts of each object with its belief, and says where they disagree.
@@ -66,7 +64,7 @@ class SurpriseDetector(Agent):
     def _start_anew(self) -> None:
         """Forget all evidence, not the flags."""
         config = self.config
-        self._percepts = PerceptReader(self.memory, oldest=_OLDEST)
+        self._percepts = PerceptReader(self.memory, oldest=config.fresh)
         self._beliefs = Beliefs(self.memory, PoseTolerance(config.jump, config.jump_turn))
         self._whereabouts = PastWhereabouts(self.memory)
         self._expectations = Expectations(self.memory, config)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from surprise.config import SurpriseConfig
 Array = NDArray[np.float64]
 
 _EYE = np.eye(3)
-_NOTHING = 1e-9  # m or rad
+_NOTHING = math.sqrt(sys.float_info.epsilon)  # m or rad
 
 
 @dataclass(frozen=True)

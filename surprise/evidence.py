@@ -18,8 +18,6 @@ from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation, compare
 from surprise.limits import WAYS, Way, are_alike, describe, disagrees, exceeds, extent, vector
 
-_KEPT_DEVIATIONS = 8  # percepts, at least; more if the configuration looks at more
-
 
 @dataclass(frozen=True)
 class Reason:
@@ -52,9 +50,7 @@ class EvidenceTrack:
     def __init__(self, camera: str, config: SurpriseConfig) -> None:
         self._camera = camera
         self._config = config
-        self._sightings: deque[DeviationSighting] = deque(
-            maxlen=max(_KEPT_DEVIATIONS, config.window, config.held_window)
-        )
+        self._sightings: deque[DeviationSighting] = deque(maxlen=max(config.window, config.held_window))
         self._offset = 0.0  # m along the viewing ray, mean of the percepts that agree
         self._learned = 0  # percepts of which that is made
         self._contradictions: dict[bool, list[Reason]] = {}  # by whether it is held, until something changes
