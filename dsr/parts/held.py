@@ -104,7 +104,7 @@ class HeldParts:
     def sweep(self) -> None:
         """Hold what others have listed since, if all is held here; nobody is waited for."""
         listed = self.listed.parts
-        if not self.holds_all or listed is self._swept:
+        if self._ended or not self.holds_all or listed is self._swept:
             return
         missing = [name for name in listed if not self._holds(name)]
         refused = [name for name in missing if not self._is_taken(name)]

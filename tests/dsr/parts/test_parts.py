@@ -445,7 +445,7 @@ def graph(memory: Memory) -> PartedGraph:
 
 
 def test_a_closed_memory_takes_no_part(net: Net) -> None:
-    a, b = house(net)
+    _, b = house(net)
     b.close()
     with pytest.raises(TransportError, match="is closed"):
         b.hold_part("kitchen")
