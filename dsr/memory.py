@@ -33,7 +33,7 @@ from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.images.blob_access import BlobAccess
 from dsr.math3d.transforms import Array, Pose
-from dsr.network.keys import WHOLE, Keys, check_name
+from dsr.network.keys import ALL, WHOLE, Keys, check_interest, check_name
 from dsr.network.transport import Transport
 from dsr.parts.access import PartAccess
 from dsr.parts.graph import PartedGraph
@@ -77,8 +77,8 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         holders: tells which other replicas hold the graph and live, whether they can be reached or not.
         meshes: those of the system, if this memory shares them with another one of this process.
-        interest: parts of the graph to hold from the beginning, beside what is in no part, see `hold_part`. By default
-            the memory can hold none; with an empty interest it can later.
+        interest: parts of the graph to hold from the beginning, beside what is in no part, see `hold_part`; "*" for
+            all. By default the memory can hold none; with an empty interest it can later.
     """
 
     def __init__(
@@ -136,8 +136,13 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
             self._replica.start(self._worlds.poller)
         self._held = self._new_held(listed, threaded=threaded)
-        for part in interest or ():
-            self._parts("interest").take(part)
+        if self._held is not None:
+            self._replica.after_poll = self._sweep
+            for part in check_interest(interest or ()):
+                if part == ALL:
+                    self._held.holds_all = True
+                else:
+                    self._held.take(part)
 
     def _new_graph(self, listed: PartList | None) -> Graph:
         if listed is None:
@@ -156,6 +161,12 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         return HeldParts(
             self._replica, listed, self.transport, self.clock, self.graph_name, self.agent, self.rid, poller
         )
+
+    def _sweep(self) -> None:
+        """Follow the lists of worlds and parts."""
+        self._worlds.sweep()
+        if self._held is not None and not self._closed:
+            self._held.sweep()
 
     def _memory_for(self, handle: WorldHandle) -> Memory:
         """The memory of another world, beside this one of the base."""
@@ -480,7 +491,9 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         """
         delta = decode_kept(snapshot)
         parts = [part for part in parts_in(delta) if part != WHOLE]
-        if parts and self._held is None and self.world_handle is None:
+        if self._held is not None:
+            self._held.take_named(parts)
+        elif parts and self.world_handle is None:
             raise not_parted(f"a snapshot with parts {', '.join(sorted(parts))}")
         with self._replica.lock:
             self._graph.restore(delta, self.clock.now())
