@@ -16,6 +16,7 @@ import msgspec
 import dsr
 from benchmarks.interest.curves import CHANGES, POSES, ROOMS_OF_ROBOT, room
 from dsr import Memory
+from dsr.clock import WALL_CLOCK
 from dsr.network.keys import WHOLE
 from dsr.replication.replica import Replica
 
@@ -112,8 +113,8 @@ class Machine:
         self._work.join()
 
     def _run(self) -> None:
-        due, step = time.monotonic(), 0
-        while not self._stop.wait(max(0.0, due - time.monotonic())):
+        due, step = WALL_CLOCK.monotonic(), 0
+        while not WALL_CLOCK.wait(self._stop, max(0.0, due - WALL_CLOCK.monotonic())):
             self.writes += sum(robot.write(step) for robot in self.robots)
             due, step = due + 1.0 / POSES, step + 1
 

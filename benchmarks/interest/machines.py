@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ import msgspec
 
 from benchmarks.interest.curves import ROOMS_OF_ROBOT
 from benchmarks.interest.machine import Job, Told
+from dsr.clock import WALL_CLOCK
 from dsr.network.rendezvous import free_port
 from dsr.network.zenoh_transport import ZenohTransport
 
@@ -158,10 +158,10 @@ def machines(number: int, *, parted: bool) -> dict[str, Any]:
         for machine in range(number):
             site.begin(list(range(ROBOTS * machine, ROBOTS * (machine + 1))), []).told()
         site.all("start")
-        time.sleep(_SETTLE)
-        before, carried, begin = site.all("tell"), site.carried(), time.monotonic()
-        time.sleep(_WHILE)
-        seconds, carried = time.monotonic() - begin, site.carried() - carried
+        _pass(_SETTLE)
+        before, carried, begin = site.all("tell"), site.carried(), WALL_CLOCK.monotonic()
+        _pass(_WHILE)
+        seconds, carried = WALL_CLOCK.monotonic() - begin, site.carried() - carried
         after = site.all("tell")
         site.all("stop")
         equal = _become_equal(site)
@@ -177,17 +177,21 @@ def machines(number: int, *, parted: bool) -> dict[str, Any]:
         }  # fmt: skip
 
 
+def _pass(seconds: float) -> None:
+    WALL_CLOCK.wait(threading.Event(), seconds)
+
+
 def _become_equal(site: _Site) -> bool:
     """Whether all who hold a part hold the same in the end."""
-    until = time.monotonic() + _PATIENCE
-    while time.monotonic() < until:
+    until = WALL_CLOCK.monotonic() + _PATIENCE
+    while WALL_CLOCK.monotonic() < until:
         told = site.all("tell")
         states: dict[str, set[tuple[int, ...]]] = {}
         for part, state in [item for one in told for item in one.holds.items()]:
             states.setdefault(part, set()).add(tuple(state))
         if not any(one.differ for one in told) and all(len(each) == 1 for each in states.values()):
             return True
-        time.sleep(0.5)
+        _pass(0.5)
     return False
 
 
