@@ -26,8 +26,8 @@ SPECS = {
     for nodes, label, target in ((1000, "1000", 50.0), (10_000, "10 000", 300.0))
 }
 SPECS_WITH_EDGES = {
-    nodes: Spec(f"late join, {label} nodes and as many RT edges", "ms", about=_ABOUT)
-    for nodes, label in ((1000, "1000"), (10_000, "10 000"))
+    nodes: Spec(f"late join, {label} nodes and as many RT edges", "ms", about=_ABOUT, of_peer=of_peer)
+    for nodes, label, of_peer in ((1000, "1000", None), (10_000, "10 000", 15.0))
 }
 Join = Callable[[str, int], float]
 """Joins the graph of that name, or the endpoint, with as many nodes or bytes; how long that took, s."""

@@ -51,6 +51,7 @@ class HeldParts:
         self._poller = poller
         self._changing = threading.RLock()
         self._times = 0
+        self._ended = False
         self.holds_all = False
         """Whether parts that others list are held here, too."""
         self._swept: Mapping[str, PartInfo] | None = None
@@ -74,7 +75,10 @@ class HeldParts:
         return all(replica.synchroniser.joined for replica in self._replica.parts.values())
 
     def take(self, part: str) -> Replica:
-        """Begin to hold a part, or go on; nobody is waited for."""
+        """Begin to hold a part, or go on; nobody is waited for.
+
+        Raises `TransportError` once the memory is closed, for nobody would close the part.
+        """
         check_part(part)
         with self._changing:
             if self._holds(part):
@@ -83,6 +87,8 @@ class HeldParts:
             self._times += 1
             lock, gate = self._replica.lock, self._replica.synchroniser.gate
             with lock:
+                if self._ended:
+                    raise TransportError(f"the memory of graph {self._graph_name!r} is closed")
                 member = self.graph.hold(part, part_rid(self._rid, part, self._times))
                 keys = Keys(self._graph_name, part=part)
                 try:
@@ -98,7 +104,7 @@ class HeldParts:
     def sweep(self) -> None:
         """Hold what others have listed since, if all is held here; nobody is waited for."""
         listed = self.listed.parts
-        if not self.holds_all or listed is self._swept:
+        if self._ended or not self.holds_all or listed is self._swept:
             return
         missing = [name for name in listed if not self._holds(name)]
         refused = [name for name in missing if not self._is_taken(name)]
@@ -192,6 +198,8 @@ class HeldParts:
 
     def close(self) -> None:
         """Send what was written; nothing changes in the parts any more."""
+        with self._replica.lock:
+            self._ended = True
         for replica in self.replicas.values():
             replica.close()
 

@@ -444,6 +444,14 @@ def graph(memory: Memory) -> PartedGraph:
     return memory._graph
 
 
+def test_a_closed_memory_takes_no_part(net: Net) -> None:
+    _, b = house(net)
+    b.close()
+    with pytest.raises(TransportError, match="is closed"):
+        b.hold_part("kitchen")
+    assert b.interest == ()
+
+
 def test_an_edge_whose_own_end_turns_out_to_be_removed_is_buried() -> None:
     """It came before its source, which was removed before it came here, and waits for a part that is not held, too."""
     parted, plain = PartedGraph("p-1"), Graph("q-1")
