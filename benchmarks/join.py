@@ -1,8 +1,8 @@
 """Late join: a new process connects to a graph that has content, until all of it is there.
 
-The interpreter runs, and all that `dsr.connect` or the peer needs is imported before the clock starts. Raw Zenoh opens a
-session in the same way and gets as many bytes as a snapshot of the graph has, by one query; the documents load the same
-content from memory, without any network.
+The interpreter runs, and all that `dsr.connect` or the peer needs is imported before the clock starts. Raw Zenoh opens
+a session in the same way and gets as many bytes as a snapshot of the graph has, by one query; the documents load the
+same content from memory, without any network.
 """
 
 from __future__ import annotations
