@@ -47,6 +47,8 @@ THREE_FRAMES = 0.35
 """s, likewise after the loss of a camera at 10 Hz: three intervals, and a tick"""
 GETS_ON = 0.4
 """s, likewise after the joints of a lying driver stand still: 0.3 s, a sample, and the ticks of agent and plant"""
+TURNS = 2.0
+"""s, likewise after the velocities of a lying driver stay what they are: they are true until the arm's change"""
 MOVES = 0.05
 """rad/s of the fastest joint from which the arm moves"""
 STILL = 0.01
@@ -108,18 +110,31 @@ def _renamed(state: ArmState, rng: np.random.Generator) -> ArmState:
 
 
 def _frozen(*, stamps_go_on: bool) -> Callable[[Bench, np.random.Generator], None]:
-    """A driver that tells the last sample for ever, as it was or with new stamps."""
+    """A driver that tells the last sample for ever: as it was, or with new stamps as if the arm had been stalled."""
 
     def inject(bench: Bench, rng: np.random.Generator) -> None:
         kept: list[ArmState] = []
 
         def lie(state: ArmState) -> ArmState:
             kept.append(state)
-            return replace(kept[0], stamp=state.stamp) if stamps_go_on else kept[0]
+            if not stamps_go_on or len(kept) == 1:
+                return kept[0]
+            return replace(kept[0], stamp=state.stamp, velocities=(0.0,) * len(state.velocities))
 
         LyingArm.lie = lie
 
     return inject
+
+
+def _same_velocities(bench: Bench, rng: np.random.Generator) -> None:
+    """A driver that tells the velocities of one moment for ever."""
+    kept: list[ArmState] = []
+
+    def lie(state: ArmState) -> ArmState:
+        kept.append(state)
+        return replace(state, velocities=kept[0].velocities)
+
+    LyingArm.lie = lie
 
 
 def _partition(*groups: Iterable[str]) -> Callable[[Bench, np.random.Generator], None]:
@@ -207,6 +222,9 @@ FAULTS = {
         Fault("positions that are no numbers", _lie(lambda s, r: _with_joint(s, r, lambda q: float("nan"))), "finite"),
         Fault("stamps far ahead", _lie(lambda s, r: replace(s, stamp=s.stamp + 100.0)), "ahead of the clock"),
         Fault("joints that are swapped", _lie(_swapped), "jumped"),
+        Fault("velocities of 0", _lie(lambda s, r: replace(s, velocities=(0.0,) * 7)), "tells 0.00 rad/s"),
+        Fault("constant velocities", _lie(lambda s, r: replace(s, velocities=(0.2,) * 7)), "tells 0.20 rad/s"),
+        Fault("velocities that stay as they were", _same_velocities, "rad/s, and has gone", TURNS),
         Fault("a fault of the device", _lie(lambda s, r: replace(s, fault="servo 3 is too hot")), "too hot"),
         Fault("joints that do not follow", _frozen(stamps_go_on=True), "stands still", GETS_ON),
         Fault("stale joint states", _frozen(stamps_go_on=False), "no sample of the arm"),

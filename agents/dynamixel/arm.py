@@ -110,7 +110,10 @@ class DynamixelArm:
                 wrong = f"the way begins {aside[1]:.2f} rad from where {self._names[aside[0]]} is"
             self._counts["motions refused"] += 1
             self._tell(wrong)
-            ramp.stop()
+            if self._has_torque:
+                ramp.stop()
+            else:
+                self._ramp = None  # else the torque would be switched on for a motion that is refused
 
     def move_gripper(self, opening: float) -> None:
         """Do nothing: this driver knows of no gripper."""

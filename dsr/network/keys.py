@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 
 from dsr.errors import ConfigError
@@ -13,6 +14,8 @@ BASE = "base"
 """The world that a system is launched with: its graph."""
 WHOLE = ""
 """The part of the base that each process holds: what is in no other part."""
+ALL = "*"
+"""Stands in an interest for all parts that are listed, and those that will be."""
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 _PART = re.compile(r"[A-Za-z0-9_]{1,64}")
 
@@ -41,6 +44,12 @@ def check_part(name: str) -> str:
     if not isinstance(name, str) or not _PART.fullmatch(name):
         raise ConfigError(f"part {name!r}: expected 1 to 64 letters, digits or '_'")
     return name
+
+
+def check_interest(names: Iterable[str]) -> tuple[str, ...]:
+    """The names of an interest, each once. Raises `ConfigError` for one that no part has; `ALL` stands for all."""
+    listed = (names,) if isinstance(names, str) else tuple(dict.fromkeys(names))
+    return tuple(name if name == ALL else check_part(name) for name in listed)
 
 
 @lru_cache(maxsize=1 << 14)
@@ -83,6 +92,8 @@ class Keys:
         """Root of what replicas tell each other."""
         if part:
             self.state = f"{self.root}/part/{check_part(part)}"
+        self.part = part if world == BASE else None
+        """The part of which all dots are that travel under these keys; None in a world, which has dots of any part."""
 
     def delta(self, rid: str = "*") -> str:
         """Durable changes of replica `rid`."""

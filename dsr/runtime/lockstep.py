@@ -155,7 +155,9 @@ class Lockstep:
         name = spec.name
         self._starts[name] += 1
         rid = f"{name}-{self._starts[name]}"
-        memory = self._join(name, rid, WriteGuard(name, spec.kind.writes)) if spec.kind.uses_memory else None
+        interest = spec.kind.interest if spec.interest is None else spec.interest
+        guard = WriteGuard(name, spec.kind.writes)
+        memory = self._join(name, rid, guard, interest) if spec.kind.uses_memory else None
         bus = memory.transport if memory else self.network.connect(rid)
         agent = make_agent(
             spec.kind,
@@ -187,13 +189,17 @@ class Lockstep:
             raise AgentError(f"agent {self._spec(name).name!r} is not running")
         return self._running[name]
 
-    def _join(self, name: str, rid: str, guard: WriteGuard | None) -> Memory:
+    def _join(
+        self, name: str, rid: str, guard: WriteGuard | None, interest: tuple[str, ...] | None = None
+    ) -> Memory:
         """A new replica that holds what the others know, who take in first what they were sent."""
         self.network.deliver()
         for memory in self._memories:
             memory.poll()
         transport = self.network.connect(rid)
-        memory = Memory(self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid)
+        memory = Memory(
+            self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid, interest=interest
+        )
         came, sync = -1, memory.replica.synchroniser
         while came < sync.pieces:
             came = sync.pieces

@@ -13,8 +13,9 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
 from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
 from simulation_handler.perception.paths import Path
+from simulation_handler.scales import PRESENT
 
-UNSEEN = 0.25
+UNSEEN = PRESENT
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 ELSEWHERE = 0.05
 """m from where its hand would have it, from which an object that is seen is not in that hand as it was"""

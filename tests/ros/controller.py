@@ -80,7 +80,6 @@ class Arm:
         if self.grip is not None:
             self.close()
         message = JointState(name=[*self.joints, KNUCKLE], position=[*self.at, self.knuckle])
-        message.velocity = [0.0] * len(message.name)
         message.header.stamp = self.node.get_clock().now().to_msg()
         self.states.publish(message)
 

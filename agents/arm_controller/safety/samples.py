@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.safety.velocities import VelocityCheck
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class SampleCheck:
     def __init__(self, chain: JointChain, late: float) -> None:
         self._chain, self._late = chain, late
         self._fastest = chain.velocity
+        self._velocities = VelocityCheck(chain)
         self._last: Joints | None = None
         self._delays: list[float] = []
 
@@ -42,11 +44,13 @@ class SampleCheck:
         """What is wrong with a sample that came at time `now` (s), in words; empty if nothing is."""
         last, self._last = self._last, joints
         positions = np.array(joints.positions)
+        wrong = self._velocities.problem(joints)  # which hears of each sample
         return (
             _of_another_time(joints.stamp, now)
             or self._beyond(positions)
             or ("" if last is None else self._jumped(positions, joints.stamp, last))
             or self._delayed(joints.stamp, now)
+            or wrong
         )
 
     def _beyond(self, positions: Array) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
@@ -68,6 +69,8 @@ def to_joint_state(
 
 _SPAN = 0.1
 """s over which a velocity is measured that is not told: of shorter ones, steps of encoders would look like motion"""
+_PIECES = 5
+"""Positions that are kept of such a span: a device may tell a thousand a second"""
 _LOST = 1.0
 """s without a sample after which nothing is known of a joint's velocity"""
 
@@ -81,8 +84,8 @@ class JointTable:
     def __init__(self) -> None:
         self._values: dict[str, tuple[float, float, float]] = {}
         self._stamps: dict[str, float] = {}
-        self._measured: dict[str, tuple[float, float, float]] = {}
-        """Of joints whose velocity is not told: when (s) and at which position it was measured, and what it is"""
+        self._passed: dict[str, deque[tuple[float, float]]] = {}
+        """Of joints whose velocity is not told: when (s) they were at which positions of late"""
 
     def add(self, sample: JointSample, at: float) -> None:
         """Take the values of a sample of time `at` (s). Raises `RosMessageError` if there were too many joints then."""
@@ -96,14 +99,16 @@ class JointTable:
             self._stamps[name] = at
 
     def _measure(self, name: str, position: float, at: float) -> float:
-        """rad/s or m/s by the last position that is old enough; 0 without one."""
-        begun, begin, velocity = self._measured.get(name, (-math.inf, position, 0.0))
-        passed = at - begun
-        if 0.0 <= passed < _SPAN:
-            return velocity
-        velocity = (position - begin) / passed if 0.0 < passed <= _LOST else 0.0
-        self._measured[name] = at, position, velocity
-        return velocity
+        """rad/s or m/s since the last position that is old enough, or the first one; 0 until half a span is known."""
+        passed = self._passed.setdefault(name, deque())
+        if passed and not 0.0 <= at - passed[-1][0] <= _LOST:
+            passed.clear()
+        while len(passed) > 1 and at - passed[1][0] >= _SPAN:
+            passed.popleft()
+        begun, begin = passed[0] if passed else (at, position)
+        if not passed or at - passed[-1][0] >= _SPAN / _PIECES:
+            passed.append((at, position))
+        return (position - begin) / (at - begun) if at - begun >= _SPAN / 2 else 0.0
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agents.drivers import ArmState
+from agents.joint_ramp import ASIDE
 from agents.ros_bridge.errors import RosError, RosMessageError
 from agents.ros_bridge.link.actions import ActionClient
 from agents.ros_bridge.link.link import Qos
@@ -33,6 +35,8 @@ _SHORTEST = 0.1
 """s of a motion to one place: controllers refuse points of now"""
 _BETWEEN_DEADMEN = 5.0
 """s between two starts of the process that cancels: one that ends at once would use a whole core by starting"""
+_SHOWN = 0.2
+"""s for which a way that was refused is told as a fault: ten samples, that none of it is missed"""
 _MOST_SAMPLES = 100
 """JointStates that wait for a tick"""
 
@@ -99,6 +103,8 @@ class RosArm(RosDevice):
         self._follow = ActionClient(self.link, self.types, trajectory, FOLLOW)
         self._grip = RosGripper(self.link, self.types, self.tally, gripper, gripper_joint, effort) if gripper else None
         self._arm_lane, self._stop_lane, self._grip_lane = (Lane(f"ros-{name}") for name in ("arm", "stop", "gripper"))
+        self._refused, self._refused_at = "", -math.inf
+        """Why the last way was not begun, and when (s) that was"""
         self._halt = HaltLatch(bus, keys, self._obey_halt, arm)
 
     # ---- state
@@ -131,9 +137,13 @@ class RosArm(RosDevice):
         efforts = tuple(value[2] for value in values)
         return ArmState(
             stamp, self._names, tuple(value[0] for value in values), tuple(value[1] for value in values),
-            self._opening(), self._stalled, self._halt.reason,
+            self._opening(), self._stalled, self._halt.reason or self._fault(),
             efforts if all(map(math.isfinite, efforts)) else (), self._pressing(),
         )  # fmt: skip
+
+    def _fault(self) -> str:
+        """Why a way was refused just now; empty if none was."""
+        return self._refused if self.clock.monotonic() - self._refused_at < _SHOWN else ""
 
     def _pressing(self) -> float | None:
         """N with which the gripper's joint presses, whichever way; None if nobody tells."""
@@ -149,12 +159,22 @@ class RosArm(RosDevice):
     # ---- commands
 
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
-        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""
+        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones.
+
+        A way that begins now, and where the arm is not by its newest sample, is refused, the arm stopped, and the
+        reason told as a fault. Likewise one of numbers that are not finite. A way whose first time is later begins
+        where the arm is.
+        """
+        if self._is_forbidden():
+            return
+        if wrong := self._wrong(times, positions):
+            self.tally.tell("motions refused", "", f"a motion was refused: {wrong}")
+            self._refused, self._refused_at = wrong, self.clock.monotonic()
+            self.stop()
+            return
         points = [(time, row) for time, row in zip(times, positions, strict=True) if time > 0.0]
         if not points:
             points = [(_SHORTEST, positions[-1])]
-        if self._is_forbidden():
-            return
         with self._lock:
             self._motions += 1
             motion = self._motions
@@ -206,6 +226,17 @@ class RosArm(RosDevice):
         if self._grip is not None:
             self._grip.close()
         super().close()
+
+    def _wrong(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> str:
+        """What is wrong with a way, in words; empty if nothing is. Without a sample nobody knows where the arm is."""
+        if not all(map(math.isfinite, (*times, *itertools.chain(*positions)))):
+            return "the way has numbers that are not finite"
+        state = self._state
+        if state is None or times[0] > 0.0:
+            return ""
+        away = [abs(begin - here) for begin, here in zip(positions[0], state.positions, strict=True)]
+        worst = max(range(len(away)), key=away.__getitem__)
+        return f"the way begins {away[worst]:.2f} rad from where {self._names[worst]} is" if away[worst] > ASIDE else ""
 
     def _is_forbidden(self) -> bool:
         reason = self._halt.reason

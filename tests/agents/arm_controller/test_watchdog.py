@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.model.kinematics import JointChain
+from agents.arm_controller.model.urdf import load_robot
 from agents.arm_controller.safety.following import OFF, STANDSTILL, Following
 from agents.arm_controller.safety.sight import LEAST, MISSED, Sight
+from agents.arm_controller.safety.velocities import VelocityCheck
 from agents.drivers import ArmState
 from agents.plant import Plant
 from benchmarks.pick_bench import Bench as Simulated
 from benchmarks.pick_bench import cubes
 from dsr.vocabulary.halting import HaltOrder
 from dsr.vocabulary.intentions import FAILED, HALTED
-from tests.agents.arm_controller.conftest import HOME, PERIOD, Bench, FakeArm
+from tests.agents.arm_controller.conftest import GEN3, HOME, PERIOD, Bench, FakeArm
 from tests.agents.arm_controller.test_cameras import frame
 
 AWAY = (0.5, *HOME[1:])
@@ -51,6 +55,8 @@ LIES: dict[str, tuple[Callable[[ArmState], ArmState], str]] = {
     "beyond": (beyond, "joint_2 is at 2.500, beyond its limits"),
     "jumps": (jumps, "joint_1 jumped by"),
     "in the past": (lambda state: replace(state, stamp=state.stamp - 0.5), "older than the one before"),
+    "velocities of 0": (lambda state: replace(state, velocities=(0.0,) * 7), "joint_1 tells 0.00 rad/s, and has gone"),
+    "constant velocities": (lambda state: replace(state, velocities=(0.3,) * 7), "tells 0.30 rad/s, and has gone 0"),
     "in trouble": (lambda state: replace(state, fault="servo 3 is too hot"), "servo 3 is too hot"),
 }
 
@@ -83,6 +89,44 @@ def test_a_driver_that_lies_is_stopped_at_once_and_believed_again_after_a_while(
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(2.0)
     assert bench.status == "reached"
+
+
+SPEEDS = np.concatenate([np.linspace(0.0, 1.0, 11), np.ones(5), np.linspace(1.0, -1.0, 21), np.linspace(-1.0, 0.0, 11)])
+"""rad/s at each 0.02 s: as fast as accelerations of 5 rad/s^2 allow, there and back"""
+
+
+def velocities_of(positions: np.ndarray, stamps: np.ndarray, told: np.ndarray) -> list[str]:
+    """What a check says of each sample of one joint."""
+    check = VelocityCheck(JointChain(load_robot(GEN3).between("base_link", "tool_link")))
+    others = (0.0,) * 6
+    return [
+        check.problem(Joints(stamp, (position, *others), (velocity, *others), 0.0, False))
+        for stamp, position, velocity in zip(stamps.tolist(), positions.tolist(), told.tolist(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("period", [0.01, 0.02, 0.1])
+def test_velocities_that_a_device_filters_are_no_lies(period: float, lag: float) -> None:
+    fine = np.arange(len(SPEEDS)) * 0.02
+    stamps = np.arange(0.0, fine[-1], period)
+    dense = np.arange(0.0, fine[-1] + 0.001, 0.001)
+    way = np.cumsum(np.interp(dense, fine, SPEEDS)) * 0.001
+    jitter = np.random.default_rng(3).uniform(-0.1, 0.1, len(stamps)) * period
+    steps = 2 * np.pi / 4096
+    positions = np.round(np.interp(stamps, dense, way) / steps) * steps
+    told = np.interp(stamps - lag, fine, SPEEDS)
+    assert set(velocities_of(positions, stamps + jitter, told)) == {""}
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0, -0.5])
+def test_velocities_of_0_are_noticed_within_three_samples_and_after_a_break_nothing_is_known(speed: float) -> None:
+    stamps = np.arange(30) * PERIOD
+    told = np.where(stamps < 0.3, speed, 0.0)
+    said = velocities_of(stamps * speed, stamps, told)
+    first = int(np.argmax(told == 0.0))
+    assert set(said[:first]) == {""} and all(said[first + 2 :])
+    assert velocities_of(np.array([0.0, 0.0, 1.0]), np.array([0.0, PERIOD, 2.0]), np.zeros(3)) == ["", "", ""]
 
 
 def test_samples_that_come_late_are_stale(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,8 +185,6 @@ def test_an_arm_off_its_way_or_that_stands_still_is_noticed() -> None:
     bench = FakeArm()
 
     def sample(stamp: float, *positions: float) -> Any:
-        from agents.arm_controller.joints import Joints
-
         return Joints(stamp, positions, (0.0, 0.0), 0.0, False)
 
     following = Following(way, ("a", "b"), 0.0, 0.05)

@@ -12,7 +12,7 @@ import numpy as np
 from dynamixel_sdk import Protocol2PacketHandler
 
 from agents.dynamixel.servos import Series
-from dsr.clock import WALL_CLOCK
+from dsr.clock import WALL_CLOCK, Clock
 
 _HEADER = b"\xff\xff\xfd\x00"
 _PING, _READ, _WRITE, _STATUS, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x55, 0x82, 0x83
@@ -53,10 +53,16 @@ class Servo:
         if 0 < limit < 0xFF and now - self._heard > 0.02 * limit:
             self.memory[self.table.watchdog] = 0xFF
             self.goal = self.position
+        if not passed:
+            return
         before = self.position
         if self.memory[self.table.torque] and not self.stalled:
             self.position += float(np.clip(self.goal - self.position, -5.0 * passed, 5.0 * passed))
-        self.velocity = (self.position - before) / passed if passed else 0.0
+        self.velocity = (self.position - before) / passed
+        self.tell()
+
+    def tell(self) -> None:
+        """Write position, velocity and current to where they are read."""
         present = round(self.position * self.pulses / _TURN) + self.table.zero
         told = round(self.velocity / self.table.velocity_unit)
         drawn = round(self.current / self.table.current_unit)
@@ -71,10 +77,13 @@ class Emulator:
     Args:
         servos: by id.
         seed: of what goes wrong on the line.
+        clock: by which the servos move.
     """
 
-    def __init__(self, servos: dict[int, Servo], seed: int = 0) -> None:
-        self.servos = servos
+    def __init__(self, servos: dict[int, Servo], seed: int = 0, clock: Clock = WALL_CLOCK) -> None:
+        self.servos, self._clock = servos, clock
+        for servo in servos.values():
+            servo.tell()
         self.loss = self.corruption = self.delay = 0.0
         """Probabilities of each answer, and s"""
         self.writes = 0
@@ -85,6 +94,8 @@ class Emulator:
         tty.setraw(self._theirs)
         self.port = os.ttyname(self._theirs)
         self._over = threading.Event()
+        self._rounds = 0
+        """Times that the servos have moved"""
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Emulator:
@@ -97,17 +108,24 @@ class Emulator:
         os.close(self._ours)
         os.close(self._theirs)
 
+    def settle(self) -> None:
+        """Wait until the servos have moved by the present time of the clock."""
+        before = self._rounds
+        while self._rounds < before + 2:
+            WALL_CLOCK.wait(self._over, 0.002)
+
     def _run(self) -> None:
-        waiting, last = b"", WALL_CLOCK.monotonic()
+        waiting, last = b"", self._clock.monotonic()
         while not self._over.is_set():
             ready, _, _ = select.select([self._ours], [], [], 0.002)
             if ready:
                 with contextlib.suppress(OSError):
                     waiting += os.read(self._ours, 4096)
-            now = WALL_CLOCK.monotonic()
+            now = self._clock.monotonic()
             for servo in self.servos.values():
                 servo.step(now, now - last)
             last = now
+            self._rounds += 1
             waiting = self._take(waiting, now)
 
     def _take(self, data: bytes, now: float) -> bytes:
@@ -142,8 +160,8 @@ class Emulator:
             self.writes += 1
             place, length = _two(parameters), _two(parameters[2:])
             for at in range(4, len(parameters), length + 1):
-                if (servo := self.servos.get(parameters[at])) is not None:
-                    servo.write(place, parameters[at + 1 : at + 1 + length])
+                if (meant := self.servos.get(parameters[at])) is not None:
+                    meant.write(place, parameters[at + 1 : at + 1 + length])
 
     def _answer(self, id: int, data: bytes) -> None:
         servo = self.servos[id]

@@ -26,6 +26,7 @@ def tried(line: Emulator, *options: str, answer: str = "") -> Any:
     return CliRunner().invoke(cli.app, [*arguments, "--for", "0.5", *options], input=answer)
 
 
+@pytest.mark.usefixtures("patient")
 def test_an_arm_is_read_and_not_moved(line: Emulator) -> None:
     result = tried(line, "--json")
     assert result.exit_code == 0, result.output
@@ -34,7 +35,7 @@ def test_an_arm_is_read_and_not_moved(line: Emulator) -> None:
     assert found["samples"] > 5 and found["moved"] == {} and line.writes == 0
 
 
-@pytest.mark.usefixtures("patient")
+@pytest.mark.usefixtures("patient", "unhurried")
 def test_it_is_moved_only_after_a_yes(line: Emulator) -> None:
     refused = tried(line, "--move", answer="n\n")
     assert refused.exit_code == 0 and "is there room?" in refused.output and line.writes == 0

@@ -221,6 +221,35 @@ def test_a_trajectory_goes_to_the_controller(arm: Arm) -> None:
     arm.follow.end(0, 4)
 
 
+@pytest.mark.parametrize(
+    ("way", "said"),
+    [
+        (((0.4, 0.2), (0.5, 0.5)), "the way begins 0.30 rad from where j2 is"),
+        (((0.4, 0.5), (0.5, float("nan"))), "the way has numbers that are not finite"),
+        (((0.4, 0.5), (0.5, float("inf"))), "the way has numbers that are not finite"),
+    ],
+)  # fmt: skip
+def test_a_way_that_begins_elsewhere_or_is_none_is_refused_told_and_the_arm_stopped(
+    arm: Arm, way: tuple[tuple[float, ...], ...], said: str
+) -> None:
+    arm.tell(NAMES, (0.4, 0.5))
+    assert arm.driver.state() is not None
+    arm.driver.follow((0.0, 1.0), way)
+    arm.follow.wait(1)
+    assert [list(point.positions) for point in arm.follow.goals[0].trajectory.points] == [[0.4, 0.5]], "it holds still"
+    assert arm.driver.tally.counts["motions refused"] == 1 and f"a motion was refused: {said}" in arm.driver.tally.told
+    arm.follow.end(0, 4)
+    clock = cast(ManualClock, arm.ros.clock)
+    for passed, fault in ((0.02, said), (1.0, "")):
+        clock.advance(passed)
+        arm.tell(NAMES, (0.4, 0.5))
+        state = arm.driver.state()
+        assert state is not None and state.fault == fault
+    arm.driver.follow((0.0, 1.0), ((0.45, 0.45), (0.5, 0.5)))
+    arm.follow.wait(2)
+    assert arm.driver.tally.counts["motions refused"] == 1
+
+
 def test_stop_cancels_everything_and_holds_where_the_arm_is(arm: Arm) -> None:
     arm.tell(NAMES, (0.4, 0.5))
     arm.driver.state()
