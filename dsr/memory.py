@@ -476,9 +476,17 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     @property
     def behind(self) -> float:
         """Time (s) since the memory has known that it lacks changes of the graph; 0 if it lacks none."""
-        replicas = [self._replica, *(self._held.replicas.values() if self._held else ())]
-        since = [each for replica in replicas if (each := replica.synchroniser.behind_since) is not None]
+        since = [each for replica in self._replicas if (each := replica.synchroniser.behind_since) is not None]
         return max(0.0, self.clock.monotonic() - min(since)) if since else 0.0
+
+    @property
+    def delivered(self) -> bool:
+        """Whether all others that can be heard have seen what was written here."""
+        return all(replica.synchroniser.delivered for replica in self._replicas)
+
+    @property
+    def _replicas(self) -> list[Replica]:
+        return [self._replica, *(self._held.replicas.values() if self._held else ())]
 
     def snapshot(self) -> bytes:
         """The whole graph as one encoded message, for `restore`."""

@@ -69,6 +69,11 @@ def part_rid(rid: str, part: str, number: int) -> str:
     return f"{agent_of(rid)}-{part}.{nonce}"
 
 
+def without_part(topic: str) -> str:
+    """A topic below the graph's root without the part of the graph to which it belongs: replica ids name that, too."""
+    return topic.split("/", 2)[2] if topic.startswith("part/") and topic.count("/") > 1 else topic
+
+
 def descriptor_key(key: str) -> str:
     """Key of the descriptors of large messages of `key` (`bulk.py`); no wildcard matches a part that begins with @."""
     return f"{key}/@shm"
@@ -98,6 +103,10 @@ class Keys:
     def delta(self, rid: str = "*") -> str:
         """Durable changes of replica `rid`."""
         return f"{self.state}/d/{rid}"
+
+    def of_all_parts(self, pattern: str) -> str:
+        """A pattern of this class for what is in no part, as the pattern for all parts of the graph."""
+        return f"{self.root}/part/*/{pattern.removeprefix(f'{self.root}/')}"
 
     def stream(self, rid: str = "*") -> str:
         """Bundles of high-rate values of replica `rid`."""
