@@ -19,7 +19,7 @@ UNSEEN_SLACK = 0.010
 """m, standard deviation of where what is not seen really is, about where a hypothesis says it is"""
 GONE_FROM = 0.020
 """m from where it was, from which an object has surely left there"""
-UNSEEN_VARIANCE = 2.5e-5
+UNSEEN_VARIANCE = SAME_OUTCOME**2
 """m^2, sideways, of an object left to physics: it gives way to what is seen"""
 
 FRAME = 0.1

@@ -84,7 +84,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     hand_noise: Positive = 0.015
     """m, standard deviation of each coordinate of a percept of a hand"""
 
-    calm_after: NotNegative = 0.5
+    calm_after: NotNegative = unexpected_after
     """s without contradiction, of an object that is not seen any more, after which it is not surprising"""
     fresh: Positive = 1.0
     """s for which a percept counts as new"""

@@ -96,6 +96,14 @@ class ArmScene:
         """List all tables."""
         return [thing for node in self._memory.nodes("table") if (thing := self.table(node.name)) is not None]
 
+    def bodies(self, base: Vector3) -> list[Obstacle]:
+        """List all objects, tables and models around an arm whose base is at `base` (m, world), each once.
+
+        A node may be two of that, such as an object with a mesh that is believed to have moved. The mesh tells more
+        than the size then.
+        """
+        return list({thing.name: thing for thing in (*self.objects(), *self.tables(), *self.models(base))}.values())
+
     def zones(self) -> list[Obstacle]:
         """List the boxes that no arm may enter: nodes of type `zone` with a size and a pose."""
         nodes = self._memory.nodes("zone")

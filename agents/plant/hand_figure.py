@@ -94,14 +94,6 @@ def radius(bone: tuple[int, int]) -> float:
     return PALM_RADIUS if bone[0] == 0 else TIP_RADIUS
 
 
-def nominal_length(bone: tuple[int, int]) -> float:
-    """m, between the joints of a finger within reach."""
-    start, end = bone
-    if start == 0:
-        return float(np.linalg.norm(_BASES[(end - 1) // 4]))
-    return _LENGTHS[(start - 1) // 4][(start - 1) % 4]
-
-
 def palm_pose(position: Vector3, side: tuple[float, float], pitch: float) -> Pose:
     """world_from_palm of a hand that comes from the direction `side` (world x, y), fingers `pitch` rad downwards."""
     towards = upright((0.0, 0.0, 0.0), math.atan2(-side[1], -side[0]))

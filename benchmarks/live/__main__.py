@@ -4,6 +4,7 @@
     python -m benchmarks.live full_tower --sensor poses --seconds 20 --json live.json
     python -m benchmarks.live --objects 100 --cameras overhead wrist --shared
     python -m benchmarks.live --day --plot docs/images/live_day.png
+    python -m benchmarks.live --images --plot docs/images/live_images.png
 
 Runs a scenario and measures from 3 s after its start on. With `--shared` agents share processes as in `dsr scenario
 run`. The rate of an agent is the median and the least of what it told of itself once a second; its processor time comes
@@ -11,7 +12,8 @@ from the operating system, children included. What comes from joints and cameras
 the launcher. What the machine was busy with besides is told too: rates mean little beside much of it.
 
 `--day` lives a day instead, compressed and in one process, and tells how much memory that takes, hour by hour
-(benchmarks/live/day.py).
+(benchmarks/live/day.py). `--images` tells the processor time of an image by the number of objects in it, and so how
+many cores a rate would take (benchmarks/live/images.py).
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ from agents.plant.config import PlantConfig
 from agents.scenario.judge.judge import Judge
 from agents.scenario.run.runner import Conductor
 from agents.scenario.run.staging import PLANT, Run, make_run, staged_system, without
-from benchmarks.live import day
+from benchmarks.live import day, images
 from benchmarks.live.crowd import write_crowd
 from benchmarks.live.hearing import JOINTS, Delays, Ear
 from benchmarks.live.processes import Machine, Usage
@@ -54,6 +56,7 @@ MOST_OF_THE_CORES = 0.6
 """Share of the machine's processor time that the whole system may take"""
 SWAP_PERIOD = 4.0
 """s between two swaps in a crowd: an explanation is found meanwhile"""
+_IMAGES = 9  # images of each count whose median is told
 _MEMORY_PERIOD = 5.0  # s; to add up the pages of a process takes some milliseconds
 LAUNCHER = "launcher, judge and this measurement"
 
@@ -189,6 +192,9 @@ def usage_table(found: Measured) -> Table:
 def main() -> None:
     """Measure what the command line asks for."""
     options = _parser().parse_args()
+    if options.images:
+        images.main(_IMAGES, options.plot)
+        return
     if options.day:
         raise SystemExit(day.main(options.hours, options.day_seconds, options.seed, options.plot, options.json))
     folder = new_run_folder("live")
@@ -231,7 +237,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--day", action="store_true", help="a day, hour by hour, instead")
     parser.add_argument("--hours", type=int, default=24, help="of the day")
     parser.add_argument("--day-seconds", type=float, default=15.0, help="of each hour that are lived")
-    parser.add_argument("--plot", type=Path, help="draw the day into this PNG")
+    parser.add_argument("--images", action="store_true", help="what images cost by how much is in them, instead")
+    parser.add_argument("--plot", type=Path, help="draw the day, or the images' cost, into this PNG")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
     return parser
 

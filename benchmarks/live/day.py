@@ -64,7 +64,7 @@ def live(hours: int, seconds: float, seed: int) -> Iterator[Size]:
             lockstep.bus.publish(start_key(lockstep.keys), msgspec.msgpack.encode(start))
             lockstep.run_for(LEAD + seconds)
             yield _size(hour, lockstep)
-            lockstep.clock.advance_to(max(begin + hour * HOUR, lockstep.clock.now()))
+            lockstep.suspend(max(0.0, begin + hour * HOUR - lockstep.clock.now()))
 
 
 def _size(hour: int, lockstep: Lockstep) -> Size:

@@ -116,6 +116,12 @@ class Lockstep:
         self.clock.advance_to(max(end, self.clock.now()))
         return False
 
+    def suspend(self, seconds: float) -> None:
+        """Let time pass (s) in which nobody ticks, as on a machine that sleeps; those ticks are left out."""
+        self.clock.advance(seconds)
+        for running_agent in self._running.values():
+            running_agent.schedule.take(self.clock.now())
+
     def runner(self, name: str) -> Runner:
         """The running agent called `name` with its counts. Raises `AgentError` if it is not running."""
         return self._running_agent(name).runner

@@ -57,6 +57,7 @@ class Writing:
                 self._write_pose(name, now)
                 self._write_plausible(name)
                 self._write_present(name)
+                self._write_lifted(name)
         self._look_at_worlds(now)
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
@@ -99,6 +100,12 @@ class Writing:
             self._written.pop(name, None)
         if before is not (not gone) and (gone or before is not None):
             self._memory.update_node(name, present=not gone)
+
+    def _write_lifted(self, name: str) -> None:
+        """Tell when something that holds an object took it up."""
+        lifted = self._belief.lifted().get(name)
+        if lifted is not None and self._memory.node(name).get("lifted") != lifted:
+            self._memory.update_node(name, lifted=lifted)
 
     def _write_grasps(self) -> None:
         """Let the edges `grasping` of human hands be what the belief says that they hold."""

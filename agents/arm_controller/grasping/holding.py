@@ -69,10 +69,19 @@ class GraspEdges:
         """Name of the object in the gripper."""
         self.tool_from_object: Pose | None = None
         """Where it was in the gripper when it was grasped: as believed, with its faces on the pads."""
+        self._grasped: Obstacle | None = None
+        """The object as it was believed when it was grasped."""
         self._expected: Expected | None = None
         self._contact_at = -math.inf
         self._look_at = -math.inf
         self._doubtful_since: float | None = None
+
+    @property
+    def held_object(self) -> Obstacle | None:
+        """The object in the gripper, as believed, or as it was believed last if it is nowhere now; None for none."""
+        if self.held is not None:
+            self._grasped = self._scene.object(self.held) or self._grasped
+        return None if self.held is None else self._grasped
 
     def expect(self, expected: Expected | None) -> None:
         """Tell what the fingers are about to close on; None: whatever is there."""
@@ -121,7 +130,7 @@ class GraspEdges:
         """The gripper holds this, as the graph may know already."""
         self._doubtful_since = None
         self.tool_from_object = self._corrected(world_from_tool.inverse() @ found.pose, found)
-        self.held = found.name
+        self.held, self._grasped = found.name, found
         if found.name not in known:
             held_at = self.gripper_from_tool @ self.tool_from_object
             values = {"since": stamp, "source": "gripper", "held_at": held_at}

@@ -48,6 +48,7 @@ class Obstacles:
         arm_from_world: where the world is in the arm's frame.
         target: the one of them that the gripper may be around at the end of a path.
         workspace: where the tool point must stay; None for anywhere.
+        margins: whether the arm keeps away from the things; else it only must not be in them.
     """
 
     def __init__(
@@ -57,8 +58,10 @@ class Obstacles:
         arm_from_world: Pose,
         target: str = "",
         workspace: Zone | None = None,
+        *,
+        margins: bool = True,
     ) -> None:
-        self._figure = figure
+        self._figure, self._margins = figure, margins
         self._workspace, self._world_from_arm = workspace, arm_from_world.inverse()
         self._names = [thing.name for thing in things]
         self._target = self._names.index(target) if target in self._names else None
@@ -112,6 +115,8 @@ class Obstacles:
         late = rows - final  # where the final line begins
         margins[late:, gripper:] = GRIPPER_MARGIN
         margins[late:, parts - held :] = HELD_MARGIN
+        if not self._margins:
+            margins = np.minimum(margins, 0.0)
         checked = np.ones((rows, parts, len(self._names)), dtype=bool)
         checked[:, : self._figure.base_boxes] = False
         if self._target is not None:

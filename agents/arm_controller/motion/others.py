@@ -7,6 +7,7 @@ the one that has wanted it for longer goes first; of two that began at one momen
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
 from collections.abc import Sequence
@@ -92,6 +93,11 @@ class OtherArms:
         first = [name for name in self.names() if self.precedes(name)]
         return [box for box in self.obstacles(now) if box.name in first]
 
+    def unreadable(self) -> str:
+        """Name of an arm that has announced a way which nobody can read: it may go anywhere; empty for none."""
+        nodes = [node for node in arm_nodes(self._memory) if node.name != self._arm]
+        return next((node.name for node in nodes if _read_way(node) is None), "")
+
     def waits_for_us(self) -> list[str]:
         """Names of those that stand still until this one has gone."""
         nodes = arm_nodes(self._memory)
@@ -167,22 +173,18 @@ class OtherArms:
 
     def _ahead(self, node: Node, now: float) -> list[Obstacle]:
         """The boxes of an arm on what is left of its way; one that tells nothing more may be anywhere on it."""
-        times, numbers = node.get("way_times", ()), node.get("way", ())
-        if not times or len(numbers) % (len(times) * _NUMBERS):
-            return []  # none, or none that anybody can read
-        rows = np.array(numbers).reshape(len(times), -1, _NUMBERS)
+        way = _read_way(node)
+        if not way:
+            return []
         seen = self._sampled(node.name)
         end = seen + COAST if now - seen > SILENT else math.inf
-        steps = zip(times, (*times[1:], math.inf), rows, strict=False)
-        left = [row for begin, until, row in steps if until >= seen and begin <= end]
-        try:
-            return [
-                Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
-                for row in left
-                for x, y, z, a, b, c, d, u, v, w in row.tolist()
-            ]
-        except ValueError:  # numbers that are no rotation
-            return []
+        until = (*(begin for begin, _ in way[1:]), math.inf)
+        return [
+            box
+            for (begin, boxes), leaves in zip(way, until, strict=True)
+            if leaves >= seen and begin <= end
+            for box in boxes
+        ]
 
     def _sampled(self, arm: str) -> float:
         """s, when the newest sample of an arm was taken; long ago without any."""
@@ -248,6 +250,31 @@ class Announcer:
         self._told = True
         if self._arm in self._memory:
             self._memory.update_node(self._arm, **values)
+
+
+def _read_way(node: Node) -> list[tuple[float, list[Obstacle]]] | None:
+    """When (s) an arm passes through which boxes; empty if it has announced no way, None if nobody can read that."""
+    times, numbers = node.get("way_times", ()), node.get("way", ())
+    if not len(times) or not len(numbers):
+        return []
+    if len(numbers) % (len(times) * _NUMBERS):
+        return None
+    rows = np.array(numbers).reshape(len(times), -1, _NUMBERS)
+    if (rows[..., 7:] < 0.0).any() or any(later < time for time, later in itertools.pairwise(times)):
+        return None
+    try:
+        return [
+            (
+                time,
+                [
+                    Obstacle(node.name, Pose((x, y, z), (a, b, c, d)), (u, v, w))
+                    for x, y, z, a, b, c, d, u, v, w in row.tolist()
+                ],
+            )
+            for time, row in zip(times, rows, strict=True)
+        ]
+    except ValueError:  # numbers that are no rotation
+        return None
 
 
 def _order(node: Node | None) -> tuple[float, str]:

@@ -94,5 +94,3 @@ class PeopleNearby:
         centers, axes, halves = (part[0, moving] for part in boxes)
         local = np.einsum("bji,bj->bi", axes, np.array(pose.t) - centers)
         return float(np.linalg.norm(np.maximum(np.abs(local) - halves, 0.0), axis=1).min())
-
-

@@ -82,7 +82,7 @@ class Manipulator:
         self.fingers = fingers
         """Opens and closes the gripper."""
         self._intruders, self._intruder = Intruders(), ""
-        self._meets: Callable[[Sequence[Obstacle], Array, int], str | None]
+        self._meets: Callable[[Sequence[Obstacle], Array, int, bool], str | None]
 
     def begin(self, joints: Joints, speed: float) -> None:
         """Get ready for a skill, at `speed` (0 to 1 of the joints' limits).
@@ -166,8 +166,10 @@ class Manipulator:
         The arm stays where it is if something has come into the way since it was planned; `has_arrived` tells then.
         """
 
-        def meets(things: Sequence[Obstacle], rows: Array, final: int) -> str | None:
-            obstacles = self.around.obstacles(things, attempt.target)
+        def meets(things: Sequence[Obstacle], rows: Array, final: int, margins: bool = True) -> str | None:
+            if not things:
+                return None
+            obstacles = self.around.obstacles(things, attempt.target, margins=margins)
             return obstacles.blocking(rows, self.around.load(attempt.opening), final)
 
         self._meets = meets
@@ -180,8 +182,8 @@ class Manipulator:
 
     def _come_in_the_way(self, rows: Array, final: int) -> str:
         """Name of a thing or zone that has come into the way (m, n) since it was planned; empty for none."""
-        new = self._intruders.among(self.around.things_and_zones())
-        return (self._meets(new, rows, final) or "") if new else ""
+        moved, doubtful = self._intruders.among(self.around.things_and_zones())
+        return self._meets(moved, rows, final, True) or self._meets(doubtful, rows, final, False) or ""
 
     def has_arrived(self) -> bool:
         """Whether the way is done.

@@ -87,6 +87,11 @@ class RightOfWay:
         """
         until = self._joints.stamp + PATIENCE
         while True:
+            if by := self._others.unreadable():
+                if self._joints.stamp > until:
+                    raise SkillError(f"nobody can read the way that {by} has announced")
+                yield from self._wait_for(by)
+                continue
             try:
                 found = yield from plan()
             except (BlockedError, InTheWayError) as error:
@@ -147,8 +152,9 @@ class RightOfWay:
         Returns whether the arm stands still for another one. Raises `SkillError` if that lasts longer than a few
         seconds.
         """
+        unreadable = self._others.unreadable()
         if self._stopped == math.inf:
-            if not (near := self.near_arm(self._joints) or self._overtaken()):
+            if not (near := unreadable or self.near_arm(self._joints) or self._overtaken()):
                 return False
             self._execution.stop()
             self._stopped, self._execution.waits_for = self._joints.stamp, near
@@ -156,7 +162,7 @@ class RightOfWay:
             self._announcer.withdraw()
             self._announcer.wait_for(near, self._joints.stamp)
         elif not self._execution.moves:
-            by = self._on_rest(self._others.obstacles(self._joints.stamp), on_line=True)
+            by = unreadable or self._on_rest(self._others.obstacles(self._joints.stamp), on_line=True)
             if by is None:
                 self._stopped, self._execution.waits_for = math.inf, ""
                 self._execution.go_on()

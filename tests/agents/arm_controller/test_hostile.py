@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from agents.arm_controller.model.arm_model import load_arm
+from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.kinematics import JointChain
 from agents.arm_controller.safety.intruders import Intruders
 from agents.arm_controller.scene import Obstacle
 from agents.drivers import ArmState
@@ -16,7 +20,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, to_numbers
 from dsr.network.keys import Keys
 from dsr.vocabulary.halting import HaltOrder, send_order
-from tests.agents.arm_controller.conftest import DOWN, HOME, PERIOD, Bench, Table
+from tests.agents.arm_controller.conftest import DOWN, GEN3, HOME, PERIOD, Bench, Table
 from tests.agents.arm_controller.test_watchdog import AWAY, WITHIN, Liar, stops
 
 MakeBench = Callable[..., Any]
@@ -104,16 +108,37 @@ def test_a_halt_is_answered_by_an_agent_whose_ticks_fail(bench: Bench, monkeypat
 
 WRONG_WAYS: dict[str, dict[str, Any]] = {
     "too short": {"way": (1.0, 2.0), "way_times": (0.0, 1e9)},
+    "no size": {"way": (0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 1.0, 0.1, 0.1, -0.1), "way_times": (1e9,)},
+    "back in time": {"way": (0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 1.0, 0.1, 0.1, 0.1) * 2, "way_times": (1e9, 0.0)},
     "no rotation": {"way": (0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1), "way_times": (1e9,)},
 }
 
 
 @pytest.mark.parametrize("way", WRONG_WAYS)
-def test_an_announcement_that_nobody_can_read_disturbs_no_other_arm(bench: Bench, way: str) -> None:
+def test_an_arm_does_not_set_out_while_nobody_can_read_where_another_one_goes(bench: Bench, way: str) -> None:
     bench.memory.add_node("left", "arm", way_since=0.0, **WRONG_WAYS[way])
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(2.0)
+    assert bench.status == "moving" and bench.memory.node("arm")["explanation"] == "stands still: left is near"
+    assert [told for told in bench.arm.told if told[0] == "follow"] == []
+    bench.memory.remove_attribute("left", "way")
+    bench.run(4.0)
     assert bench.status == "reached"
+
+
+def test_an_arm_stops_when_another_one_announces_what_nobody_can_read_and_gives_up_after_a_while(bench: Bench) -> None:
+    bench.memory.add_node("left", "arm")
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(0.4)
+    assert [told[0] for told in bench.arm.told] == ["follow"]
+    bench.memory.update_node("left", way_since=0.0, **WRONG_WAYS["too short"])
+    bench.run(WITHIN)
+    assert bench.arm.told[-1] == ("stop",)
+    bench.run(4.0)
+    assert (bench.status, bench.memory.node("arm")["explanation"]) == ("stopped", "left is in the way")
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(35.0)
+    assert bench.memory.node("arm")["explanation"] == "nobody can read the way that left has announced"
 
 
 # ---- targets by hand and for actions
@@ -218,8 +243,64 @@ def test_a_thing_has_moved_if_a_corner_of_it_has(pose: Pose, size: Vector3, is_n
     intruders = Intruders()
     intruders.expect([Obstacle("board", Pose((0.4, 0.0, 0.3)), BOARD)])
     moved = Obstacle("board", pose, size)
-    assert intruders.among([moved]) == ([moved] if is_new else [])
-    assert intruders.among([moved]) == []
+    assert intruders.among([moved]) == ([moved] if is_new else [], [])
+    assert intruders.among([moved]) == ([], [])
+
+
+def known_to(shift: float, turn: float = 1e-4) -> Pose:
+    return Pose((0.4, 0.0, 0.3), covariance=np.diag([shift**2] * 3 + [turn**2] * 3))
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "is_doubtful"),
+    [
+        (known_to(0.001), Pose((0.4, 0.012, 0.3)), False),
+        (known_to(0.005), Pose((0.4, 0.012, 0.3)), True),
+        (known_to(0.005), Pose((0.4, 0.016, 0.3)), False),
+        (known_to(0.001), known_to(0.1) @ Pose((0.0, 0.012, 0.0)), False),
+        (known_to(0.001, 0.02), Pose.from_rotvec((0.4, 0.0, 0.3), (0.0, 0.0, 0.04)), True),
+        (known_to(0.001, 0.02), Pose.from_rotvec((0.4, 0.0, 0.3), (0.0, 0.0, 0.09)), False),
+    ],
+    ids=["known well", "known badly", "too far even so", "badly now", "turn known badly", "turned too far even so"],
+)
+def test_a_thing_whose_place_was_known_badly_may_be_believed_elsewhere_without_having_moved(
+    before: Pose, now: Pose, is_doubtful: bool
+) -> None:
+    intruders = Intruders()
+    intruders.expect([Obstacle("board", before, BOARD)])
+    moved = Obstacle("board", now, BOARD)
+    for _ in range(2):
+        assert intruders.among([moved]) == (([], [moved]) if is_doubtful else ([moved], []))
+        if not is_doubtful:
+            break
+
+
+@pytest.mark.parametrize(
+    ("sigma", "shift", "is_stopped"),
+    [(0.001, 0.0105, True), (0.006, 0.0105, False), (0.006, 0.0125, True), (0.02, 0.04, True)],
+)
+def test_a_belief_that_becomes_known_better_beside_the_way_stops_no_arm_and_an_intruder_does(
+    bench: Bench, tool: JointChain, sigma: float, shift: float, is_stopped: bool
+) -> None:
+    """The gripper passes 11 mm above a board, which is believed to be higher then: by less than that, or more."""
+    x, y, _ = tool.forward((0.7, *HOME[1:])).t
+    figure = Figure(load_arm(GEN3))
+    gripper = -figure.gripper_boxes(bench.arm.opening)
+    centers, axes, halves = (part[0, gripper:] for part in figure.boxes(np.array([HOME]), bench.arm.opening))
+    lowest = float((centers[:, 2] - (np.abs(axes[:, 2]) * halves).sum(axis=1)).min())
+    size = (0.06, 0.06, 0.02)
+    place = Pose((x, y, lowest - 0.011 - size[2] / 2))
+    covariance = np.diag([sigma**2] * 3 + [1e-6] * 3)
+    bench.memory.add_node("world", "world")
+    bench.memory.add_node("board", "cube", size=size)
+    bench.memory.add_edge("world", "board", "Virtual_RT", pose=place.with_covariance(covariance))
+    bench.run(0.1)
+    bench.memory.update_node("arm", target_joints=(1.0, *HOME[1:]))
+    bench.run(0.3)
+    assert bench.status == "moving"
+    bench.memory.add_edge("world", "board", "Virtual_RT", pose=Pose((x, y, place.t[2] + shift)))
+    bench.run(WITHIN)
+    assert (stops(bench) > 0) == is_stopped
 
 
 WALLS = [(0.018, 0.0), (-0.018, 0.0), (0.0, 0.018), (0.0, -0.018)]

@@ -19,7 +19,7 @@ from agents.plant.hand_figure import (
     TIP_RADIUS,
     TIPS,
     joints,
-    nominal_length,
+    outstretched,
     palm_pose,
     relaxed,
 )
@@ -69,8 +69,9 @@ def test_bones_keep_their_length_and_the_palm_is_the_mean_of_its_joints(side: An
         points = joints(tips_wanted, side)
         assert points[list(TIPS)] == pytest.approx(tips_wanted)
         assert points[list(PALM)].mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
-        lengths = [np.linalg.norm(points[b] - points[a]) for a, b in BONES]
-        assert lengths == pytest.approx([nominal_length(bone) for bone in BONES], rel=0.05)
+        straight = outstretched(side)
+        lengths, nominal = ([np.linalg.norm(hand[b] - hand[a]) for a, b in BONES] for hand in (points, straight))
+        assert lengths == pytest.approx(nominal, rel=0.05)
 
 
 def test_hands_are_mirror_images_with_the_thumbs_inside() -> None:
