@@ -15,7 +15,7 @@ _ABOUT = "memory.nodes(type=...) or memory.edges(type); 10 000 nodes and 10 000 
 NODES = Spec("nodes by type among 10 000, 1000 found", "ms", 0.2, about=_ABOUT)
 EDGES = Spec("edges by type among 10 000, 1000 found", "ms", 0.2, about=_ABOUT)
 GROWTH = Spec("nodes by type among 10 000, 1000 found over 100 found", "x", 12.0, about="10: proportional")
-SIZE = Spec("nodes by type, 1000 found among 10 000 over among 2000", "x", 1.3, about="1: independent of the graph")
+SIZE = Spec("nodes by type, 1000 found among 10 000 over among 2000", "x", 1.2, about="1: independent of the graph")
 SPECS = (NODES, EDGES, GROWTH, SIZE)
 _TYPES = {"ball": 1000, "cup": 100, "box": 10}
 """How many nodes of a type there are; all others are cubes."""

@@ -5,9 +5,11 @@
     python -m benchmarks.hand_set_numbers --markdown > docs/reference/numbers.md
 
 Such are named constants, defaults of configuration fields and of parameters, and numbers in expressions. Unit vectors
-and zeros do not count. In expressions and as defaults of parameters, nor do 0, 1, 2, their halves and opposites, and
-1000 (mm in a m). Indices, sizes of arrays and digits do not count either. The meaning of a number is told beside it: in
-a string below, a comment behind it, or one above the block.
+and zeros do not count: a field that begins with 0 says that there is nothing yet. Nor does a field that begins with a
+probability of 1, which is certainty. In expressions and as defaults of parameters, 0, 1, 2, their halves and opposites,
+and 1000 (mm in a m) do not count. Indices, sizes of arrays, seeds and digits do not count either, nor does the size of
+a cache: what it forgets is worked out again. The meaning of a number is told beside it: in a string below, a comment
+behind it, or one above the block.
 """
 
 from __future__ import annotations
@@ -37,8 +39,11 @@ _PLAIN = {0.0, 0.5, 1.0, 2.0, 1000.0}
 _SIZED = {
     *("eye", "zeros", "ones", "empty", "full", "reshape", "tile", "repeat"),
     *("range", "split", "round", "moveaxis", "chr"),
+    *("default_rng", "standard_normal", "lru_cache"),
 }
-"""Functions that take sizes, places and digits rather than quantities."""
+"""Functions that take sizes, places, seeds and digits rather than quantities."""
+_CERTAIN = re.compile(r"1, (?:that|probability)\b")
+"""How the meaning of a probability begins, whose unit is 1."""
 _UNIT = re.compile(r"(m|mm|s|rad|kg|N|Hz|nats|px|m/s|rad/s|m/s\^2|m\^2|ms|MiB|bytes|%)\b")
 
 
@@ -68,7 +73,8 @@ def numbers_in(file: Path) -> Iterator[Number]:
     tree, comments, lines = ast.parse(text), _comments(text), text.splitlines()
     name = file.relative_to(_ROOT).as_posix()
     told: set[ast.AST] = set()
-    for body in (part.body for part in ast.walk(tree) if isinstance(part, ast.Module | ast.ClassDef)):
+    for part in (part for part in ast.walk(tree) if isinstance(part, ast.Module | ast.ClassDef)):
+        body = part.body
         for place, statement in enumerate(body):
             target, value = _assigned(statement)
             if target and value is not None and _counts(value):
@@ -76,6 +82,8 @@ def numbers_in(file: Path) -> Iterator[Number]:
                 after = body[place + 1] if place + 1 < len(body) else None
                 behind = comments.get(statement.end_lineno or statement.lineno, "")
                 meaning = _text(after) or behind or _heading(lines, statement.lineno)
+                if isinstance(part, ast.ClassDef) and _is_certainty(value, meaning):
+                    continue
                 yield Number(name, statement.lineno, target, ast.unparse(value), meaning)
     for node in ast.walk(tree):
         for parameter, default in _defaults(node):
@@ -141,8 +149,14 @@ def _counts(value: ast.expr) -> bool:
         return False
     sizes = {part for node in ast.walk(value) if _is_of_arrays(node) for part in ast.walk(node)}
     chosen = [part for part in ast.walk(value) if _is_set(part) and part not in sizes]
+    values = [ast.literal_eval(part) for part in chosen]
     is_vector = not isinstance(value, ast.Constant | ast.UnaryOp)
-    return bool(chosen) and not (is_vector and all(_is_plain(ast.literal_eval(part)) for part in chosen))
+    return any(values) and not (is_vector and all(map(_is_plain, values)))
+
+
+def _is_certainty(value: ast.expr, meaning: str) -> bool:
+    """Whether a field begins with a probability of 1."""
+    return isinstance(value, ast.Constant) and value.value == 1.0 and bool(_CERTAIN.match(meaning))
 
 
 def _heading(lines: list[str], number: int) -> str:

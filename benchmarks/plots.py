@@ -35,7 +35,7 @@ def draw(findings: Findings, folder: Path) -> list[Path]:
             if name in findings.curves:
                 figure = paint(findings.curves[name])
                 files.append(_saved(figure, file_for(name, folder, "png")))
-        judged = [row for row in findings.rows if row.target]
+        judged = [row for row in findings.rows if row.of_peer or row.target]
         if judged:
             files.append(_saved(_overview(judged), folder / "overview.png"))
     return files
@@ -71,8 +71,11 @@ def _overview(rows: Sequence[Row]) -> Any:
 
 def _excess(row: Row) -> float:
     """How many times the target it costs; what a rate falls short by counts as cost."""
-    assert row.target
-    ratio = row.value / row.target
+    if row.of_peer and row.ratio:
+        ratio = row.ratio / row.of_peer
+    else:
+        assert row.target
+        ratio = row.value / row.target
     return max(1 / ratio if row.unit == "per s" else ratio, 1e-3)
 
 

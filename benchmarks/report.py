@@ -20,7 +20,7 @@ def rows_table(rows: Sequence[Row]) -> Table:
     add_names(table, "row, peers")
     add_numbers(table, "value", "target", "ratio", "meets")
     for row in rows:
-        target = "-" if row.target is None else number(row.target)
+        target = f"{number(row.of_peer)} of peer" if row.of_peer else "-" if row.target is None else number(row.target)
         ratio = "-" if row.ratio is None else number(row.ratio)
         table.add_row(_described(row), f"{number(row.value)} {row.unit}", target, ratio, _VERDICTS[row.meets])
     return table
@@ -44,6 +44,7 @@ def specs_table(chosen: Sequence[tuple[Group, Sequence[Spec]]]) -> Table:
 
 
 def _target(spec: Spec) -> str:
-    if spec.target is None:
-        return spec.unit
-    return f"{'≤' if spec.better == 'lower' else '≥'} {number(spec.target)} {spec.unit}"
+    side = "≤" if spec.better == "lower" else "≥"
+    if spec.of_peer is not None:
+        return f"{side} {number(spec.of_peer)} of the first peer's {spec.unit}"
+    return spec.unit if spec.target is None else f"{side} {number(spec.target)} {spec.unit}"

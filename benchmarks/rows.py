@@ -22,6 +22,8 @@ class Spec(msgspec.Struct, frozen=True):
     better: Better = "lower"
     about: str = ""
     """How it is measured, and what its peers measure."""
+    of_peer: float | None = None
+    """Target of the ratio to the first peer. Where that was measured it counts, not `target`: machines differ."""
 
 
 class Peer(msgspec.Struct, frozen=True):
@@ -44,20 +46,24 @@ class Row(msgspec.Struct, frozen=True):
     ratio: float | None
     """`value` by that of the first peer."""
     meets: bool | None
-    """Whether the target is met; None without a target."""
+    """Whether the target that counts is met; None without any."""
     note: str = ""
+    of_peer: float | None = None
+    """Target of `ratio`, if that counts."""
 
 
 def judged(spec: Spec, value: float, peers: Sequence[Peer] = (), note: str = "") -> Row:
     """The row of a value that was measured."""
     ratio = value / peers[0].value if peers and peers[0].value else None
-    return Row(spec.row, value, spec.unit, spec.target, list(peers) or None, ratio, _meets(spec, value), note)
+    of_peer = None if ratio is None else spec.of_peer
+    meets = _meets(spec, value, spec.target) if of_peer is None else _meets(spec, ratio, of_peer)
+    return Row(spec.row, value, spec.unit, spec.target, list(peers) or None, ratio, meets, note, of_peer)
 
 
-def _meets(spec: Spec, value: float) -> bool | None:
-    if spec.target is None:
+def _meets(spec: Spec, value: float | None, target: float | None) -> bool | None:
+    if target is None or value is None:
         return None
-    return value <= spec.target if spec.better == "lower" else value >= spec.target
+    return value <= target if spec.better == "lower" else value >= target
 
 
 def median_row(spec: Spec, rows: Sequence[Row]) -> Row:

@@ -59,6 +59,8 @@ class SurpriseScene:
         self.rng = np.random.default_rng(seed)
         self.truths = {name: upright(*place) for name, place in places.items()}
         self.beliefs = dict(self.truths)
+        self.unsure: dict[str, float] = {}
+        """m, standard deviation of the believed places of cubes of which the belief is less sure than of others."""
         self.hidden: set[str] = set()
         """Cubes of which there are no percepts."""
         self.false: dict[str, Pose] = {}
@@ -70,7 +72,7 @@ class SurpriseScene:
         self._bias = {name: float(self.rng.uniform(*bias)) for name in places}
         self._jitter = jitter
         self._config = config
-        self._written: dict[str, tuple[Pose, float]] = {}
+        self._written: dict[str, tuple[Pose, float, float]] = {}
         self._ticks = 0
         self.detector_seconds = 0.0
         """s that its ticks took"""
@@ -158,13 +160,14 @@ class SurpriseScene:
             self.memory.add_edge(CAMERA, name, "RT", pose=sighting.pose)
 
     def _believe(self) -> None:
-        now, (metres, radians) = self.clock.now(), _BELIEF_STD
-        covariance = np.diag([metres**2] * 3 + [radians**2] * 3)
+        now, (usual, radians) = self.clock.now(), _BELIEF_STD
         for name, belief in self.beliefs.items():
-            pose, written = self._written.get(name, (None, -math.inf))
-            if pose is not belief or now - written >= _REFRESH:
+            metres = self.unsure.get(name, usual)
+            pose, std, written = self._written.get(name, (None, metres, -math.inf))
+            if pose is not belief or std != metres or now - written >= _REFRESH:
+                covariance = np.diag([metres**2] * 3 + [radians**2] * 3)
                 self.memory.add_edge("world", name, "Virtual_RT", pose=Pose(belief.t, belief.q, now, covariance))
-                self._written[name] = (belief, now)
+                self._written[name] = (belief, metres, now)
 
     def _record(self) -> None:
         for name in (*self.truths, CAMERA):

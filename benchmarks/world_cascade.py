@@ -20,6 +20,7 @@ import msgspec
 import dsr
 from agents.filters.pass_through import PassThrough
 from benchmarks import workload
+from benchmarks.cascade import OF_PEER
 from benchmarks.group import Group, Run
 from benchmarks.links import Closable, Received, Sender
 from benchmarks.observer import on_each_change
@@ -35,7 +36,9 @@ from dsr.runtime.agent_process import StopSignal, run_agent
 NODES = 100
 _ABOUT = f"{NODES} nodes x 5 attributes in each world; peer: bytes of a change forwarded in callbacks"
 SPECS = {
-    worlds: Spec(f"one node created, through {worlds} cascaded worlds, p50", "ms", target, about=_ABOUT)
+    worlds: Spec(
+        f"one node created, through {worlds} cascaded worlds, p50", "ms", target, about=_ABOUT, of_peer=OF_PEER
+    )
     for worlds, target in ((1, 1.0), (2, 2.0), (5, 4.0), (10, 8.0), (20, 15.0))
 }
 PUBLISHED = {1: 3.6, 2: 10.7, 5: 31.0, 10: 66.0, 20: 117.0}

@@ -46,6 +46,9 @@ class Agent:
     publishes: ClassVar[tuple[str, ...]] = ()
     """Keys of the bus on which it publishes, below the graph's root: `device/arm/command`, `blob/**`. Only a secured
     graph holds it to them."""
+    interest: ClassVar[tuple[str, ...] | None] = None
+    """Parts of the graph that it holds, "*" for all, unless the system file or DSR_INTEREST says otherwise. With None
+    and without these its memory can hold none."""
     uses_memory: ClassVar[bool] = True
     """False for one that only needs the bus: it gets no `memory`."""
     reactive: ClassVar[bool] = False

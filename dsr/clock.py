@@ -8,10 +8,19 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Protocol
+from datetime import UTC, datetime
+from typing import Protocol, TypeGuard
 
 ROUNDING = 1e-6
 """s by which a span that is a sum of times may fall short by rounding alone"""
+
+_FIRST, _LAST = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (2, 9999))
+"""s; between them lies what a calendar tells in any time zone, with a year on both sides for reckoning in days"""
+
+
+def is_time(value: object) -> TypeGuard[float]:
+    """Whether it is a float that can be a time, in seconds since the Unix epoch: from the year 2 until 9998."""
+    return isinstance(value, float) and _FIRST <= value < _LAST
 
 
 class Clock(Protocol):

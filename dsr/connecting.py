@@ -17,7 +17,7 @@ from dsr.graph.access import Guard, guard_in
 from dsr.graph.schema import Schema
 from dsr.memory import Memory, new_rid
 from dsr.network import rendezvous
-from dsr.network.keys import Keys
+from dsr.network.keys import Keys, check_interest
 from dsr.network.transport import Transport
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 SECURITY = "DSR_SECURITY"
 """Environment variable: the security folder that everything uses which is told no other."""
+
+INTEREST = "DSR_INTEREST"
+"""Environment variable: names of parts, comma-separated, or "*" for all, which everything holds that is told no other.
+"""
 
 _log = logging.getLogger("dsr")
 _PORT_ATTEMPTS = 5
@@ -65,17 +69,19 @@ def connect(
         begin: begin with what is here by then if some who hold the graph do not answer; the rest comes when they do.
         must_exist: whether somebody else must hold the graph. By default a warning says if nobody does; False
             means that the graph may begin here, without a word.
-        interest: listed parts of the graph to hold, beside what is in no part, see `Memory.hold_part`. By default the
-            memory can hold none; with an empty interest it can later.
+        interest: listed parts of the graph to hold, beside what is in no part, see `Memory.hold_part`; "*" for all. By
+            default those that the environment variable DSR_INTEREST names. Without either the memory can hold none;
+            with an empty interest it can later.
 
     Raises:
         ConfigError: for a name that cannot be used, an agent without a valid certificate, or if the graph must exist
             and nobody holds it.
-        PartNotFoundError: if a part of the interest is not listed.
+        PartNotFoundError: if a part of this interest is not listed; the environment may name parts that will be.
         TransportError: if the network cannot be used, or some who hold the graph do not answer in time: says which.
     """
     rid = new_rid(agent)
     routers = list(connect)
+    wanted, strict = (asked_for(), False) if interest is None else (check_interest(interest), True)
     identity = identity_of(agent, security)
     with contextlib.ExitStack() as resources:
         transport, registration = open_transport(
@@ -86,7 +92,7 @@ def connect(
         memory = Memory(
             graph, agent, transport=transport, clock=clock, schema=schema, guard=_guard(guard, identity),
             gate=identity.gate() if identity else None, rid=rid, threaded=True,
-            holders=lambda: _holders(graph, registration), interest=None if interest is None else (),
+            holders=lambda: _holders(graph, registration), interest=None if wanted is None else (),
         )  # fmt: skip
         memory.replica.on_new_id = registration.rename
         memory.on_close(resources.pop_all().close)
@@ -96,10 +102,23 @@ def connect(
         _wait_joined(memory, timeout, all_known=not routers, begin=begin, secured=identity is not None)
         if must_exist is not False and not memory.peers:
             _tell_alone(graph, must_exist=must_exist is True)
-        if interest is not None:
-            memory.hold_part(*interest, timeout=timeout)
+        if wanted is not None:
+            memory.hold_part(*wanted, timeout=timeout, unlisted=not strict)
         resources.pop_all()
     return memory
+
+
+def asked_for(default: Iterable[str] | None = None) -> tuple[str, ...] | None:
+    """The interest that the environment names, or else the default. Raises `ConfigError` for what no part is called."""
+    told = interest_of(os.environ.get(INTEREST))
+    if told is not None or default is None:
+        return told
+    return check_interest(default)
+
+
+def interest_of(text: str | None) -> tuple[str, ...] | None:
+    """The names in a text with commas between; None for none. Raises `ConfigError` for what no part is called."""
+    return None if text is None else check_interest(name.strip() for name in text.split(",") if name.strip())
 
 
 def _tell_alone(graph: str, *, must_exist: bool) -> None:

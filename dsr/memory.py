@@ -33,13 +33,14 @@ from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.images.blob_access import BlobAccess
 from dsr.math3d.transforms import Array, Pose
-from dsr.network.keys import WHOLE, Keys, check_name
+from dsr.network.keys import ALL, WHOLE, Keys, check_interest, check_name
 from dsr.network.transport import Transport
 from dsr.parts.access import PartAccess
 from dsr.parts.graph import PartedGraph
 from dsr.parts.held import HeldParts, burial_allowed, not_parted
 from dsr.parts.registry import PartList
 from dsr.parts.replica import PartedReplica
+from dsr.replication.portions import parts_in
 from dsr.replication.replica import Replica, Statistics
 from dsr.replication.stamp_access import StampAccess
 from dsr.replication.sync import ChangeGate
@@ -76,8 +77,8 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         holders: tells which other replicas hold the graph and live, whether they can be reached or not.
         meshes: those of the system, if this memory shares them with another one of this process.
-        interest: parts of the graph to hold from the beginning, beside what is in no part, see `hold_part`. By default
-            the memory can hold none; with an empty interest it can later.
+        interest: parts of the graph to hold from the beginning, beside what is in no part, see `hold_part`; "*" for
+            all. By default the memory can hold none; with an empty interest it can later.
     """
 
     def __init__(
@@ -115,7 +116,10 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         self.extensions: Extensions = _base.extensions if _base else Extensions(self.schema, self._graph)
         self.extensions.serve(self._graph)
         self._closing = contextlib.ExitStack()
-        self._closed = False
+        self._ending = threading.RLock()
+        """Held while the memory is closed."""
+        self._closed = self._ended = False
+        """Whether nothing is written any more, and whether all that takes is done."""
         self.meshes = meshes or MeshExchange(transport, self.keys, self.rid, clock, threaded=threaded)
         if meshes is None:
             self._closing.callback(self.meshes.close)
@@ -132,13 +136,18 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
             self._replica.start(self._worlds.poller)
         self._held = self._new_held(listed, threaded=threaded)
-        for part in interest or ():
-            self._parts("interest").take(part)
+        if self._held is not None:
+            self._replica.after_poll = self._sweep
+            for part in check_interest(interest or ()):
+                if part == ALL:
+                    self._held.holds_all = True
+                else:
+                    self._held.take(part)
 
     def _new_graph(self, listed: PartList | None) -> Graph:
         if listed is None:
             return Graph(self.rid, self.schema, self._watches)
-        graph = PartedGraph(self.rid, self.schema, self._watches, listed.part_for)
+        graph = PartedGraph(self.rid, self.schema, self._watches, listed.claiming)
         graph.check_part = part_check(self._guard)
         if self._gate is not None and self._guard is not None:
             graph.may_bury = burial_allowed(self._guard)
@@ -152,6 +161,12 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         return HeldParts(
             self._replica, listed, self.transport, self.clock, self.graph_name, self.agent, self.rid, poller
         )
+
+    def _sweep(self) -> None:
+        """Follow the lists of worlds and parts."""
+        self._worlds.sweep()
+        if self._held is not None and not self._closed:
+            self._held.sweep()
 
     def _memory_for(self, handle: WorldHandle) -> Memory:
         """The memory of another world, beside this one of the base."""
@@ -211,9 +226,9 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def add_node(self, name: str, type: str, part: str | None = None, /, **attributes: Any) -> Node:
         """Create a node; if it is there already, only write the attributes.
 
-        It is made in this part of the graph, which must be held here; by default where nodes of its type belong, see
-        `create_part`. Raises `SchemaError`, `NodeTypeError` if the node is there under another type, and `PartError` if
-        it is in another part, or if the part is not held.
+        It is made in this part of the graph, which must be held here. By default that is the first part held here that
+        claims its type, see `create_part`; else it is in no part. Raises `SchemaError`, `NodeTypeError` if the node is
+        there under another type, and `PartError` if it is in another part, or if the part is not held.
         """
         with self._replica.lock:
             self._check_write("node", type, attributes)
@@ -461,17 +476,33 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     @property
     def behind(self) -> float:
         """Time (s) since the memory has known that it lacks changes of the graph; 0 if it lacks none."""
-        replicas = [self._replica, *(self._held.replicas.values() if self._held else ())]
-        since = [each for replica in replicas if (each := replica.synchroniser.behind_since) is not None]
+        since = [each for replica in self._replicas if (each := replica.synchroniser.behind_since) is not None]
         return max(0.0, self.clock.monotonic() - min(since)) if since else 0.0
+
+    @property
+    def delivered(self) -> bool:
+        """Whether all others that can be heard have seen what was written here."""
+        return all(replica.synchroniser.delivered for replica in self._replicas)
+
+    @property
+    def _replicas(self) -> list[Replica]:
+        return [self._replica, *(self._held.replicas.values() if self._held else ())]
 
     def snapshot(self) -> bytes:
         """The whole graph as one encoded message, for `restore`."""
         return self._replica.snapshot()
 
     def restore(self, snapshot: bytes) -> None:
-        """Join a snapshot. Raises `WireError` if it is none."""
+        """Join a snapshot; what is in parts that are not held here is left out.
+
+        Raises `WireError` if it is none, and `PartError` if it has parts and this memory can hold none.
+        """
         delta = decode_kept(snapshot)
+        parts = [part for part in parts_in(delta) if part != WHOLE]
+        if self._held is not None:
+            self._held.take_named(parts)
+        elif parts and self.world_handle is None:
+            raise not_parted(f"a snapshot with parts {', '.join(sorted(parts))}")
         with self._replica.lock:
             self._graph.restore(delta, self.clock.now())
 
@@ -481,24 +512,41 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
 
     def abandon(self) -> None:
         """Count as closed, without a word to anybody: in a forked child."""
-        self._closed = True
+        self._closed = self._ended = True
         self._replica.lock = threading.RLock()  # the old one may be held by a thread that the child does not have
 
     def close(self) -> None:
-        """Send the waiting writes, end all watches and leave; harmless when repeated."""
+        """Send the waiting writes, end all watches and leave; harmless when repeated.
+
+        What Ctrl-C breaks off goes on when it is called again, at the latest when the program ends.
+        """
+        if not self._ending.acquire(blocking=False):
+            return  # another thread is at it
+        try:
+            if not self._ended:
+                self._end()
+                self._ended = True
+        finally:
+            self._ending.release()
+
+    def _end(self) -> None:
         with self._replica.lock:  # after the last write that returned
-            if self._closed:
-                return
             self._closed = True
         if self.world_handle is None:
             self._worlds.close()
-        else:
-            self._worlds.forget(self)
+        elif not self._base_memory.closed:
+            self._worlds.forget(self)  # who opens the world from now on gets another memory of it
         self._watches.close()
-        with self._closing:
+        try:
             if self._held is not None:
                 self._held.close()
             self._replica.close()
+        except Exception:  # Ctrl-C is none: then the network is needed again
+            self._closing.close()
+            raise
+        if self.world_handle is not None:
+            self._worlds.forget(self)
+        self._closing.close()
 
     def write_record(self, name: str, type: str, record: str) -> None:
         """Write an entry about the graph itself, a node of one of `RECORDS`; for the memory's own use."""

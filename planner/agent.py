@@ -24,8 +24,6 @@ from planner.making import PlanMaker
 from planner.monitor import doubtful, surprising
 from planner.solver import PACKAGE
 
-_LEAST_PATIENCE = 0.1  # s for an answer of the simulator, where the configuration gives less
-
 
 @dataclass
 class _Watched:
@@ -47,7 +45,6 @@ class Planner(Agent):
     """
 
     name = "planner"
-    rate_hz = 10.0  # Hz, ticks
     shares_process = True
     goal_libraries = (PACKAGE,)
     reads = Access(
@@ -133,7 +130,7 @@ class Planner(Agent):
             self._watched[execution.intention.name] = watched
 
     def _foresight(self) -> Foresight:
-        what_if = WhatIf(self.bus, self.keys, self.clock, max(self.config.what_if_patience, _LEAST_PATIENCE))
+        what_if = WhatIf(self.bus, self.keys, self.clock, max(self.config.what_if_patience, 1.0 / self.rate_hz))
         return Foresight(what_if, self.config, lambda: self._time, self.log)
 
     # ---- choosing

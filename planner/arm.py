@@ -19,8 +19,6 @@ from planner.grounding import Skill
 
 Script = Generator[None, None, None]
 """Does a part of its work each time it is resumed."""
-_LIKELY_FOUND = 0.5
-"""Share of what a camera recognises a thing by (edge `sees`, `detectable`) from which it is likely found."""
 _ONE_LOOK = 0.5
 """s in which the arm sees a request"""
 
@@ -178,7 +176,7 @@ class Arm:
         relations = read_relations(self._memory)
         covered = {support for _, support in relations.on} | relations.held
         views = [self._views(name) for name in things if name not in covered]
-        return any(edges and all(edge.get("detectable", 0.0) < _LIKELY_FOUND for edge in edges) for edges in views)
+        return any(edges and not any(map(_likely_finds, edges)) for edges in views)
 
     def may_hide_something(self) -> bool:
         """Whether the arm may hide something where it is; it does unless all is known to be in view."""
@@ -199,3 +197,9 @@ class Arm:
     def _is_under_way(self) -> bool:
         node = self._memory.get_node(self.running)
         return node is not None and is_under_way(node)
+
+
+def _likely_finds(sees: Edge) -> bool:
+    """Whether a camera rather recognises a thing than not."""
+    detectable: float = sees.get("detectable", 0.0)
+    return detectable >= 1.0 - detectable

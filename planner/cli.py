@@ -38,8 +38,8 @@ from planner.intentions import read_intentions
 from planner.waiting import known_names, may_appear, running_agents
 
 _POLL_PERIOD = 0.1  # s between two looks
-_ALONE = 5.0  # s without any other process of the graph until it counts as gone
-_TIDY_WITHIN = 20.0  # s that the planner may take to bring the arm to rest
+_ALONE = PlannerConfig().return_within  # s without any other process of the graph until it counts as gone
+_TIDY_WITHIN = 2.0 * PlannerConfig().halt_limit  # s that the planner may take to bring the arm to rest
 _PICTURES_PER_SECOND = 8  # Hz, of the picture in the terminal
 _MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from dataclasses import dataclass
 
 from dsr.errors import GraphError
@@ -10,8 +11,8 @@ from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.vocabulary.intentions import PREFIX, WANTED
 
-_AFTER_ALL = 1 << 31  # count, as which a name without a number counts
-_MOST_DIGITS = 10  # count of digits from which the number in an intention's name is not read as one
+_AFTER_ALL = sys.maxsize  # count, as which a name without a number counts
+_MOST_DIGITS = len(str(_AFTER_ALL))  # count of digits from which the number in a name is not read as one
 
 
 @dataclass(frozen=True)

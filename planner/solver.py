@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsr.clock import Clock, ManualClock
+from planner.config import PlannerConfig
 from planner.errors import PlanningError, SolverFailed, SolverMissing, Unsolvable
 
 PACKAGE = "up_fast_downward"
@@ -30,7 +31,6 @@ UNSOLVABLE = (10, 11)
 """Exit codes: the translator, or the search, has proved that there is no plan."""
 _COMPLETE = "; cost ="
 """Begins the last line of a plan file that was written to its end."""
-_PROBE_LIMIT = 20.0  # s
 _TAIL = 6  # lines of output in an error
 _CPU_MARGIN = 5  # s that the solver's own limit is above ours
 
@@ -48,7 +48,7 @@ def find_solver() -> Path:
 def probe() -> str:
     """Name and version, as the solver itself says. Raises `SolverMissing`, or `SolverFailed` if it does not start."""
     program = [sys.executable, str(find_solver()), "--version"]
-    found = subprocess.run(program, capture_output=True, text=True, timeout=_PROBE_LIMIT, check=False)
+    found = subprocess.run(program, capture_output=True, text=True, timeout=PlannerConfig().solver_limit, check=False)
     lines = found.stdout.splitlines()
     if found.returncode != 0 or not lines:
         raise SolverFailed(f"the solver does not start: {_tail(found.stdout + found.stderr)}")

@@ -55,7 +55,7 @@ class SimulationHandler(Agent):
         nodes=(*OBJECTS, *WRITTEN_NODES, WORLD_RECORD, WORLD),
         edges=("Virtual_RT", "on", "in", "sees", "grasping", "let_go", *WRITTEN_EDGES),
         attributes=(
-            *("plausible", "source", "since", "handling", "held_at", "probability", *SEEN),
+            *("plausible", "source", "since", "handling", "held_at", "lifted", "probability", *SEEN),
             *(WHEREABOUTS, "weight", "things", "note"),
             *("present", "explanation", "score", "alternatives", "changes", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),

@@ -22,6 +22,7 @@ from simulation_handler.explaining import ExplainingPolicy, Explanation, Visibil
 from simulation_handler.explaining.explainer import Explainer
 from simulation_handler.hands.fingers import Fingers
 from simulation_handler.hands.letting_go import LetGo
+from simulation_handler.hands.lifting import Lifting
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.correction import Correction
@@ -59,6 +60,7 @@ class Belief:
         self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
         self._touching = Touching(self._bodies, self._containment)
         self._fingers = Fingers(self._bodies, self._touching, self._containment)
+        self._lifting = Lifting(self._bodies)
         self._holding = HeldObjects(self._bodies)
         self._spilling = Spilling(self._bodies)
         policy = policy or make_policy(self.config)
@@ -159,6 +161,7 @@ class Belief:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
         self._holding.forget(name)
         self._touching.forget(name)
+        self._lifting.forget(name)
         self._bodies.remove(name)
         self._relations.forget(name)
         self._containment.forget(name)
@@ -222,6 +225,10 @@ class Belief:
         """How the last hold of each object ended that no human hand holds now, by (hand, object)."""
         return self._touching.let_go
 
+    def lifted(self) -> Mapping[str, float]:
+        """When (s) each object was last taken up from where it lay, by what holds it now or held it last."""
+        return self._lifting.lifted
+
     def explanations(self) -> list[tuple[float, Explanation]]:
         """Explanations since the last call, with the time (s) of each."""
         return self._explainer.take_news()
@@ -254,6 +261,8 @@ class Belief:
         self._spilling.update(self._containment.current(), self._containment.left, now)
         self._worlds.update(self.evidence())
         self._following.update()
+        places = {name: self.pose(name) for name in self._bodies.objects}
+        self._lifting.update({name: pose for name, pose in places.items() if pose is not None}, now)
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""

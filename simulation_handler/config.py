@@ -7,6 +7,7 @@ import msgspec
 from dsr.believing.worlds import MOST_WORLDS
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 from dsr.perception.noise import PerceptNoise
+from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE, SURE_SIGMAS
 
 
 class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
@@ -42,11 +43,11 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """m that the estimate of a resting object must change before its body is moved."""
     dead_band_angle: float = 0.005
     """rad that the estimate of a resting object must change before its body is turned."""
-    dead_sigmas: float = 2.5
+    dead_sigmas: float = SURE_SIGMAS
     """Standard deviations that the estimate of a resting object must change before its body is moved, while they are
     more than the dead band.
     """
-    divergence: float = 0.002
+    divergence: float = PLACE_FLOOR
     """m that physics may move a body from where perception put it; beyond, they disagree."""
     divergence_angle: float = 0.05
     """rad that physics may turn a body from where perception put it; beyond, they disagree."""
@@ -64,7 +65,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
 
     policy: str = "hypotheses"
     """Name of the method that explains surprises: by simulated hypotheses, or one that a package provides."""
-    surprise_distance: float = 0.010
+    surprise_distance: float = SAME_PLACE
     """m between percept and belief from which that is not noise but needs an explanation."""
     surprise_angle: float = 0.2
     """rad of rotation from the belief, from which an object needs an explanation."""

@@ -103,6 +103,9 @@ class Reasoner(Protocol):
     def let_go(self) -> Mapping[Relation, LetGo]:
         """How the last hold of each object ended that no human hand holds now, by (hand, object)."""
 
+    def lifted(self) -> Mapping[str, float]:
+        """When (s) each object was last taken up from where it lay, by what holds it now or held it last."""
+
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from functools import partial
 
 from dsr.agent import Access, Agent
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
@@ -15,14 +16,12 @@ from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
-from surprise.beliefs import Beliefs
+from surprise.beliefs import Beliefs, PastWhereabouts
 from surprise.config import SurpriseConfig
 from surprise.evidence import EvidenceTrack, Reason
 from surprise.expectation import Expectations
 from surprise.improbability import ATTRIBUTE, ImprobabilityWriter, LatelySeen, improbability, jump, silence
 from surprise.suspicion import Suspicion
-
-_OLDEST = 1.0  # s, percepts older than that when they are found say nothing any more
 
 
 class SurpriseDetector(Agent):
@@ -65,8 +64,9 @@ class SurpriseDetector(Agent):
     def _start_anew(self) -> None:
         """Forget all evidence, not the flags."""
         config = self.config
-        self._percepts = PerceptReader(self.memory, oldest=_OLDEST)
+        self._percepts = PerceptReader(self.memory, oldest=config.fresh)
         self._beliefs = Beliefs(self.memory, PoseTolerance(config.jump, config.jump_turn))
+        self._whereabouts = PastWhereabouts(self.memory)
         self._expectations = Expectations(self.memory, config)
         self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}
@@ -97,17 +97,17 @@ class SurpriseDetector(Agent):
                 self._judge_camera(camera, now)
             if not self._nats_due - self.config.nats_period <= now < self._nats_due:
                 self._nats_due = now + self.config.nats_period
+                self._whereabouts.note(now, names)
                 self._nats.update(self._improbabilities(objects, now, held))
         self._suspicions = {name: found for name, found in self._suspicions.items() if name in self.memory}
 
     def _improbabilities(self, objects: list[Node], now: float, held: set[str]) -> Iterator[tuple[str, float]]:
         """How improbable what is seen is, nats, of each thing, hand and camera."""
         for node in objects:
-            where = self.memory.belief(node.name)
+            tracks = [track for (_, name), track in self._tracks.items() if name == node.name and track.is_fresh(now)]
+            start = min((track.start(track.last_stamp) for track in tracks), default=now - self.config.fresh)
+            where = self._whereabouts.before(node.name, start, self._beliefs.since(node.name))
             if where is not None:
-                tracks = [
-                    track for (_, name), track in self._tracks.items() if name == node.name and track.is_fresh(now)
-                ]
                 expected = 0 if node.name in held else self._expectations.missed(node.name)
                 hidden = node.name not in held and self._expectations.impossible(node.name) is not None
                 yield node.name, improbability(where, LatelySeen(tracks, expected, hidden), self.config)
@@ -157,7 +157,8 @@ class SurpriseDetector(Agent):
             known = [belief for belief in (now, then if then is not now else None) if belief is not None]
             if known:
                 track = self._tracks.setdefault(percept[:2], EvidenceTrack(percept.camera, self.config))
-                track.add(percept.stamp, percept.pose, percept.eye, known)
+                before = partial(self._beliefs.before, percept.name)
+                track.add(percept.stamp, percept.pose, percept.eye, known, before)
 
     def _judge_object(self, node: Node, now: float, held: set[str]) -> None:
         name = node.name

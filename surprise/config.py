@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import msgspec
 
 from dsr.perception.noise import PerceptNoise
+from dsr.vocabulary.nats import MISSED_FRAME, MOST_MISSED
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -40,13 +42,13 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Percepts that must disagree alike ..."""
     window: Count = 5
     """... of the last so many."""
-    held_needed: Count = 6
+    held_needed: Count = 2 * needed
     """Percepts that must disagree alike for an object that the gripper holds or has just released."""
     held_window: Count = 8
     """count of its newest percepts that are looked at, while the gripper holds it or has just released it"""
     held_grace: NotNegative = 1.0
     """s after its release that an object counts as held"""
-    alike: Annotated[float, msgspec.Meta(ge=-1, le=1)] = 0.7
+    alike: Annotated[float, msgspec.Meta(ge=-1, le=1)] = math.sqrt(0.5)
     """Least cosine between disagreements that are alike ..."""
     close: Positive = 0.5
     """... and how far apart they may be, in lengths of the greater."""
@@ -62,12 +64,12 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
 
     all_seen: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.95
     """Share of its tag from which an object should be seen."""
-    nothing_seen: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.05
+    nothing_seen: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 1.0 - all_seen
     """Share up to which it cannot be seen."""
     unexpected_after: Positive = 0.5
     """s of camera frames that show other things but not what should be seen, or what cannot be"""
-    frames: Count = 4
-    """Least number of these frames."""
+    frames: Count = math.ceil(MOST_MISSED / MISSED_FRAME)
+    """Least number of these frames: with more, a thing that is missing is no more improbable."""
     silent_after: Positive = 1.5
     """s without any percept from a camera that should see something"""
     camera_speed: Positive = 0.01
@@ -82,7 +84,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     hand_noise: Positive = 0.015
     """m, standard deviation of each coordinate of a percept of a hand"""
 
-    calm_after: NotNegative = 0.5
+    calm_after: NotNegative = unexpected_after
     """s without contradiction, of an object that is not seen any more, after which it is not surprising"""
     fresh: Positive = 1.0
     """s for which a percept counts as new"""

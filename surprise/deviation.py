@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from surprise.config import SurpriseConfig
 Array = NDArray[np.float64]
 
 _EYE = np.eye(3)
-_NOTHING = 1e-9  # m or rad
+_NOTHING = math.sqrt(sys.float_info.epsilon)  # m or rad
 
 
 @dataclass(frozen=True)
@@ -50,11 +51,20 @@ class Deviation:
         return max(abs(z) / config.turn, math.hypot(x, y) / config.tilt)
 
 
-def compare(percept: Pose, eye: Vector3, belief: Pose, config: SurpriseConfig) -> Deviation:
+def compare(
+    percept: Pose, eye: Vector3, belief: Pose, config: SurpriseConfig, *, prior: Pose | None = None
+) -> Deviation:
     """Deviation of a percept from a belief (both world_from_object), seen from `eye` (m, world frame).
 
     Covariances are right perturbations in the object's frame; those of percept and belief add up, as the one is not
-    made of this percept alone. Standard deviations are those along the deviation itself, which needs no inverse.
+    made of this percept. Standard deviations are those along the deviation itself, which needs no inverse.
+
+    Args:
+        percept: with covariance, if it is known.
+        eye: of the camera.
+        belief: where the object is believed to be.
+        config: noise and limits.
+        prior: the belief before the percept, whose covariance counts; None: `belief` is of before.
     """
     difference = np.subtract(percept.t, belief.t)
     ray = _unit(np.subtract(percept.t, eye))
@@ -62,7 +72,7 @@ def compare(percept: Pose, eye: Vector3, belief: Pose, config: SurpriseConfig) -
     across = difference - depth * ray
     turn = np.array(quaternions.to_rotvec(quaternions.product(percept.q, quaternions.conjugate(belief.q))))
     place, rotation = _percept_noise(percept, ray, config)
-    believed_place, believed_rotation = _belief_noise(belief, config)
+    believed_place, believed_rotation = _belief_noise(belief if prior is None else prior, config)
     along = float(ray @ place @ ray)
     along = max(along - config.depth_bias**2, float(np.trace(place) - along) / 2)
     variance = along + config.depth_noise**2 + float(ray @ believed_place @ ray)

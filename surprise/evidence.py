@@ -1,13 +1,15 @@
 """Combines the last percepts of an object from one camera: they contradict the belief, or agree with it.
 
 Single wrong percepts never count: several of the last few must disagree in the same direction, the newest among them.
+They are one piece of evidence. How sure the belief was before all of it counts: a belief that contradictions have made
+unsure would excuse them.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from dsr.math3d.quaternions import Vector3
@@ -15,8 +17,6 @@ from dsr.math3d.transforms import Pose
 from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation, compare
 from surprise.limits import WAYS, Way, are_alike, describe, disagrees, exceeds, extent, vector
-
-_KEPT_DEVIATIONS = 8  # percepts, at least; more if the configuration looks at more
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ class DeviationSighting:
     eye: Vector3
     """m, of the camera in the world"""
     deviation: Deviation
+    prior: Pose
+    """world_from_object as believed before the evidence that the percept belongs to"""
 
 
 class EvidenceTrack:
@@ -48,9 +50,7 @@ class EvidenceTrack:
     def __init__(self, camera: str, config: SurpriseConfig) -> None:
         self._camera = camera
         self._config = config
-        self._sightings: deque[DeviationSighting] = deque(
-            maxlen=max(_KEPT_DEVIATIONS, config.window, config.held_window)
-        )
+        self._sightings: deque[DeviationSighting] = deque(maxlen=max(config.window, config.held_window))
         self._offset = 0.0  # m along the viewing ray, mean of the percepts that agree
         self._learned = 0  # percepts of which that is made
         self._contradictions: dict[bool, list[Reason]] = {}  # by whether it is held, until something changes
@@ -68,11 +68,33 @@ class EvidenceTrack:
         """The newest percepts, at most so many."""
         return list(self._sightings)[-count:]
 
-    def add(self, stamp: float, pose: Pose, eye: Vector3, beliefs: Sequence[Pose]) -> None:
-        """Take in a percept (world_from_object, seen from `eye`); of several beliefs, the one it fits best counts."""
+    def start(self, stamp: float) -> float:
+        """When the evidence begins that a percept of time `stamp` (s) belongs to, s: the first of these percepts.
+
+        Percepts belong together that are kept, and come without a pause.
+        """
+        for sighting in reversed(self._sightings):
+            if stamp - sighting.stamp > self._config.fresh:
+                break
+            stamp = sighting.stamp
+        return stamp
+
+    def add(
+        self, stamp: float, pose: Pose, eye: Vector3, beliefs: Sequence[Pose], before: Callable[[float], Pose | None]
+    ) -> None:
+        """Take in a percept.
+
+        Args:
+            stamp: of the percept, s.
+            pose: world_from_object as it is perceived.
+            eye: m, of the camera in the world.
+            beliefs: world_from_object as believed now and then; the one it fits best counts.
+            before: gives what was believed before a time (s): how sure that was counts.
+        """
         self._contradictions.clear()
-        deviation = self._least([compare(pose, eye, belief, self._config) for belief in beliefs])
-        self._sightings.append(DeviationSighting(stamp, pose, eye, deviation))
+        prior = self._prior(stamp, before) or beliefs[0]
+        deviation = self._least([compare(pose, eye, belief, self._config, prior=prior) for belief in beliefs])
+        self._sightings.append(DeviationSighting(stamp, pose, eye, deviation, prior))
         if not disagrees(deviation, self.bias, self._config):
             self._learned = min(self._learned + 1, self._config.learn_window)
             self._offset += (deviation.depth - self._offset) / self._learned
@@ -82,6 +104,7 @@ class EvidenceTrack:
         self._learned, self._offset = 0, 0.0
         self.belief_changed(belief)
         for sighting in list(self._sightings):
+            sighting.prior = belief
             if disagrees(sighting.deviation, None, self._config):
                 self._sightings.remove(sighting)
 
@@ -141,6 +164,17 @@ class EvidenceTrack:
     def bias(self) -> float | None:
         """m, the systematic error along the viewing ray; None until it is known."""
         return self._offset if self._learned >= self._config.learn_after else None
+
+    def _prior(self, stamp: float, before: Callable[[float], Pose | None]) -> Pose | None:
+        """What was believed before the evidence that a percept of time `stamp` (s) belongs to.
+
+        Evidence that the belief does not agree with is still the same when its first percepts are not kept any more.
+        """
+        start = self.start(stamp)
+        first = next((sighting for sighting in self._sightings if sighting.stamp == start), None)
+        if first is not None and disagrees(first.deviation, self.bias, self._config):
+            return first.prior
+        return before(start)
 
     def _least(self, deviations: Sequence[Deviation]) -> Deviation:
         return min(deviations, key=lambda deviation: deviation.extent(self._config))

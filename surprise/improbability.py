@@ -1,7 +1,8 @@
 """How improbable what was seen lately is under the whole belief, in nats: of things, hands and cameras, and of all.
 
 The belief about a thing is a set of alternatives with weights (`Memory.belief`). What is seen is as probable as it is
-under each, weighed. Nothing counts as less probable than that something nobody thought of has happened.
+under each, weighed. The belief of before counts: alternatives that percepts propose explain these percepts always.
+Nothing counts as less probable than that something nobody thought of has happened.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ class LatelySeen(NamedTuple):
 
 
 def improbability(where: Whereabouts, seen: LatelySeen, config: SurpriseConfig) -> float:
-    """How improbable what is seen of a thing is under the belief, nats: from 0 to `MOST_MISFIT`."""
+    """How improbable what is seen of a thing is, nats: from 0 to `MOST_MISFIT`.
+
+    `where` is the belief before the evidence that `seen` tells of.
+    """
     whole = sum(one.weight * math.exp(-_misfit(one, where.best, seen, config)) for one in where.alternatives)
     return max(-math.log(whole + math.exp(-MOST_MISFIT)), 0.0)
 

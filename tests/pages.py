@@ -44,7 +44,7 @@ _BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 QUICK = re.compile(
-    r"ls( --all)?|show \w+|tree|top|worlds|stamps( --clean)?|logs( --lines \d+)?|visibility"
+    r"ls( --all)?|show \w+|tree|top|worlds|parts|stamps( --clean)?|logs( --lines \d+)?|visibility"
     r"|relations( cube_3)?( --from camera_overhead)?( -r \w+)*( --json)?"
     r"|timeline( (-k|-p|--kind|--since|--type|--relation|--of) [\w:-]+| --json| --open)*|timeline recording\.mcap .*"
     r"|days( --on (\w+|\"[^\"]+\")| --timezone [\w/]+| --json)*"
@@ -60,8 +60,8 @@ QUICK = re.compile(
 )
 """Commands of `dsr` that end by themselves within about a second; all others are only parsed."""
 LOOKS = {
-    "ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "tell", "ask", "where", "days",
-    "what-if", "stamps",
+    "ls", "show", "tree", "top", "worlds", "parts", "relations", "visibility", "timeline", "tell", "ask", "where",
+    "days", "what-if", "stamps",
 }  # fmt: skip
 """Quick commands that change nothing: running one of them once is enough."""
 ALONE = re.compile(r"(new|scenario|security|bench|drivers|robots)\b.*")

@@ -90,7 +90,7 @@ LAYERS = (
     "dsr.connecting",
     "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher dsr.runtime.shared_process",
     "dsr.cli dsr.runtime.__main__",
-    "simulation_handler.config",
+    "simulation_handler.config simulation_handler.scales",
     "simulation_handler.shapes",
     "simulation_handler.physics",
     "simulation_handler.perception",

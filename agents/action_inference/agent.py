@@ -27,7 +27,8 @@ class ActionInference(Agent):
         nodes=(*THINGS, *SURFACES, *HOLDERS, "finger", "camera", "world", *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "grasping", "let_go", "has"),
         attributes=(
-            *("size", "perceived", "last_seen", "plausible", "present", "since", "mount", "probability", "handling"),
+            *("size", "perceived", "last_seen", "plausible", "present", "since", "mount"),
+            *("probability", "handling", "lifted"),
             *WRITTEN_ATTRIBUTES,
         ),
     )

@@ -1,10 +1,10 @@
 """The default policy: infers actions from motions, percepts and grasps, with actor and time.
 
-A thing is picked when it rises above where it lay, by its percepts or, while something holds it, by its belief; not
-when what it is in or on rises with it. It is held until whoever holds it lets go: it is placed then if it rests where
-it was let go, released if it has come down, unless it may have been put down where nobody saw it. A thing that is
-merely not seen has not been released. What is first seen in a hand is held too, wherever it was picked. What a camera
-sees that may have been bumped lifts nothing.
+A thing that something holds is picked when the belief says that it was taken up; any other when it rises above where
+it lay, by its percepts. It is not when what it is in or on rises with it. It is held until whoever holds it lets go:
+it is placed then if it rests where it was let go, released if it has come down, unless it may have been put down where
+nobody saw it. A thing that is merely not seen has not been released. What is first seen in a hand is held too,
+wherever it was picked. What a camera sees that may have been bumped lifts nothing.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class AttributedPolicy:
     def recall(self, action: Action) -> None:
         """A thing that was picked and not put down is still held."""
         track = self._track(action.thing)
-        track.held, track.by, track.recalled = action.kind == PICK, action.by, True
+        track.held, track.by, track.recalled, track.lifted = action.kind == PICK, action.by, True, action.time
 
     def _track(self, name: str) -> ThingTrack:
         if name not in self._tracks:
@@ -128,23 +128,26 @@ class AttributedPolicy:
         return sorted(snapshot.things, key=height)
 
     def _begin_of_hold(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> Inference | None:
-        """`Pick`, if it has been lifted."""
+        """`Pick`, if it has been taken up: as is believed of what something holds, else by its percepts."""
+        before = track.lifted
+        if thing.grasps and thing.lifted is not None:
+            track.lifted = max(before, thing.lifted)
         if self._is_carried(thing, snapshot):
             track.hovers_since = None
             if self._is_carried(thing, snapshot, surely=True):
                 track.seen.forget()
                 track.believed.forget()
             return None
-        if thing.grasps and track.believed.lies and track.believed.is_lifted:
-            return self._pick(thing, track, track.believed, snapshot)
+        if track.lifted > before:
+            return self._pick(thing, track, track.lifted, snapshot)
         is_doubted = thing.in_doubt or self._bumps.may_be(snapshot.now)
-        if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted:
+        if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted and not thing.grasps:
             if is_doubted:
                 if snapshot.now - track.seen.departed() > 2.0 * FOUND_OUT:
                     track.seen.forget()
                 return None
             if not track.returned or not thing.plausible:
-                return self._pick(thing, track, track.seen, snapshot)
+                return self._pick(thing, track, track.seen.departed(), snapshot)
             track.seen.forget()
         if not is_doubted:  # where it lay is what it will be compared with when the camera is put right
             self._lie(thing, track)
@@ -194,25 +197,24 @@ class AttributedPolicy:
                     waiting.append(name)
         return False
 
-    def _pick(self, thing: ObservedThing, track: ThingTrack, heights: Heights, snapshot: Snapshot) -> Inference:
-        time = min(heights.departed(), snapshot.now)
-        pose = thing.seen if heights is track.seen and thing.seen is not None else thing.believed
+    def _pick(self, thing: ObservedThing, track: ThingTrack, time: float, snapshot: Snapshot) -> Inference:
         by, confidence, why = UNKNOWN, _GUESSED, "it is lifted"
         if thing.grasps:
             by, why = thing.grasps[-1].holder, f"{thing.grasps[-1].holder} grasps and lifts it"
             confidence = _SURE * thing.grasps[-1].probability
-        elif pose is not None:
-            by = self._attribution.nearest(thing, pose, snapshot.now)
+        elif thing.seen is not None:
+            by = self._attribution.nearest(thing, thing.seen, snapshot.now)
             if by != UNKNOWN:
                 confidence, why = _LIKELY, f"it is lifted, and {by} is near"
         elif not thing.plausible:
             confidence = _LIKELY
         track.held, track.by, track.resting_since, track.returned, track.hidden = True, by, None, False, None
         track.last_grasp = snapshot.now if thing.grasps else None
-        return Inference(Action(time, PICK, thing.name, by), confidence, why)
+        return Inference(Action(min(time, snapshot.now), PICK, thing.name, by), confidence, why)
 
     def _end_of_hold(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> Inference | None:
         """`Place` or `Release`, if it has been let go."""
+        track.lifted = track.lifted if thing.lifted is None else max(track.lifted, thing.lifted)
         if thing.grasps:
             track.by, track.resting_since = thing.grasps[-1].holder, None
             return None

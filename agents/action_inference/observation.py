@@ -59,6 +59,8 @@ class ObservedThing:
     """Names of the containers of the thing."""
     grasps: tuple[ObservedGrasp, ...] = ()
     """Grasps of the thing, the newest last."""
+    lifted: float | None = None
+    """s, when what holds it, or held it last, took it up from where it lay, as is believed; None if nothing has"""
     let_go: ObservedEnd | None = None
     """How the last grasp by a hand ended; None while one grasps it, or if none is known to have"""
 

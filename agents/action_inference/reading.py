@@ -78,6 +78,7 @@ class SnapshotReader:
             believed=None if belief is None else belief.get("pose"),
             on=frozenset(edge.dst for edge in memory.edges("on", src=name)),
             inside=frozenset(edge.dst for edge in memory.edges("in", src=name)),
+            lifted=node.get("lifted"),
             grasps=tuple(sorted(grasps, key=lambda grasp: (grasp.since, grasp.holder))),
             let_go=max(ends, key=lambda end: (end.time, end.holder), default=None),
         )

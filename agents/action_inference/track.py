@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from agents.action_inference.heights import Height, Heights
@@ -24,6 +25,8 @@ class ThingTrack:
     """1, that who was last known to hold the thing does, by the belief"""
     how: str = Handling.FREE
     """What the hand that held the thing had to do with it in the end, if that is known"""
+    lifted: float = -math.inf
+    """s, the last time of being taken up, by the belief, that was taken in"""
     told: ObservedEnd | None = None
     """The end of the last hold that was taken in"""
     let_go: Height | None = None

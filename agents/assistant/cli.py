@@ -33,7 +33,7 @@ from dsr.cli.common import (
 from dsr.clock import WALL_CLOCK
 from dsr.config.extras import check_installed
 from dsr.connecting import connect
-from dsr.errors import ConfigError, TransportError
+from dsr.errors import ConfigError, TransportError, WireError
 from dsr.graph.access import Access, WriteGuard
 from dsr.memory import Memory
 from dsr.narration.calendar import zone_of
@@ -54,6 +54,8 @@ from dsr.vocabulary.proposed_acts import (
 
 if TYPE_CHECKING:
     from agents.assistant.server import ToolServer
+
+_log = logging.getLogger("agents.assistant")
 
 ASSISTANT = "assistant"
 """The agent as which a tool server takes part, in a secured graph too."""
@@ -205,7 +207,10 @@ def _is_wanted() -> bool:
 
 
 def _ask(memory: Memory, id: str) -> list[ProposedAct]:
-    """Ask the servers of this graph for one act, or what waits. Raises `TransportError` if none answers."""
+    """Ask the servers of this graph for one act, or what waits. Raises `TransportError` if none answers.
+
+    An answer that makes no sense, or is about another act, counts as none.
+    """
     answers: list[bytes] = []
     done = threading.Event()
     memory.transport.request(
@@ -213,10 +218,21 @@ def _ask(memory: Memory, id: str) -> list[ProposedAct]:
         lambda _key, payload: answers.append(payload), done.set, _PATIENCE,
     )  # fmt: skip
     WALL_CLOCK.wait(done, 2.0 * _PATIENCE)
-    if not answers:
+    told = [acts for payload in list(answers) if (acts := _acts_of(payload, id)) is not None]
+    if not told:
         what = f"proposed act {id!r}" if id else "tool server with --allow-actions"
         raise TransportError(f"no {what} in graph {memory.graph_name!r}")
-    return [act for payload in answers for act in decode_acts(payload)]
+    return [act for acts in told for act in acts]
+
+
+def _acts_of(payload: bytes, id: str) -> list[ProposedAct] | None:
+    """The acts of an answer to the question for one act, or for all with an empty id; None if it is no such answer."""
+    try:
+        acts = decode_acts(payload)
+    except WireError as error:
+        _log.warning("an answer about proposed acts is dropped: %s", error)
+        return None
+    return acts if not id or all(act.id == id for act in acts) else None
 
 
 def _decide(memory: Memory, act: ProposedAct, *, accept: bool) -> ProposedAct:

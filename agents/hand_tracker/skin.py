@@ -145,6 +145,7 @@ _KERNEL = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
 
 
 _UP_THE_FINGER = 2.0  # fingertip radii, to where the slope of a finger is measured
+_BEYOND = 2.0  # fingertip radii from a tip's centre, one of which is beyond the finger, to what may hide its end
 _MOST_BELOW = 2.5
 
 
@@ -218,11 +219,12 @@ class SkinFinder:
         return SeenHand(pose, tips, False, "unknown", SIGMA, turn, PALM_SIGMA, elbow is not None, outline)
 
     def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, intrinsics: Intrinsics) -> Array | None:
-        """(3,) m, of a fingertip; None if its depth is not known."""
+        """(3,) m, of a fingertip; None if its depth is not known, or if something in front of it hides its end."""
         radius = self._config.fingertip_radius
         pixels = radius * intrinsics.fx / distance
         there = depth_at(depth, tip.centre, 0.35 * pixels, mask)
-        if there is None:
+        beyond = depth_at(depth, tip.centre - _BEYOND * pixels * tip.inwards, 0.35 * pixels, ~mask)
+        if there is None or (beyond is not None and beyond < there - _JUMP):
             return None
         above = tip.centre + _UP_THE_FINGER * pixels * tip.inwards
         depth_above = depth_at(depth, above, 0.35 * pixels, mask)

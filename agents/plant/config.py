@@ -40,6 +40,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """s without a sign of life of the arm's controller after which a moving arm stops by itself: four ticks of the
     controller, so that it stops within 0.1 s; 0.0 for never"""
     camera_hz: float = 10.0
+    more_cameras: tuple[str, ...] = ()
+    """Names of cameras that deliver beside the scenario's: `overhead`, or `wrist` where the arm has one."""
     state_hz: float = 50.0
     truth_hz: float = 20.0
     renderer: RendererName = "auto"

@@ -7,6 +7,7 @@ from collections import deque
 
 import msgspec
 
+from agents.plant.camera import SimulatedCamera
 from agents.plant.config import PlantConfig
 from agents.plant.messages import (
     arm_command_key,
@@ -171,18 +172,23 @@ class Plant(Agent):
             self._publish_sight(stamp)
 
     def _publish_sight(self, stamp: float) -> None:
-        reality, camera = self._reality, self._reality.camera.name
+        reality = self._reality
         if (persons := reality.person_readings(stamp)) is not None:
             self.bus.publish(persons_key(self.keys), msgspec.msgpack.encode(persons), Qos.STREAM)
+        for camera in reality.delivering:
+            self._publish_view(camera, stamp)
+
+    def _publish_view(self, camera: SimulatedCamera, stamp: float) -> None:
+        reality = self._reality
         if self.config.sensor == "pixels":
-            self.bus.publish_bulk(frame_key(self.keys, camera), frame_chunks(reality.frame(stamp)))
+            self.bus.publish_bulk(frame_key(self.keys, camera.name), frame_chunks(reality.frame(stamp, camera)))
         elif self.config.sensor == "none":
-            reality.camera.seen_poses(reality.world)  # frames count all the same: a false percept lasts some
+            camera.seen_poses(reality.world)  # frames count all the same: a false percept lasts some
         else:
-            payload = msgspec.msgpack.encode(reality.readings(stamp))
-            self.bus.publish(readings_key(self.keys, camera), payload, Qos.STREAM)
-            if (hands := reality.hand_readings(stamp)) is not None:
-                self.bus.publish(hands_key(self.keys, camera), msgspec.msgpack.encode(hands), Qos.STREAM)
+            payload = msgspec.msgpack.encode(reality.readings(stamp, camera))
+            self.bus.publish(readings_key(self.keys, camera.name), payload, Qos.STREAM)
+            if (hands := reality.hand_readings(stamp, camera)) is not None:
+                self.bus.publish(hands_key(self.keys, camera.name), msgspec.msgpack.encode(hands), Qos.STREAM)
 
     def _keep_start(self, key: str, payload: bytes) -> None:
         self._start_message = payload

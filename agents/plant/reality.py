@@ -30,6 +30,7 @@ from agents.plant.stage import Stage
 from agents.plant.world import STEP, World
 from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, start_poses
 from agents.urdf_files import find_robot
+from dsr.errors import ConfigError, suggest
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.arms import ARM
@@ -115,22 +116,23 @@ class Reality:
             apart=self._separation.take(),
         )
 
-    def frame(self, stamp: float) -> Frame:
-        """Render the camera's images; only with the sensor `pixels`."""
+    def frame(self, stamp: float, camera: SimulatedCamera | None = None) -> Frame:
+        """Render the images of a camera, by default the scenario's; only with the sensor `pixels`."""
         assert self._renderer is not None
-        self.camera.in_view = recognisable(self.camera, self.world, self.hands)
+        camera = camera or self.camera
+        camera.in_view = recognisable(camera, self.world, self.hands)
         self.hands.draw()
-        return self.camera.photograph(self.world, self._renderer, stamp)
+        return camera.photograph(self.world, self._renderer, stamp)
 
-    def readings(self, stamp: float) -> TagReadings:
-        """Simulate the camera's readings of objects, as poses."""
-        return read_tags(self.camera, self.world, self.hands, stamp)
+    def readings(self, stamp: float, camera: SimulatedCamera | None = None) -> TagReadings:
+        """Simulate a camera's readings of objects, as poses; by default those of the scenario's camera."""
+        return read_tags(camera or self.camera, self.world, self.hands, stamp)
 
-    def hand_readings(self, stamp: float) -> HandReadings | None:
-        """Simulate the camera's readings of hands, as landmarks; None in a scenario without hands."""
+    def hand_readings(self, stamp: float, camera: SimulatedCamera | None = None) -> HandReadings | None:
+        """Simulate a camera's readings of hands, as landmarks; None in a scenario without hands."""
         if not self.has_hands:
             return None
-        return read_hands(self.camera, self.world, self.hands, self._hand_noise, stamp)
+        return read_hands(camera or self.camera, self.world, self.hands, self._hand_noise, stamp)
 
     def person_readings(self, stamp: float) -> PersonReadings | None:
         """Simulate the readings of the tracker of persons; None in a scenario without persons."""
@@ -159,6 +161,9 @@ class Reality:
         cameras = self._make_cameras(scenario, config, {"overhead": overhead, "wrist": wrist, "fixed": fixed})
         self.camera = cameras[scenario.camera_name]
         """The one that the scenario uses."""
+        more = (_camera(cameras, name) for name in config.more_cameras if name != self.camera.name)
+        self.delivering = (self.camera, *more)
+        """All that deliver, that one first."""
         numbers = {number for event in scenario.events if (number := getattr(event, "hand", None)) is not None}
         self.has_hands = bool(numbers)
         """Whether hands can come into the scene."""
@@ -185,6 +190,12 @@ class Reality:
             name: SimulatedCamera(name, intrinsics, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
             for name, mount in mounts.items()
         }
+
+
+def _camera(cameras: Mapping[str, SimulatedCamera], name: str) -> SimulatedCamera:
+    if name not in cameras:
+        raise ConfigError(f"more_cameras: no camera {name!r}; {suggest(name, cameras)}")
+    return cameras[name]
 
 
 def _make_arm(world: World, name: str, robot: RobotSpec, config: PlantConfig) -> SimulatedArm:

@@ -20,6 +20,7 @@ from agents.recorder.selection import DATA, GRAPH, IMAGES, MESHES, RecordSelecti
 from agents.recorder.thinning import Image, ImageThinner
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
+from dsr.network.keys import ALL, without_part
 
 ABOUT = "agents"
 """Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""
@@ -39,6 +40,7 @@ class Recorder(Agent):
     name = "recorder"
     rate_hz = 10.0
     reads: ClassVar[Access] = Access(nodes=("*",), edges=("*",), attributes=("*",))
+    interest = (ALL,)
     Config = RecorderConfig
     config: RecorderConfig
     _writer: RecordingWriter | None = None
@@ -121,7 +123,10 @@ class Recorder(Agent):
         self._report_losses()
 
     def _as_record(self, message: Message) -> RecordedMessage:
-        return RecordedMessage(message.stamp, message.key.removeprefix(self.keys.root + "/"), message.payload)
+        return RecordedMessage(message.stamp, self._topic(message.key), message.payload)
+
+    def _topic(self, key: str) -> str:
+        return without_part(key.removeprefix(self.keys.root + "/"))
 
     def _rotate(self, writer: RecordingWriter, now: float) -> RecordingWriter:
         """End the file and begin the next one. Raises `OSError`."""
@@ -208,7 +213,7 @@ class Recorder(Agent):
         return sorted([*small, *self._images.due(now)], key=lambda message: message.stamp)
 
     def _is_wanted(self, message: Message | Image) -> bool:
-        return self._selection.includes(message.key.removeprefix(self.keys.root + "/"), len(message.payload))
+        return self._selection.includes(self._topic(message.key), len(message.payload))
 
     def _tell_removed(self) -> None:
         if self._files.removed > self._told_removed:

@@ -92,8 +92,8 @@ class RecordSelection:
     def keys(self, keys: Keys) -> list[str]:
         """What to subscribe to, apart from blobs."""
         patterns = {
-            GRAPH: [keys.delta()],
-            STREAMS: [keys.stream()],
+            GRAPH: [keys.delta(), keys.of_all_parts(keys.delta())],
+            STREAMS: [keys.stream(), keys.of_all_parts(keys.stream())],
             "truth": [keys.truth()],
             "devices": [keys.device(name) for name in _DEVICES],
             "logs": [keys.log()],

@@ -13,7 +13,7 @@ from dsr.clock import ManualClock
 from dsr.errors import ConfigError, DsrError, WireError
 from dsr.graph.watch import Change
 from dsr.memory import Memory
-from dsr.network.keys import check_name
+from dsr.network.keys import ALL, check_name
 from dsr.network.local_transport import LocalNetwork
 
 RID = "replay"
@@ -129,7 +129,9 @@ class ReplayedGraph:
         self._clock = ManualClock(self.index.begin + self._time)
         transport = LocalNetwork(self._clock).connect(RID)
         name = _graph_name(self.index.metadata.get("graph", ""))
-        self._memory = Memory(name, RID, transport=transport, clock=self._clock, rid=RID, guard=_refuse)
+        self._memory = Memory(
+            name, RID, transport=transport, clock=self._clock, rid=RID, guard=_refuse, interest=(ALL,)
+        )
 
     def _take(self) -> TimedRecord | None:
         return next(self._records, None)

@@ -13,6 +13,7 @@ from agents.viewer.files import ViewFiles
 from agents.viewer.window import ServedView, ViewerWindow, WindowError
 from dsr.agent import Access, Agent
 from dsr.files.private_files import FOLDER_MODE
+from dsr.network.keys import ALL
 from dsr.vocabulary.replayed import replayed_key
 from dsr.vocabulary.scenario_start import start_key
 
@@ -33,6 +34,7 @@ class Viewer(Agent):
     rate_hz = 10.0
     libraries = ("rerun",)
     reads: ClassVar[Access] = Access(nodes=("*",), edges=("*",), attributes=("*",))
+    interest = (ALL,)
     Config = ViewerConfig
     config: ViewerConfig
 

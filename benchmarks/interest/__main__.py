@@ -4,6 +4,7 @@
     python -m benchmarks.interest --seed 17                   # one history again, made shorter if it fails
     python -m benchmarks.interest --mutants                   # each wrong design must be seen
     python -m benchmarks.interest --curves --json interest.json --plot interest.png
+    python -m benchmarks.interest --machines 1,2,5,10 --json machines.json --plot machines.png
 
 Exit 0 only if all is as it must be.
 """
@@ -34,6 +35,8 @@ def main() -> None:
     if options.curves:
         _curves(options.json, options.plot)
         right = True
+    elif options.machines:
+        right = _machines(options.machines, options.json, options.plot)
     elif options.mutants:
         right = _mutants()
     elif options.seed is not None:
@@ -88,6 +91,19 @@ def _curves(json: Path | None, plot: Path | None) -> None:
         draw(findings, plot)
 
 
+def _machines(numbers: str, json: Path | None, plot: Path | None) -> bool:
+    from benchmarks.interest.machines import measured_machines  # needs zenoh
+
+    rows = measured_machines([int(number) for number in numbers.split(",")], lambda text: print(text, flush=True))
+    if json is not None:
+        json.write_bytes(msgspec.json.format(msgspec.json.encode(rows)))
+    if plot is not None:
+        from benchmarks.interest.picture import draw_machines  # needs matplotlib
+
+        draw_machines(rows, plot)
+    return all(row["equal"] for row in rows)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.interest", description=(__doc__ or "").partition("\n")[0])
     what = parser.add_mutually_exclusive_group()
@@ -95,6 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--seed", type=int, help="run the history of this seed alone")
     what.add_argument("--mutants", action="store_true", help="look for a history that shows each wrong design")
     what.add_argument("--curves", action="store_true", help="measure what interest costs and spares")
+    what.add_argument("--machines", metavar="N,N", help="simulate so many machines behind a Zenoh router")
     parser.add_argument("--json", type=Path, help="write the curves to this file")
     parser.add_argument("--plot", type=Path, help="draw the curves into this file")
     return parser

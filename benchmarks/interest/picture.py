@@ -27,6 +27,25 @@ def draw(findings: Findings, file: Path) -> None:
     plt.close(figure)
 
 
+def draw_machines(rows: list[dict[str, Any]], file: Path) -> None:
+    """Draw what machines behind a router cost."""
+    figure, axes = plt.subplots(1, 3, figsize=(12.0, 3.8))
+    panels = (
+        ("bytes", 1e3, "link of a machine", "kB per second, both ways"),
+        ("received", 1.0, "messages with changes", "per second, of one robot"),
+        ("join", 1e3, "one more machine joins", "kB on its link"),
+    )
+    for place, (field, unit, title, label) in zip(axes, panels, strict=True):
+        for parted, told in ((False, "all hold all"), (True, "each robot holds three rooms")):
+            of_it = [row for row in rows if row["parted"] == parted]
+            place.plot([row["machines"] for row in of_it], [row[field] / unit for row in of_it], "o-", label=told)
+        place.set(title=title, xlabel="machines with two robots each", ylabel=label, ylim=(0, None))
+    axes[0].legend()
+    figure.tight_layout()
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
 def _join(axes: Any, joins: list[Join], field: str, label: str) -> None:
     axes.loglog([getattr(join, field) for join in joins], [join.received / 1e3 for join in joins], "o-")
     axes.set_ylim(bottom=10)

@@ -13,7 +13,7 @@ from dsr.crdt.store import Store
 from dsr.graph.schema import RECORDS
 from dsr.network.keys import WHOLE
 from dsr.parts.graph import PartedGraph
-from dsr.parts.store import parts_in, portion
+from dsr.replication.portions import parts_in, portion
 from dsr.replication.replica import Replica
 
 PARTS = ("kitchen", "hall", "lab")

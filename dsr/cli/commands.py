@@ -24,8 +24,9 @@ GROUP = "dsr.commands"
 OWN = {
     "new": "new", "run": "run", "stop": "background", "logs": "background", "halt": "halt",
     "ls": "inspect", "show": "inspect", "tree": "inspect", "relations": "relations",
-    "visibility": "visibility", "worlds": "worlds", "watch": "watch", "top": "top", "topology": "topology",
-    "diff": "diff", "what-if": "what_if", "save": "persist", "convert": "persist", "load": "load", "hub": "hub",
+    "visibility": "visibility", "worlds": "worlds", "parts": "parts", "watch": "watch", "top": "top",
+    "topology": "topology", "diff": "diff", "what-if": "what_if", "save": "persist", "convert": "persist",
+    "load": "load", "hub": "hub",
     "stamps": "stamps", "doctor": "doctor", "security": "security",
 }  # fmt: skip
 """Own commands in the order of the help, with the module beside this one that has each."""

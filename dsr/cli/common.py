@@ -20,8 +20,15 @@ from rich.table import Table
 from dsr.cli.completion import complete_graph, complete_world
 from dsr.cli.streams import make_console
 from dsr.clock import WALL_CLOCK
-from dsr.connecting import SECURITY, connect
-from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
+from dsr.connecting import SECURITY, asked_for, connect
+from dsr.errors import (
+    ConfigError,
+    NodeNotFoundError,
+    PartNotFoundError,
+    SchemaError,
+    TransportError,
+    WorldNotFoundError,
+)
 from dsr.files.private_files import FOLDER_MODE, write_json
 from dsr.graph.access import Access, WriteGuard
 from dsr.graph.schema import Schema
@@ -75,6 +82,8 @@ _LARGE = 1e6
 _POSE_DECIMALS = 6
 """Of the numbers of a pose: to 1e-6 m, and of its quaternion to 2e-6 rad."""
 
+_MOST_PARTS = 5
+"""Names of parts in a hint"""
 DELIVERY_PATIENCE = 10.0
 """s that all others get to tell that they have what a command wrote."""
 
@@ -92,21 +101,40 @@ def naming() -> Iterator[None]:
     """Within it, a name that the system or the schema does not know is wrong input: raises `ConfigError` instead."""
     try:
         yield
-    except (NodeNotFoundError, SchemaError, WorldNotFoundError) as error:
+    except (NodeNotFoundError, PartNotFoundError, SchemaError, WorldNotFoundError) as error:
         raise ConfigError(str(error)) from error
 
 
 @contextlib.contextmanager
-def reading(graph: str | None, router: str | None, security: Path | None, world: str = BASE) -> Iterator[Memory]:
-    """A replica of a world of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
+def reading(
+    graph: str | None, router: str | None, security: Path | None, world: str = BASE, *, hints: bool = True
+) -> Iterator[Memory]:
+    """A replica of a world of the running graph, that writes nothing. Raises `ConfigError` if there is none.
+
+    Of the parts of the graph it holds those that `dsr --interest` names; `hints` tell which ones it does not.
+    """
     name = joinable(graph, router)
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
-    with connect(name, agent="dsr", connect=routers, guard=guard, security=security, must_exist=False) as memory:
+    with connect(
+        name, agent="dsr", connect=routers, guard=guard, security=security, must_exist=False, interest=()
+    ) as memory:
         check_company(memory, router)
         with naming():
+            memory.hold_part(*(asked_for() or ()))
             opened = memory.world(world)
+        if hints:
+            _tell_parts_beyond(memory)
         yield opened
+
+
+def _tell_parts_beyond(memory: Memory) -> None:
+    """Say on standard error which parts of the graph are not held."""
+    beyond = [info.name for info in memory.parts() if info.name not in memory.interest]
+    if beyond:
+        listed = ", ".join(beyond[:_MOST_PARTS]) + (", ..." if len(beyond) > _MOST_PARTS else "")
+        text = f"without {counted(len(beyond), 'part')} of the graph: {listed} (dsr --interest '*', or some of them)"
+        errors.print(shown(text), style="dim", soft_wrap=True)
 
 
 @contextlib.contextmanager
@@ -121,8 +149,7 @@ def writing(graph: str | None, router: str | None, security: Path | None, agent:
     with connect(name, agent=agent, connect=[router] if router else (), security=security, must_exist=False) as memory:
         check_company(memory, router)
         yield memory
-        sync = memory.replica.synchroniser
-        if not memory.replica.wait_until(lambda: sync.delivered, DELIVERY_PATIENCE):
+        if not memory.replica.wait_until(lambda: memory.delivered, DELIVERY_PATIENCE):
             raise TransportError(f"not all of {', '.join(memory.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 
@@ -139,7 +166,7 @@ def opened(memory: Memory, name: str) -> Iterator[Memory]:
     except WorldNotFoundError as error:
         raise ConfigError(str(error)) from error
     yield world
-    if not world.replica.wait_until(lambda: world.replica.synchroniser.delivered, DELIVERY_PATIENCE):
+    if not world.replica.wait_until(lambda: world.delivered, DELIVERY_PATIENCE):
         raise TransportError(f"not all of {', '.join(world.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 

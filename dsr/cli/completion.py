@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,8 +58,12 @@ def _joined(context: typer.Context) -> Iterator[Memory]:
     from dsr.graph.access import Access, WriteGuard
 
     guard, security = WriteGuard("dsr", Access()), context.params.get("security")
-    with connect(graph, agent="dsr", guard=guard, timeout=_PATIENCE, security=security, must_exist=False) as memory:
-        yield memory
+    logging.disable()  # a line between the words that somebody types would be in the way
+    try:
+        with connect(graph, agent="dsr", guard=guard, timeout=_PATIENCE, security=security, must_exist=False) as memory:
+            yield memory
+    finally:
+        logging.disable(logging.NOTSET)
 
 
 def complete_log(context: typer.Context, incomplete: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from importlib.metadata import version
 from typing import Annotated
@@ -35,6 +36,10 @@ def _show_version(asked: bool) -> None:
 @app.callback()
 def options(
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and debug logs.")] = False,
+    interest: Annotated[
+        str | None,
+        typer.Option("--interest", metavar="PARTS", help="Parts of the graph to hold, as kitchen,hall; '*' for all."),
+    ] = None,
     _version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
@@ -43,10 +48,14 @@ def options(
     from rich.logging import RichHandler
 
     from dsr.cli.common import errors
+    from dsr.connecting import INTEREST, interest_of
     from dsr.runtime.logs import PlainFormatter
 
     global _debug  # noqa: PLW0603
     _debug = debug
+    if interest is not None:
+        interest_of(interest)
+        os.environ[INTEREST] = interest  # for the processes that a command starts, too
     handler: logging.Handler = logging.StreamHandler()
     handler.setFormatter(PlainFormatter("%(levelname)-8s %(message)s"))
     if errors.is_terminal:  # as wide as it is: lines fill it

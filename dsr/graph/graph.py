@@ -422,8 +422,8 @@ class Graph(Stamping):
             elif self._is_dead(entry):
                 del self._unattached[dot]
                 self._bury([entry])
-            elif any(part_of(rid) for rid, _ in (*entry.sources, *entry.destinations)):
-                del self._unattached[dot]  # it waits for a part of the graph that is not held here (see dsr/parts)
+            elif all(part_of(end[0]) or self.is_known(end) for end in entry.sources + entry.destinations):
+                del self._unattached[dot]  # it waits for a part of the graph alone, which is not held here (dsr/parts)
 
     def _bury(self, dead: list[Incarnation]) -> None:
         """Drop edges that no replica can ever show again, so that state does not grow with history."""

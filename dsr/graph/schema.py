@@ -377,6 +377,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("float", "m", {"target_opening": "wanted distance between the finger pads"}),
     *_attributes("float", "m", {"opening": "distance between the finger pads"}, stream=True),
     *_attributes("float", "s", {"since": "when it began", "time": "when it happened", "begin": "when a situation began",
+                                "lifted": "when what holds it, or held it last, took it up from where it lay",
                                 "end": "when a situation ended; absent while it lasts"}),
     *_attributes("float", "", {"confidence": "that it is so, 0 to 1",
                                "probability": "that it is so by the weighted worlds of the belief, 0 to 1",

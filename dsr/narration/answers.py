@@ -33,6 +33,7 @@ _ANSWERS: dict[str, Callable[[Moment, Query], Response]] = {
     "why_state": retrospect.why_state, "why_moved": retrospect.why_moved, "happened": deeds.happened,
     "who_did": deeds.who_did, "did_any": deeds.did_any, "was_done": deeds.was_done, "surprises": deeds.surprises,
     "any_so": present.any_so, "what_unseen": properties.what_unseen, "sure": properties.sure,
+    "where_else": properties.where_else,
     "closest": properties.closest, "property": properties.property_of, "distance": properties.distance,
     "was_so": present.was_so, "any_sees": present.any_sees, "is_empty": present.is_empty,
     "any_state": properties.which_state, "which_state": properties.which_state, "unmoved": staying.unmoved,

@@ -299,13 +299,14 @@ def _part(words: list[re.Match[str]], index: int, has_day: bool) -> _Read:
 
 
 def _clock(words: list[re.Match[str]], index: int, has_day: bool) -> tuple[_Clock, int] | None:
-    """`at 3 pm`, `at 15:30`, `at noon`, `between 3 and 4 pm`, `after 3 pm`."""
+    """`at 3 pm`, `at 15:30`, `at noon`, `between 3 and 4 pm`, `after 3 pm`; behind `since` also `3 pm`."""
     word = _at(words, index)
     if word in ("between", "from"):
         return _range(words, index + 1, ("and",) if word == "between" else ("to", "until", "till"), has_day)
-    if word not in ("at", "around", "about", "after", "before"):
+    is_led = word in ("at", "around", "about", "after", "before")
+    if not is_led and (index == 0 or _at(words, index - 1) != "since"):
         return None
-    read = _hour(words, index + 1)
+    read = _hour(words, index + is_led)
     if read is None or not read[1]:
         return None
     hour, _, end = read

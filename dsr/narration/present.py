@@ -234,15 +234,17 @@ def any_sees(moment: Moment, query: Query) -> Response:
 
 
 def what_sees(moment: Moment, query: Query) -> Response:
-    """Which things a person, a camera or the robot sees."""
-    if is_robot(query.things[0]):
-        seen = [node for node in moment.memory.nodes(THINGS) if is_seen(node, moment.now)]
-        told = [place_of_thing(moment, node) for node in sorted(seen, key=lambda node: node.name)]
-        names = [one.names[0] for one in told]
-        return understood(f"The robot sees {listed(names) or 'none of the things'}.", told, names=names)
-    viewer = node_of(moment, query.things[0])
-    statement = sight_of(moment, viewer)
-    return understood(statement.text, [statement], names=statement.names[1:])
+    """Which things, all or those of a kind, a person, a camera or the robot sees."""
+    viewer = query.things[-1]
+    kind = nodes_called(moment, query.things[0] if len(query.things) > 1 else "thing")
+    if not is_robot(viewer):
+        statement = sight_of(moment, node_of(moment, viewer))
+        wanted = {node.name for node in kind}
+        names = [name for name in statement.names[1:] if len(query.things) == 1 or name in wanted]
+        return understood(statement.text, [statement], names=names)
+    told = [place_of_thing(moment, node) for node in kind if node.type in THINGS and is_seen(node, moment.now)]
+    names = [one.names[0] for one in told]
+    return understood(f"The robot sees {listed(names) or 'none of them'}.", told, names=names)
 
 
 def hides(moment: Moment, query: Query) -> Response:

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
 from dsr.frames.tree import BELIEVED, WORLD
+from dsr.graph.elements import Node
 from dsr.narration.answer import Response, joined, understood
+from dsr.narration.chances import chances_of_thing
 from dsr.narration.naming import is_robot, node_of, nodes_called
 from dsr.narration.places import place_of_thing
 from dsr.narration.questions import Query
@@ -11,8 +17,48 @@ from dsr.narration.statements import Basis, Moment, Statement, Subject, is_seen
 from dsr.vocabulary.relations import THINGS, is_present
 from dsr.vocabulary.sentences import listed
 
-_AS_HIGH = 0.01
-"""m between the heights of two things that count as equally high: what percepts are off by"""
+_ALIKE = 0.01
+"""m between two heights or lengths that count as the same: what percepts are off by"""
+
+
+class _Measure(NamedTuple):
+    """What the highest, the largest, the heaviest of some things has most of, or least."""
+
+    of: Callable[[Moment, Node], float | None]
+    """Its value for a thing, in m or kg; None if that is not known."""
+    told: str
+    """What is said of that thing."""
+    unknown: str
+    """What is not known if it is of no thing."""
+    alike: float
+    """Values that differ less count as the same, m or kg."""
+    is_least: bool = False
+    """Whether the least is asked for."""
+
+
+def _height(moment: Moment, node: Node) -> float | None:
+    pose = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
+    return None if pose is None else pose.t[2]
+
+
+def _diagonal(moment: Moment, node: Node) -> float | None:
+    size = node.get("size")
+    return None if size is None else math.hypot(*size)
+
+
+def _mass(moment: Moment, node: Node) -> float | None:
+    mass: float | None = node.get("mass")
+    return mass
+
+
+_MEASURES = {
+    "top": _Measure(_height, "highest", "where", _ALIKE),
+    "bottom": _Measure(_height, "lowest", "where", _ALIKE, is_least=True),
+    "largest": _Measure(_diagonal, "largest", "how large", _ALIKE),
+    "smallest": _Measure(_diagonal, "smallest", "how large", _ALIKE, is_least=True),
+    "heaviest": _Measure(_mass, "heaviest", "how heavy", 0.0),
+    "lightest": _Measure(_mass, "lightest", "how heavy", 0.0, is_least=True),
+}
 
 
 def property_of(moment: Moment, query: Query) -> Response:
@@ -47,6 +93,15 @@ def sure(moment: Moment, query: Query) -> Response:
     return understood(f"{how}{known} {told.text}", [told], verdict=told.basis is Basis.PERCEIVED)
 
 
+def where_else(moment: Moment, query: Query) -> Response:
+    """Where else than it is believed to be a thing could be, and whether it could."""
+    node = node_of(moment, query.things[0])
+    place, chances = place_of_thing(moment, node), chances_of_thing(moment, node)
+    if chances is not None:
+        return understood(chances.text, [chances], verdict=True)
+    return understood(f"No other place is probable. {place.text}", [place], verdict=False)
+
+
 def closest(moment: Moment, query: Query) -> Response:
     """The thing whose centre is closest to that of another, as believed."""
     node = node_of(moment, query.things[-1])
@@ -76,17 +131,17 @@ def distance(moment: Moment, query: Query) -> Response:
 
 
 def extreme(moment: Moment, query: Query) -> Response:
-    """Which thing of a kind is highest or lowest, as believed; several where they are about as high."""
+    """Which thing of a kind is highest, lowest, largest, ...; several where nobody could tell them apart."""
+    measure = _MEASURES[query.word]
     kind = next((asked for asked in query.things if nodes_called(moment, asked)), "thing")
     present = [node for node in nodes_called(moment, kind) if is_present(node)]
-    poses = {node.name: moment.memory.get_transform(WORLD, node.name, types=BELIEVED) for node in present}
-    heights = {name: pose.t[2] for name, pose in poses.items() if pose is not None}
-    if not heights:
-        return understood("Nobody knows where any of them is.")
-    last = (max if query.word == "top" else min)(heights.values())
-    names = sorted(name for name, height in heights.items() if abs(height - last) < _AS_HIGH)
+    values = {node.name: value for node in present if (value := measure.of(moment, node)) is not None}
+    if not values:
+        return understood(f"Nobody knows {measure.unknown} any of them is.")
+    last = (min if measure.is_least else max)(values.values())
+    names = sorted(name for name, value in values.items() if abs(value - last) <= measure.alike)
     told = [place_of_thing(moment, moment.memory.node(name)) for name in names]
-    text = f"{listed(names)} {'is' if len(names) == 1 else 'are'} {'highest' if query.word == 'top' else 'lowest'}."
+    text = f"{listed(names)} {'is' if len(names) == 1 else 'are'} {measure.told}."
     return understood(f"{text} {joined(told)}", told, names=names)
 
 

@@ -26,7 +26,8 @@ _POLITE = re.compile(
 """What people say before a question that asks for nothing."""
 _FILLERS = re.compile(
     r"(?<![\w.\-])(please|still|just|actually|exactly|really|already|again|right(?= now)|any ?more|any longer"
-    r"|at all|at the moment|yet|back(?= (on|in|at|under|to)\b)|most recently(?= )|perhaps|maybe)(?![\w.\-])"
+    r"|at all|at the moment|yet|earlier(?= \w)"
+    r"|back(?= (on|in|at|under|to)\b)|most recently(?= )|perhaps|maybe)(?![\w.\-])"
 )
 """Words that change nothing in a question about what is so."""
 _SHORT = (
@@ -54,7 +55,7 @@ _AND = re.compile(
 """Between two questions in one."""
 _SIDES = ("behind", "front", "left", "right")
 _QUANTIFIERS = {"SOME_OF": "any", "ALL_OF": "all"}
-_ENDS = ("TOP", "BOTTOM")
+_EXTREMES = ("TOP", "BOTTOM", "LARGEST", "SMALLEST", "HEAVIEST", "LIGHTEST")
 _PROPERTIES = ("COLOUR", "LARGE", "HEAVY")
 _BODIES = ("anyone", "anybody", "someone", "somebody", "nobody")
 _IT = ("it", "they", "them")
@@ -151,7 +152,7 @@ def _plain(text: str) -> str:
     untagged = _TAG.sub("", plain)
     if untagged != plain:
         untagged = _TOLD.sub(r"\2 \1 \3", untagged)
-    plain = " ".join(_FILLERS.sub(" ", _POLITE.sub("", untagged)).split())
+    plain = " ".join(_FILLERS.sub(" ", _POLITE.sub("", untagged)).split()).rstrip(".!? ")
     plain = _NOT_SO.sub(r"\1 ", plain)
     return _YOU.sub("the robot", plain)
 
@@ -302,11 +303,14 @@ def _query(rule: str, children: list[Any]) -> Query:
     if rule == "any_so" and any(isinstance(child, Token) and str(child) in _BODIES for child in children):
         word = "body"
     if rule == "extreme":
-        word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _ENDS)
+        word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _EXTREMES)
     if rule == "property":
         word = next(child.type.lower() for child in children if isinstance(child, Token) and child.type in _PROPERTIES)
     things = (*_names(children), *(name for change in changes for name in change.things))
-    return Query(kind=rule, things=things, relation=parts.get("relation", ""), word=word)
+    relation = parts.get("relation", "")
+    if any(isinstance(child, Token) and child.type == "CONTAIN" for child in children):
+        relation, things = "in", things[::-1] if rule == "is_so" else things
+    return Query(kind=rule, things=things, relation=relation, word=word)
 
 
 def _names(children: list[Any]) -> tuple[str, ...]:

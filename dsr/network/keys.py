@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 
 from dsr.errors import ConfigError
@@ -13,6 +14,8 @@ BASE = "base"
 """The world that a system is launched with: its graph."""
 WHOLE = ""
 """The part of the base that each process holds: what is in no other part."""
+ALL = "*"
+"""Stands in an interest for all parts that are listed, and those that will be."""
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 _PART = re.compile(r"[A-Za-z0-9_]{1,64}")
 
@@ -43,6 +46,12 @@ def check_part(name: str) -> str:
     return name
 
 
+def check_interest(names: Iterable[str]) -> tuple[str, ...]:
+    """The names of an interest, each once. Raises `ConfigError` for one that no part has; `ALL` stands for all."""
+    listed = (names,) if isinstance(names, str) else tuple(dict.fromkeys(names))
+    return tuple(name if name == ALL else check_part(name) for name in listed)
+
+
 @lru_cache(maxsize=1 << 14)
 def part_of(rid: str) -> str:
     """The part of the graph to which all dots of replica `rid` belong; `WHOLE` for a replica of the base itself.
@@ -58,6 +67,11 @@ def part_rid(rid: str, part: str, number: int) -> str:
     """The id under which the process of replica `rid` takes part in `part`, for the time with this `number`."""
     nonce = hashlib.blake2b(f"{rid}/{part}/{number}".encode(), digest_size=4).hexdigest()
     return f"{agent_of(rid)}-{part}.{nonce}"
+
+
+def without_part(topic: str) -> str:
+    """A topic below the graph's root without the part of the graph to which it belongs: replica ids name that, too."""
+    return topic.split("/", 2)[2] if topic.startswith("part/") and topic.count("/") > 1 else topic
 
 
 def descriptor_key(key: str) -> str:
@@ -83,10 +97,16 @@ class Keys:
         """Root of what replicas tell each other."""
         if part:
             self.state = f"{self.root}/part/{check_part(part)}"
+        self.part = part if world == BASE else None
+        """The part of which all dots are that travel under these keys; None in a world, which has dots of any part."""
 
     def delta(self, rid: str = "*") -> str:
         """Durable changes of replica `rid`."""
         return f"{self.state}/d/{rid}"
+
+    def of_all_parts(self, pattern: str) -> str:
+        """A pattern of this class for what is in no part, as the pattern for all parts of the graph."""
+        return f"{self.root}/part/*/{pattern.removeprefix(f'{self.root}/')}"
 
     def stream(self, rid: str = "*") -> str:
         """Bundles of high-rate values of replica `rid`."""

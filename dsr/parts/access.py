@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from dsr.clock import Clock
 from dsr.errors import PartError
@@ -11,6 +11,7 @@ from dsr.graph.schema import PART_RECORD, Schema, checked_names
 from dsr.network.keys import check_part, part_of
 from dsr.parts.held import HeldParts, not_parted
 from dsr.parts.registry import PartInfo, node_name, to_attribute
+from dsr.replication.replica import Replica
 
 TIMEOUT = 5.0
 """s within which others must hand on a part that is held."""
@@ -44,7 +45,7 @@ class PartAccess:
 
         Args:
             name: letters, digits and `_`.
-            types: node types of which new nodes are made in this part, unless another one is named.
+            types: node types of which those who hold the part make new nodes in it, unless they name another one.
             exist_ok: hold the part if it is listed, with the types that it has.
 
         Raises:
@@ -65,28 +66,41 @@ class PartAccess:
         self.write_record(node_name(name), PART_RECORD, to_attribute(info))
         held.begin(name)
 
-    def hold_part(self, *names: str, timeout: float = TIMEOUT) -> None:
+    def hold_part(self, *names: str, timeout: float = TIMEOUT, unlisted: bool = False) -> None:
         """Ask for parts, and wait until they are complete; of parts that nobody holds, what begins here.
 
+        "*" asks for all parts that are listed, and for those that will be, until one is left.
+        With `unlisted`, parts are held that nobody has listed yet.
         Without threads and with slow messages they may be complete only after further polls: see `joined`.
 
         Raises:
             PartNotFoundError: for a part that is not listed.
             TransportError: if those who hold one do not answer within `timeout` s.
         """
-        self._parts("hold_part").hold(names, timeout)
+        self._parts("hold_part").hold(names, timeout, unlisted=unlisted)
 
     def leave_part(self, *names: str) -> None:
         """Hold parts no more: what is in them goes out of sight here, and nowhere else.
 
-        What nobody else holds is lost. Raises `PartError` for a part that is not held.
+        What nobody else holds is lost. Who held all parts holds none any more that others list later. Raises
+        `PartError` for a part that is not held.
         """
         held = self._parts("leave_part")
         for name in names:
-            if name not in held.replicas:
-                raise PartError(f"part {name!r} is not held here; held: {', '.join(self.interest) or 'none'}")
+            self.part_replica(name)
         for name in names:
             held.leave(name)
+
+    def part_replica(self, name: str) -> Replica:
+        """The replica of a part that is held here. Raises `PartError`."""
+        replica = self._parts("part_replica").replicas.get(name)
+        if replica is None:
+            raise PartError(f"part {name!r} is not held here; held: {', '.join(self.interest) or 'none'}")
+        return replica
+
+    def hold_kept_parts(self, names: Iterable[str], restore: Callable[[str], object]) -> None:
+        """Hold parts, of which `restore` puts in what was kept; for who keeps the graph. Raises `TransportError`."""
+        self._parts("hold_kept_parts").hold_kept(names, restore, TIMEOUT)
 
     def part(self, element: Node | Edge) -> str:
         """Name of the part that an element is in, that of its creation; empty if it is in none.

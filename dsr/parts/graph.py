@@ -23,7 +23,8 @@ from dsr.graph.schema import Schema
 from dsr.graph.watches import Watches
 from dsr.network.keys import WHOLE, part_of
 from dsr.parts.changes import Changes
-from dsr.parts.store import PartStore, parts_in, portion
+from dsr.parts.store import PartStore
+from dsr.replication.portions import parts_in, portion
 
 
 class PartGraph(Graph):
@@ -61,7 +62,7 @@ class PartedGraph(Graph):
         rid: id of the replica of the base.
         schema: the vocabulary; the built-in one if None.
         watches: those over all of it.
-        part_for: tells the part in which new nodes of a type are made.
+        claiming: tells which parts claim new nodes of a type, see `PartList.claiming`.
     """
 
     store: PartStore
@@ -71,7 +72,7 @@ class PartedGraph(Graph):
         rid: str,
         schema: Schema | None = None,
         watches: Watches | None = None,
-        part_for: Callable[[str], str] = lambda type: WHOLE,
+        claiming: Callable[[str], Iterable[str]] = lambda type: (),
     ) -> None:
         super().__init__(rid, schema, watches)
         self.store = PartStore(self, {}, WHOLE)
@@ -79,7 +80,7 @@ class PartedGraph(Graph):
         """Those that are held beside the base, by name."""
         self.leaving: set[str] = set()
         """Those into which nothing is written any more."""
-        self.part_for = part_for
+        self._claiming = claiming
         self.may_bury: Callable[[Incarnation], bool] = lambda entry: True
         """Tells whether others accept it if this process removes an edge of which an end is gone."""
         self.check_part: Callable[[str], None] | None = None
@@ -238,7 +239,7 @@ class PartedGraph(Graph):
             if part is not None and part not in {part_of(rid) for rid, _ in there.created}:
                 raise PartError(f"node {name!r} is in {_said(self.part(name))}, not in {_said(part)}; remove it first")
             return super().add_node(name, type, attributes, now)
-        member = self._member(self.part_for(type) if part is None else part)
+        member = self._home_for(type) if part is None else self._member(part)
         if member is self:
             return super().add_node(name, type, attributes, now)
         self.schema.check_node(name, type)
@@ -258,6 +259,10 @@ class PartedGraph(Graph):
 
     def _home(self, key: Key) -> Graph:
         return self._member(self.part(key))
+
+    def _home_for(self, type: str) -> Graph:
+        """Where new nodes of a type are made: in the first part that claims them, is held, and may be written to."""
+        return next((self.parts[part] for part in self._claiming(type) if self._may_write(part)), self)
 
     def _commit(self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float) -> Delta:
         """See `Graph._commit`; each write is by the replica of the part of what it is written to."""
@@ -308,7 +313,7 @@ class PartedGraph(Graph):
         add = None
         if element is None:
             ends = [] if isinstance(key, str) else [self._ends_at(name) for name in key[:2]]
-            home = self._member(self.part_for(type)) if isinstance(key, str) else self._home(key[0])
+            home = self._home_for(type) if isinstance(key, str) else self._home(key[0])
             add = Add(home.new_dot(), key, type, *ends)
         changes = Changes(self._member, [add] if add else [])
         owners = self._entries_of(key, add)
@@ -345,9 +350,15 @@ class PartedGraph(Graph):
         """See `Graph.entry_removed`."""
         if not isinstance(entry.key, str):
             self._condemned.pop(entry.dot, None)
-            for part in self._parts_beyond(entry):
-                self._beyond.get(part, {}).pop(entry.dot, None)
+            self._wait_no_more(entry)
         super().entry_removed(entry)
+
+    def _wait_no_more(self, entry: Incarnation) -> None:
+        """Forget that an edge waits for parts; of a part for which nothing waits no trace is left."""
+        for part in self._parts_beyond(entry):
+            waiting = self._beyond.get(part)
+            if waiting is not None and waiting.pop(entry.dot, None) is not None and not waiting:
+                del self._beyond[part]
 
     def _has_ends(self, entry: Incarnation) -> bool:
         element = self.element
@@ -362,17 +373,29 @@ class PartedGraph(Graph):
         return {part_of(rid) for rid, _ in (*entry.sources, *entry.destinations)} - {part_of(entry.dot[0])}
 
     def _attach_or_bury(self) -> None:
-        """See `Graph._attach_or_bury`; edges that wait for other parts are set aside until those are held."""
+        """See `Graph._attach_or_bury`; edges that wait for other parts alone are set aside until those are held.
+
+        An edge of which an end is still to come in a part that is held is not set aside. That end may turn out to be
+        removed, which nobody would tell the edge.
+        """
         for dot, entry in list(self._unattached.items()):
             if self._has_ends(entry) or self.element(dot) is None:
                 del self._unattached[dot]
             elif self._is_dead(entry):
                 del self._unattached[dot]
                 self._bury([entry])
-            elif missing := [part for part in self._parts_beyond(entry) if part != WHOLE and part not in self.parts]:
+            elif (missing := self._parts_missing(entry)) and self._is_settled(entry, missing):
                 del self._unattached[dot]
                 for part in missing:
                     self._beyond.setdefault(part, {})[dot] = entry
+
+    def _parts_missing(self, entry: Incarnation) -> set[str]:
+        """The parts of an edge's ends that are not held."""
+        return {part for part in self._parts_beyond(entry) if part != WHOLE and part not in self.parts}
+
+    def _is_settled(self, entry: Incarnation, missing: set[str]) -> bool:
+        """Whether it is known of each end what became of it, but for those in `missing` parts."""
+        return all(self.is_known(dot) or part_of(dot[0]) in missing for dot in (*entry.sources, *entry.destinations))
 
     def _bury(self, dead: list[Incarnation]) -> None:
         """Drop what everybody knows to be dead who holds its part; the rest is removed as by a user, a little later."""

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from dsr.clock import Clock
 from dsr.crdt.store import Incarnation
-from dsr.errors import AgentError, PartError, TransportError
+from dsr.errors import AgentError, ConfigError, PartError, TransportError
 from dsr.graph.access import Guard, part_check
-from dsr.network.keys import Keys, check_part, part_of, part_rid
+from dsr.network.keys import ALL, Keys, check_interest, check_part, part_of, part_rid
 from dsr.network.transport import Transport
 from dsr.parts.graph import PartedGraph
-from dsr.parts.registry import PartList
+from dsr.parts.registry import PartInfo, PartList
 from dsr.parts.replica import PartedReplica
-from dsr.replication.holders import gathered
+from dsr.replication.holders import HOLDER_PATIENCE, gathered
 from dsr.replication.polling import Poller
 from dsr.replication.replica import Replica
 
@@ -50,6 +51,11 @@ class HeldParts:
         self._poller = poller
         self._changing = threading.RLock()
         self._times = 0
+        self._ended = False
+        self.holds_all = False
+        """Whether parts that others list are held here, too."""
+        self._swept: Mapping[str, PartInfo] | None = None
+        self._refused: set[str] = set()
 
     @property
     def graph(self) -> PartedGraph:
@@ -69,15 +75,20 @@ class HeldParts:
         return all(replica.synchroniser.joined for replica in self._replica.parts.values())
 
     def take(self, part: str) -> Replica:
-        """Begin to hold a part, or go on; nobody is waited for."""
+        """Begin to hold a part, or go on; nobody is waited for.
+
+        Raises `TransportError` once the memory is closed, for nobody would close the part.
+        """
         check_part(part)
         with self._changing:
             if self._holds(part):
                 return self._replica.parts[part]
-            self.leave(part)  # if leaving was broken off
+            self._give_back(part)  # if leaving was broken off
             self._times += 1
             lock, gate = self._replica.lock, self._replica.synchroniser.gate
             with lock:
+                if self._ended:
+                    raise TransportError(f"the memory of graph {self._graph_name!r} is closed")
                 member = self.graph.hold(part, part_rid(self._rid, part, self._times))
                 keys = Keys(self._graph_name, part=part)
                 try:
@@ -90,29 +101,72 @@ class HeldParts:
                 replica.start(self._poller)
             return replica
 
+    def sweep(self) -> None:
+        """Hold what others have listed since, if all is held here; nobody is waited for."""
+        listed = self.listed.parts
+        if self._ended or not self.holds_all or listed is self._swept:
+            return
+        missing = [name for name in listed if not self._holds(name)]
+        refused = [name for name in missing if not self._is_taken(name)]
+        if not refused:
+            self._swept = listed
+
+    def _is_taken(self, part: str) -> bool:
+        try:
+            self.take(part)
+        except TransportError as error:
+            if part not in self._refused:
+                _log.warning("part %r is not held: %s (tried again)", part, error)
+            self._refused.add(part)
+            return False
+        return True
+
+    def take_named(self, parts: Iterable[str]) -> None:
+        """Hold parts of which some content is given, if all is held here; what no part can be called is passed over."""
+        for part in parts if self.holds_all else ():
+            with contextlib.suppress(ConfigError):
+                self.take(part)
+
     def _holds(self, part: str) -> bool:
         return part in self._replica.parts and part in self.graph.parts and part not in self.graph.leaving
 
-    def hold(self, parts: Iterable[str], timeout: float) -> None:
-        """Hold listed parts, complete. Raises `PartNotFoundError`, `TransportError`."""
-        names = list(dict.fromkeys(parts))
-        for name in names:
+    def hold(self, parts: Iterable[str], timeout: float, *, unlisted: bool = False) -> None:
+        """Hold parts, complete. Raises `PartNotFoundError` for one not listed unless `unlisted`, `TransportError`."""
+        names = dict.fromkeys(check_interest(parts))
+        if ALL in names:
+            self.holds_all = True
+            names = dict.fromkeys([*names, *self.listed.parts])
+            del names[ALL]
+        for name in () if unlisted else names:
             self.listed.info(name)
         begun = [name for name in names if not self._holds(name)]
+        began = self._clock.monotonic()
         try:
             for name, replica in [(name, self.take(name)) for name in begun]:
-                self._wait(name, replica, timeout)
+                self._wait(name, replica, timeout, max(0.0, began + HOLDER_PATIENCE - self._clock.monotonic()))
         except BaseException:
             for name in begun:
                 self.leave(name)
             raise
 
-    def _wait(self, part: str, replica: Replica, timeout: float) -> None:
+    def hold_kept(self, parts: Iterable[str], restore: Callable[[str], object], timeout: float) -> None:
+        """Hold parts, of which `restore` puts in what was kept before others are waited for.
+
+        Raises `TransportError` if those who hold one do not answer.
+        """
+        taken = [(part, self.take(part)) for part in parts]
+        began = self._clock.monotonic()
+        for part, _ in taken:
+            restore(part)
+        for part, replica in taken:
+            self._wait(part, replica, timeout, max(0.0, began + HOLDER_PATIENCE - self._clock.monotonic()))
+
+    def _wait(self, part: str, replica: Replica, timeout: float, patience: float) -> None:
         def move() -> None:
             self._transport.pump()
             replica.poll()
 
-        if gathered(replica, None if self._poller is not None else move, timeout):
+        if gathered(replica, None if self._poller is not None else move, timeout, patience):
             return
         joining = replica.synchroniser.joining
         if not joining.insists:
@@ -129,9 +183,12 @@ class HeldParts:
     def leave(self, part: str) -> None:
         """Send what was written into a part, and hold it no more; harmless if it is not held."""
         with self._changing:
-            replica = self._replica.parts.get(part)
-            if replica is None:
-                return
+            self.holds_all = False  # else it would be held again
+            self._give_back(part)
+
+    def _give_back(self, part: str) -> None:
+        replica = self._replica.parts.get(part)
+        if replica is not None:
             with self._replica.lock:
                 self.graph.leaving.add(part)  # what is written from now on would not be sent
             replica.close()
@@ -141,6 +198,8 @@ class HeldParts:
 
     def close(self) -> None:
         """Send what was written; nothing changes in the parts any more."""
+        with self._replica.lock:
+            self._ended = True
         for replica in self.replicas.values():
             replica.close()
 
@@ -163,4 +222,4 @@ def burial_allowed(guard: Guard) -> Callable[[Incarnation], bool]:
 
 def not_parted(what: str) -> PartError:
     """The error for a memory that was not told to hold parts."""
-    return PartError(f"{what}: this memory holds no parts; give it interest=(...), if only an empty one")
+    return PartError(f"{what}: this memory holds no parts; give it interest=(...), which may be empty")

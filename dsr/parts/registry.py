@@ -6,15 +6,18 @@ off the list: the dots of its elements name it for ever.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import msgspec
 
+from dsr.clock import is_time
 from dsr.errors import ConfigError, PartNotFoundError, WireError, suggest
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import PART_RECORD, RECORDS
 from dsr.graph.watch import ChangeFilter, Watch
 from dsr.network.decoding import decoded
-from dsr.network.keys import WHOLE, check_part
+from dsr.network.keys import check_part
 
 _PREFIX = RECORDS[PART_RECORD]
 
@@ -59,7 +62,7 @@ class PartList:
     def __init__(self) -> None:
         self._graph: Graph | None = None
         self._known: dict[str, PartInfo] = {}
-        self._by_type: dict[str, str] = {}
+        self._by_type: dict[str, list[str]] = {}
         self._changes = self._read = 0
         """How often the list has changed, and at which of these changes it was read last."""
 
@@ -80,8 +83,7 @@ class PartList:
             nodes = list(self._graph.nodes_by_type.get(PART_RECORD, {}).values())
             found = [info for node in nodes if (info := read_record(node)) is not None]
             self._known = {info.name: info for info in sorted(found, key=lambda info: info.name)}
-            claims = [(type, info.name) for info in self._known.values() for type in info.types if type not in RECORDS]
-            self._by_type = dict(reversed(claims))
+            self._by_type = _claims(self._known.values())
             self._read = changes  # last: another thread must not take what was before for the list, nor Ctrl-C leave it
         return self._known
 
@@ -92,9 +94,19 @@ class PartList:
             raise PartNotFoundError(f"no part {part!r}; {suggest(part, self.parts)}")
         return found
 
-    def part_for(self, type: str) -> str:
-        """The part in which new nodes of a type are made: the first one by name that claims the type."""
-        return self._by_type.get(type, WHOLE) if self.parts else WHOLE
+    def claiming(self, type: str) -> Sequence[str]:
+        """Names of the parts that claim new nodes of a type, in order."""
+        return self._by_type.get(type, ()) if self.parts else ()
+
+
+def _claims(parts: Iterable[PartInfo]) -> dict[str, list[str]]:
+    """The names of the parts that claim each type; the list of parts itself is in none."""
+    claims: dict[str, list[str]] = {}
+    for info in parts:
+        for type in info.types:
+            if type not in RECORDS:
+                claims.setdefault(type, []).append(info.name)
+    return claims
 
 
 def read_record(node: Node) -> PartInfo | None:
@@ -105,6 +117,6 @@ def read_record(node: Node) -> PartInfo | None:
         check_part(name)
     except (WireError, ConfigError, TypeError):
         return None
-    if node.type != PART_RECORD or name == node.name:
+    if node.type != PART_RECORD or not is_time(stored.created) or name == node.name:
         return None
     return PartInfo(name, stored.types, stored.creator, stored.created)

@@ -9,7 +9,7 @@ from typing import Any
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import Piece
 from dsr.network.keys import WHOLE
-from dsr.parts.store import parts_in, portion
+from dsr.replication.portions import parts_in, portion
 from dsr.replication.replica import Replica, Statistics
 
 

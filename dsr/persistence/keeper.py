@@ -25,6 +25,7 @@ from dsr.errors import ConfigError
 from dsr.files.private_files import lock_file, private_folder
 from dsr.forking import leave_to_parent
 from dsr.memory import Memory
+from dsr.network.keys import WHOLE
 from dsr.persistence.generations import Generations
 from dsr.persistence.pending import PendingWrites, pieces
 from dsr.persistence.records import append_record
@@ -50,18 +51,25 @@ class StateKeeper:
         folder: made if missing; belongs to one keeper at a time.
         threaded: write from a thread of its own. Without, call `flush` several times a second.
         content: what the folder holds, if the memory has it already; it is read if None.
+        part: which part of the graph to keep, which the memory holds; by default what is in no part.
 
     Raises:
         ConfigError: if the folder is in use, cannot be written, or no snapshot in it can be read.
     """
 
     def __init__(
-        self, memory: Memory, folder: Path, *, threaded: bool = True, content: Iterable[Delta] | None = None
+        self,
+        memory: Memory,
+        folder: Path,
+        *,
+        threaded: bool = True,
+        content: Iterable[Delta] | None = None,
+        part: str = WHOLE,
     ) -> None:
+        replica = memory.part_replica(part) if part else memory.replica
         self.folder = folder
         self._clock = memory.clock
-        self._lock = memory.replica.lock
-        self._graph = memory.replica.graph
+        self._lock, self._graph = replica.lock, replica.graph
         self._pending = PendingWrites()
         self._journal: IO[bytes] | None = None
         self._journal_size = self._snapshot_size = 0

@@ -1,9 +1,10 @@
-"""Keeps the state of all worlds of a memory, each in a folder of its own, so that they outlive those who made them.
+"""Keeps all worlds and parts that a memory holds, each in a folder of its own: they outlive those who made them.
 
     keeper = WorldKeeper(memory, Path("state"))     # worlds of which the folder holds the state are there again
 
 The base is kept in the folder itself (dsr/persistence/keeper.py), every other world in `worlds/<name>/<channel>` below.
-The keeper has every world open, so it also hands them on; it drops what is deleted, and its files.
+The keeper has every world open, so it also hands them on; it drops what is deleted, and its files. Parts of the graph
+(dsr/parts) are kept in `parts/<name>`. A part that is not held any more leaves its files, for whoever holds it later.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 
 from dsr.errors import DsrError
 from dsr.memory import Memory
-from dsr.network.keys import BASE
+from dsr.network.keys import ALL, BASE
 from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
 from dsr.replication.collector import collector_paused
@@ -30,27 +31,33 @@ _log = logging.getLogger("dsr.persistence")
 
 
 class WorldKeeper:
-    """Restores the base and the worlds of a memory from a folder, and keeps their state there until it is closed.
+    """Restores base, worlds and parts of a memory from a folder, and keeps their state there until it is closed.
 
     Args:
         memory: the memory of the base; it should have joined its graph.
         folder: made if missing; belongs to one keeper at a time.
         threaded: work in threads of its own. Without, call `flush` several times a second.
+        interest: parts to hold and to keep, "*" for all, listed or not. Parts that the memory holds are kept anyway.
 
     Raises:
         ConfigError: if the folder is in use, cannot be written, or no snapshot of the base in it can be read.
+        TransportError: if those who hold one of the parts do not answer.
     """
 
-    def __init__(self, memory: Memory, folder: Path, *, threaded: bool = True) -> None:
+    def __init__(
+        self, memory: Memory, folder: Path, *, threaded: bool = True, interest: Collection[str] = ()
+    ) -> None:
         self._memory = memory
-        self._folder = folder / "worlds"
+        self._folder, self._parts_folder = folder / "worlds", folder / "parts"
         self._threaded = threaded
         self._keepers: dict[Path, StateKeeper] = {}
+        self._parts: dict[str, StateKeeper] = {}
         self._refused: set[Path] = set()
         self._stop = threading.Event()
         self._looking = threading.Lock()
         self.base = StateKeeper(memory, folder, threaded=threaded)
         """The keeper of the base."""
+        self._hold_parts(interest)
         self._look()
         self._thread = new_thread(self._run, "dsr-worlds") if threaded else None
         memory.on_close(self.close)
@@ -66,7 +73,7 @@ class WorldKeeper:
         """Follow the list of worlds, and write new changes of all of them to the disk, now."""
         self._look()
         self.base.flush()
-        for keeper in list(self._keepers.values()):
+        for keeper in [*self._keepers.values(), *self._parts.values()]:
             keeper.flush()
 
     def close(self) -> None:
@@ -90,6 +97,31 @@ class WorldKeeper:
             for folder, name in wanted.items():
                 if folder not in self._keepers and folder not in self._refused:
                     self._keep(name, folder)
+            self._keep_parts(self._memory.interest)
+
+    def _hold_parts(self, interest: Collection[str]) -> None:
+        """Hold the parts that are asked for, first those of which something is kept here."""
+        if not interest:
+            return
+        kept = {folder.name for folder in _own_folders(self._parts_folder)}
+        wanted = [info.name for info in self._memory.parts()] if ALL in interest else interest
+        self._memory.hold_kept_parts(sorted(kept.intersection(wanted)), lambda part: self._keep_parts((part,)))
+        self._memory.hold_part(*interest, unlisted=True)
+
+    def _keep_parts(self, names: Collection[str]) -> None:
+        """Keep these parts, and each other one no more that is not held."""
+        for name in [name for name in self._parts if name not in self._memory.interest]:
+            self._parts.pop(name).close()
+        for name in names:
+            folder = self._parts_folder / name
+            if name in self._parts or folder in self._refused:
+                continue
+            try:
+                self._parts[name] = StateKeeper(self._memory, folder, threaded=self._threaded, part=name)
+            except DsrError as error:
+                _log.warning("part %r is not kept: %s", name, error)
+                if folder.exists():
+                    self._refused.add(folder)
 
     def _parents_first(self, names: Collection[str]) -> list[str]:
         """Overlays after what they show, which is opened with them."""

@@ -12,18 +12,21 @@ _ROUNDS = 3
 """Exchanges that it takes where nothing moves by itself: who is there, request and reply, merge."""
 
 
-def gathered(replica: Replica, move: Callable[[], None] | None, timeout: float) -> bool:
+def gathered(
+    replica: Replica, move: Callable[[], None] | None, timeout: float, patience: float = HOLDER_PATIENCE
+) -> bool:
     """Whether all content is here, or comes by further polls.
 
     Args:
         replica: that has just begun.
         move: lets messages arrive and be merged; None if threads do.
         timeout: s without anything of the content, after which nothing more is waited for.
+        patience: s to wait, still, for a sign of anybody.
     """
     sync = replica.synchroniser
     if move is None:
         sync.joining.others_possible = True
-        replica.wait_until(lambda: sync.joined, min(timeout, HOLDER_PATIENCE))
+        replica.wait_until(lambda: sync.joined, min(timeout, patience))
         joined = replica.wait_for_pieces(lambda: sync.joined, 0.0 if sync.joining.insists else timeout)
     else:
         came = -1

@@ -21,6 +21,8 @@ class Outbox:
     def __init__(self) -> None:
         self.overflowed = 0
         """How often everything was given up because too much waited."""
+        self._under_way: tuple[list[Delta], Delta] = ([], Delta())
+        """What was taken, until it is `sent`."""
         self._empty()
 
     def _empty(self) -> None:
@@ -49,10 +51,19 @@ class Outbox:
                 bundle.removed += delta.removed
 
     def take(self) -> tuple[list[Delta], Delta]:
-        """Bundles of durable changes and the stream samples; the outbox is empty afterwards."""
-        bundles, samples = [bundle for bundle in self._bundles if bundle], Delta(writes=list(self._samples.values()))
+        """Bundles of durable changes and the stream samples; what was taken before and not `sent` comes again.
+
+        Ctrl-C at any line loses nothing. What comes twice harms nobody.
+        """
+        before, samples = self._under_way
+        bundles = [*before, *(bundle for bundle in self._bundles if bundle)]
+        self._under_way = bundles, Delta(writes=[*samples.writes, *self._samples.values()])
         self._empty()
-        return bundles, samples
+        return self._under_way
+
+    def sent(self) -> None:
+        """Forget what was taken."""
+        self._under_way = [], Delta()
 
     def _next_bundle(self) -> Delta:
         if len(self._bundles) >= MAX_BUNDLES:

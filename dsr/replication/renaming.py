@@ -10,7 +10,7 @@ import re
 import secrets
 from collections.abc import Iterable
 
-from dsr.crdt.context import Dot
+from dsr.crdt.context import Dot, to_ranges
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.graph.graph import Graph
 
@@ -59,6 +59,21 @@ def going_on_as(graph: Graph, rid: str, confirmed: int, now: float, forged: Iter
     if graph.counter:
         delta.context = [(rid, 1, graph.counter)]
     graph.join(delta, now)
+    return delta
+
+
+def unconfirmed(graph: Graph, confirmed: int) -> Delta:
+    """What was added or written here since counter `confirmed`, and is there still, as it is; the graph must be locked.
+
+    It accounts for that alone. What was removed may not have been told to anybody.
+    """
+    delta = Delta()
+    for entry in filter(None, map(graph.store.find, graph.store.written_dots())):
+        if _is_lost(entry.dot, graph.rid, confirmed):
+            delta.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
+        delta.writes += [w for w in entry.registers.values() if w.dot and _is_lost(w.dot, graph.rid, confirmed)]
+    dots = [add.dot for add in delta.adds] + [write.dot for write in delta.writes if write.dot]
+    delta.context = list(to_ranges(dots))
     return delta
 
 

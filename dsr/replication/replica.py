@@ -26,7 +26,7 @@ from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Re
 from dsr.replication.parcels import parcels
 from dsr.replication.piece_wire import asker_of, encode_piece
 from dsr.replication.polling import Poller
-from dsr.replication.renaming import going_on_as, next_id
+from dsr.replication.renaming import going_on_as, next_id, unconfirmed
 from dsr.replication.sync import REQUEST_TIMEOUT, ChangeGate, Synchroniser
 from dsr.replication.wire import encode_delta
 from dsr.threads import new_thread
@@ -85,7 +85,7 @@ class Replica:
         """Held while the graph is changed; all worlds of a memory share one, for forks share their content."""
         self.after_poll: Callable[[], None] | None = None
         """Called at the end of each `poll`, with no lock held."""
-        self.synchroniser = Synchroniser(graph, gate, ask_ahead=self._perform)
+        self.synchroniser = Synchroniser(graph, gate, keys.part, ask_ahead=self._perform)
         self._transport = transport
         self._clock = clock
         self._keys = keys
@@ -99,11 +99,12 @@ class Replica:
         self._inbox: deque[Callable[[], None]] = deque()
         self._written = threading.Event()
         self._progress = threading.Condition()
-        self._sending = threading.Lock()
+        self._sending = threading.RLock()  # where Ctrl-C leaves it locked, that thread can still send
         self._sent_at = -math.inf
         self._merging = threading.Lock()
         self._holds = 0
         self._stopped = threading.Event()
+        self._left = False
         self._poller: Poller | None = None
         self._sender: threading.Thread | None = None
         self._agent = agent
@@ -191,8 +192,14 @@ class Replica:
         self._publish_as(rid, bundles, samples)
 
     def _publish_as(self, rid: str, bundles: list[Delta], samples: Delta) -> None:
-        self._publish(self._keys.stream(rid), [samples] if samples else [], Qos.STREAM)
-        self._publish(self._keys.delta(rid), bundles, Qos.RELIABLE)
+        """Publish what was taken from the outbox; what fails is left to the repair, what Ctrl-C breaks off is not."""
+        try:
+            self._publish(self._keys.stream(rid), [samples] if samples else [], Qos.STREAM)
+            self._publish(self._keys.delta(rid), bundles, Qos.RELIABLE)
+        except Exception:
+            self._outbox.sent()
+            raise
+        self._outbox.sent()
         self._sent_at = self._clock.monotonic()
 
     def _publish(self, key: str, deltas: list[Delta], qos: Qos) -> None:
@@ -342,23 +349,33 @@ class Replica:
             declaration.close()
 
     def close(self) -> None:
-        """Send the waiting changes and leave; the transport stays open."""
-        if self._stopped.is_set():
+        """Send the waiting changes and leave; the transport stays open.
+
+        Harmless when repeated. What Ctrl-C breaks off goes on when it is called again.
+        """
+        if self._left:
             return
-        self._stopped.set()
-        self._guarded(self._send_last)
+        self._guarded(self._send_again if self._stopped.is_set() else self._send_last)
         self._written.set()
         if self._sender is not None:
             self._sender.join(timeout=2.0)
         if self._poller is not None:
             self._poller.remove(self._poll_guarded)
         self._withdraw(self._announced + self._listening)
+        self._left = True
 
     def _send_last(self) -> None:
         """Stream samples too, in a form that no link drops: nobody is left here to repeat them."""
+        self._stopped.set()
         with self.lock:
             self.commit(self.synchroniser.make_durable())
         self.flush()
+
+    def _send_again(self) -> None:
+        """Send all that somebody may lack, after Ctrl-C broke off the sending: the outbox may not have had it yet."""
+        with self.lock:
+            self.commit(unconfirmed(self.graph, self.synchroniser.confirmed))
+        self._send_last()
 
     @property
     def statistics(self) -> Statistics:

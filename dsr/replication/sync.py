@@ -37,6 +37,7 @@ from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
+from dsr.network.keys import WHOLE
 from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
 from dsr.replication.collector import collector_paused
@@ -48,6 +49,7 @@ from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Re
 from dsr.replication.pace import LAST_PATIENCE, Pace
 from dsr.replication.peers import MAX_PEERS, SILENCE, Peer, Peers
 from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.portions import parts_in, portion
 from dsr.replication.wire import Digest, decode_delta, decode_digest, encode_digest
 
 GRACE = 0.15
@@ -82,6 +84,8 @@ class Synchroniser:
     graph: Graph
     gate: ChangeGate | None = None
     """Checks arriving messages; None if everybody is believed."""
+    part: str | None = None
+    """The part of the graph of which all arriving dots must be (dsr/parts); None where they may be of any."""
     joined: bool = False
     complaints: Complaints = field(default_factory=Complaints)
     repairs: int = 0
@@ -147,6 +151,7 @@ class Synchroniser:
             if delta.live is not None:
                 raise WireError("a synchronisation reply that nobody asked for")
             self._check_identity(sender, delta)
+            self._check_part(delta)
             store = self.graph.store
             delta = self.gate.delta(sender, delta, store) if self.gate else self.claims.own_part(sender, delta)
         except WireError as error:
@@ -162,6 +167,11 @@ class Synchroniser:
     def _check_identity(self, sender: str, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name."""
         self.impersonation.check(sender, delta, lambda: self.confirmed, gated=self.gate is not None)
+
+    def _check_part(self, delta: Delta) -> None:
+        """Raise `WireError` if it is about another part of the graph: some would take it, and others never would."""
+        if self.part is not None and (other := [part for part in parts_in(delta) if part != self.part]):
+            raise WireError(f"dots of part {other[0]!r} in a message of part {self.part!r}")
 
     def receive_digest(self, sender: str, payload: bytes, now: float, physical: float) -> None:
         """A digest arrived at monotonic time `now` and physical time `physical` (s)."""
@@ -259,6 +269,11 @@ class Synchroniser:
     def _join_reply(self, sender: str, delta: Delta, physical: float) -> None:
         if self.impersonation.noticed:  # who was told to have seen what is ours takes it for removed
             delta = without_word_of(self.graph.rid, delta)
+        try:
+            self._check_part(delta)
+        except WireError as error:  # the rest counts: this peer may only hand on what it was told
+            self.complaints.drop(sender, error)
+            delta = portion(delta, self.part or WHOLE)
         self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta, physical)
 
     def _finish(self, fetch: Fetch, physical: float) -> None:

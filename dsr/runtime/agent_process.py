@@ -18,7 +18,7 @@ import msgspec
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
 from dsr.config.toml import TomlFile
-from dsr.connecting import connect, identity_of, open_transport
+from dsr.connecting import asked_for, connect, identity_of, interest_of, open_transport
 from dsr.declared import configured_class
 from dsr.errors import ConfigError, DsrError
 from dsr.files.data_files import read_text
@@ -75,6 +75,7 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
                 seed=options.seed,
                 stop=stop,
                 restarts=int(os.environ.get(LAUNCHED, "0")),
+                interest=interest_of(options.interest),
             )
         if launcher_is_gone.is_set():
             clear_up_after_launcher(graph)
@@ -115,8 +116,11 @@ def run_agent(
     stop: StopSignal,
     restarts: int = 0,
     alone: bool = True,
+    interest: tuple[str, ...] | None = None,
 ) -> None:
     """Join `graph` as agent `name` and tick until `stop` is set; raises what ends the agent otherwise.
+
+    Its `interest` is that of the system file; if None, that of the environment or of the class.
 
     Agents may run in threads of one process: each has a connection, a memory and a log of its own. Only of one that is
     `alone` the log also tells what threads say which work for nobody in particular.
@@ -124,7 +128,8 @@ def run_agent(
     kind = configured_class(kind, config)
     with contextlib.ExitStack() as resources:
         resources.enter_context(acting_for(name))
-        memory, bus, rid = _join(kind, graph, name, [router] if router else [], resources)
+        wanted = asked_for(kind.interest) if interest is None else interest
+        memory, bus, rid = _join(kind, graph, name, [router] if router else [], wanted, resources)
         handler = BusLogHandler(bus, Keys(graph), name, WALL_CLOCK)
         handler.addFilter(said_by(name, *([""] if alone else [])))
         logging.getLogger().addHandler(handler)
@@ -141,12 +146,22 @@ def run_agent(
 
 
 def _join(
-    kind: type[Agent], graph: str, name: str, routers: list[str], resources: contextlib.ExitStack
+    kind: type[Agent],
+    graph: str,
+    name: str,
+    routers: list[str],
+    interest: tuple[str, ...] | None,
+    resources: contextlib.ExitStack,
 ) -> tuple[Memory | None, Transport, str]:
     """The memory if the agent uses it, its bus and the replica id; given back when `resources` are closed."""
     if kind.uses_memory:
-        memory = connect(graph, agent=name, connect=routers, guard=WriteGuard(name, kind.writes), must_exist=False)
+        memory = connect(
+            graph, agent=name, connect=routers, guard=WriteGuard(name, kind.writes), must_exist=False,
+            interest=None if interest is None else (),
+        )  # fmt: skip
         resources.callback(memory.close)
+        if interest:
+            memory.hold_part(*interest, unlisted=True)
         return memory, memory.transport, memory.rid
     rid = new_rid(name)
     bus, registration = open_transport(graph, rid, routers, identity=identity_of(name))
@@ -186,6 +201,7 @@ def _parser(kind: type[Agent]) -> argparse.ArgumentParser:
     add("--name", default=kind.name or kind.__name__.lower(), help="the agent's name; default: %(default)s")
     add("--config", default="{}", metavar="JSON", help="a JSON object, or @FILE of a JSON or TOML file")
     add("--connect", metavar="ENDPOINT", help="also join the Zenoh router at tcp/HOST:7447")
+    add("--interest", metavar="PARTS", help="parts of the graph to hold, with commas between; '*' for all")
     add("--seed", type=int, default=0, help="seed of all its random numbers; default: %(default)s")
     add("--log-level", default="info", choices=["debug", "info", "warning", "error"], help="default: %(default)s")
     return parser

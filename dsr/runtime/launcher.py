@@ -20,9 +20,10 @@ from types import TracebackType
 import msgspec
 
 from dsr.clock import WALL_CLOCK
-from dsr.connecting import SECURITY, connect
+from dsr.connecting import SECURITY, asked_for, connect
 from dsr.errors import AgentError, TransportError
 from dsr.files.private_files import FOLDER_MODE
+from dsr.network.keys import ALL
 from dsr.network.rendezvous import lock_claim
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
@@ -137,10 +138,16 @@ class Launcher:
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         routers = [self._router] if self._router else ()
-        self.memory = connect(name, agent=LAUNCHER, connect=routers, security=self._security, must_exist=False)
+        interest = asked_for(None if self._state is None else ALL)  # what nobody holds is lost, and not kept
+        self.memory = connect(
+            name, agent=LAUNCHER, connect=routers, security=self._security, must_exist=False,
+            interest=None if interest is None else (),
+        )  # fmt: skip
         self._resources.callback(self.memory.close)
         if self._state is not None:
-            self.restored = WorldKeeper(self.memory, self._state).restored
+            self.restored = WorldKeeper(self.memory, self._state, interest=interest or ()).restored
+        elif interest:
+            self.memory.hold_part(*interest, unlisted=True)
         if self._content is not None and not self.restored:
             self._content.put_into(self.memory)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
@@ -172,13 +179,15 @@ class Launcher:
 
     def _command(self, spec: AgentSpec) -> list[str]:
         command = [*PYTHON, "dsr.runtime", *self._beside(), spec.program, "--name", spec.name]
+        if spec.interest is not None:
+            command += ["--interest", ",".join(spec.interest)]
         return [*command, "--config", msgspec.json.encode(spec.config).decode(), *self._common_options()]
 
     def _shared_command(self, process: str) -> list[str]:
         return [*PYTHON, "dsr.runtime.shared_process", process, *self._beside(), *self._common_options()]
 
     def _order(self, spec: AgentSpec) -> StartAgent:
-        return StartAgent(spec.name, spec.program, spec.config, str(self._log_file(spec.name)), 0)
+        return StartAgent(spec.name, spec.program, spec.config, str(self._log_file(spec.name)), 0, spec.interest)
 
     def _beside(self) -> list[str]:
         return ["--beside", str(self.system.folder)] if self.system.folder else []

@@ -116,6 +116,12 @@ class Lockstep:
         self.clock.advance_to(max(end, self.clock.now()))
         return False
 
+    def suspend(self, seconds: float) -> None:
+        """Let time pass (s) in which nobody ticks, as on a machine that sleeps; those ticks are left out."""
+        self.clock.advance(seconds)
+        for running_agent in self._running.values():
+            running_agent.schedule.take(self.clock.now())
+
     def runner(self, name: str) -> Runner:
         """The running agent called `name` with its counts. Raises `AgentError` if it is not running."""
         return self._running_agent(name).runner
@@ -149,7 +155,9 @@ class Lockstep:
         name = spec.name
         self._starts[name] += 1
         rid = f"{name}-{self._starts[name]}"
-        memory = self._join(name, rid, WriteGuard(name, spec.kind.writes)) if spec.kind.uses_memory else None
+        interest = spec.kind.interest if spec.interest is None else spec.interest
+        guard = WriteGuard(name, spec.kind.writes)
+        memory = self._join(name, rid, guard, interest) if spec.kind.uses_memory else None
         bus = memory.transport if memory else self.network.connect(rid)
         agent = make_agent(
             spec.kind,
@@ -181,13 +189,17 @@ class Lockstep:
             raise AgentError(f"agent {self._spec(name).name!r} is not running")
         return self._running[name]
 
-    def _join(self, name: str, rid: str, guard: WriteGuard | None) -> Memory:
+    def _join(
+        self, name: str, rid: str, guard: WriteGuard | None, interest: tuple[str, ...] | None = None
+    ) -> Memory:
         """A new replica that holds what the others know, who take in first what they were sent."""
         self.network.deliver()
         for memory in self._memories:
             memory.poll()
         transport = self.network.connect(rid)
-        memory = Memory(self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid)
+        memory = Memory(
+            self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid, interest=interest
+        )
         came, sync = -1, memory.replica.synchroniser
         while came < sync.pieces:
             came = sync.pieces

@@ -24,6 +24,8 @@ class StartAgent(msgspec.Struct, frozen=True):
     log_file: str
     restarts: int
     """Number of times that the agent was started before."""
+    interest: tuple[str, ...] | None = None
+    """Parts of the graph that it holds; None for those that its class declares."""
 
 
 class AgentEnded(msgspec.Struct, frozen=True):

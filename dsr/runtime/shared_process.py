@@ -105,6 +105,7 @@ class SharedProcess:
             stop=stop,
             restarts=order.restarts,
             alone=False,
+            interest=order.interest,
         )
 
     def _report(self, report: AgentEnded) -> None:

@@ -23,7 +23,7 @@ from dsr.declared import configured_class
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.files.built_in import ETC
 from dsr.graph.access import check_writers
-from dsr.network.keys import check_name
+from dsr.network.keys import check_interest, check_name
 from dsr.runtime.native_output import silenced
 
 SHARED = "shared"
@@ -53,9 +53,13 @@ class AgentSpec:
     """s it may take until its first good tick, beside the time in which it waits for a processor."""
     process: str = ""
     """Name of the process in which it runs, together with all others of that process; empty for the default."""
+    interest: tuple[str, ...] | None = None
+    """Parts of the graph that it holds, "*" for all; None for those that its class declares."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", configured_class(self.kind, self.config))
+        if self.interest is not None:
+            object.__setattr__(self, "interest", check_interest(self.interest))
         if not self.process:
             object.__setattr__(self, "process", SHARED if self.kind.shares_process else self.name)
 
@@ -152,6 +156,8 @@ class _AgentTable(msgspec.Struct, frozen=True):
     ready_timeout: float = 30.0
     process: str = ""
     """Name of the process that it shares with all others of that process; its own name for one of its own."""
+    interest: list[str] | None = None
+    """Parts of the graph that the agent holds, "*" for all; by default those that its class declares."""
     optional: bool = False
     """Whether the system runs without the agent where the libraries of its extra are not installed."""
 
@@ -207,8 +213,10 @@ def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, 
         source.convert(kind.Config, (*path, "config"))
     with _located(source, (*path, "process")):
         process = check_name("process name", table.process) if table.process else ""
+    with _located(source, (*path, "interest")):
+        interest = None if table.interest is None else check_interest(table.interest)
     return AgentSpec(
-        table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout, process
+        table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout, process, interest
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from dsr.clock import is_time
 from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
@@ -116,4 +117,4 @@ def joined_names(names: str | Iterable[str]) -> str:
 
 def _time(node: Node, attribute: str) -> float | None:
     value = node.get(attribute)
-    return value if isinstance(value, float) and math.isfinite(value) else None
+    return value if is_time(value) else None

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from dsr.clock import is_time
 from dsr.errors import WireError
 from dsr.graph.elements import Node
 from dsr.memory import Memory
@@ -44,7 +45,9 @@ class StoredSummary(NamedTuple):
 def period_of(node: Node) -> tuple[Level, int] | None:
     """The period that a summary's node is about, by its level and number; None if it does not say so."""
     level, number = _LEVELS.get(str(node.get("kind", ""))), node.get("order")
-    return None if level is None or not isinstance(number, int) else (level, number)
+    if level is None or not isinstance(number, int):
+        return None
+    return (level, number) if math.isinf(level.span) or is_time(number * level.span) else None
 
 
 def read_summary(node: Node) -> StoredSummary | None:

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import msgspec
 
+from dsr.clock import is_time
 from dsr.errors import WireError
 from dsr.network.decoding import decoded
 from dsr.timeline.entries import EVENT, SITUATION, Entry
@@ -178,12 +179,11 @@ def _decode(text: str) -> PeriodSummary:
     names = page.names
 
     def time(shifted: float) -> float:
-        if not math.isfinite(page.since + shifted):
-            raise ValueError("a time without end")
-        return round(page.since + shifted, _DECIMALS)
+        return round(_checked_time(page.since + shifted), _DECIMALS)
 
     return PeriodSummary(
-        resolution=page.resolution, complete_from=page.complete_from, surprises_from=page.surprises_from,
+        resolution=page.resolution, complete_from=_checked_time(page.complete_from),
+        surprises_from=_checked_time(page.surprises_from),
         items=tuple(
             Remembered(
                 begin=time(row.begin), kind=names[row.kind],
@@ -194,6 +194,13 @@ def _decode(text: str) -> PeriodSummary:
             for row in page.items
         ),
     )  # fmt: skip
+
+
+def _checked_time(time: float) -> float:
+    """The time. Raises `ValueError` for one that no calendar has."""
+    if not is_time(time):
+        raise ValueError(f"expected a time, got {time:g} s")
+    return time
 
 
 def _shifted(time: float, since: float) -> float:

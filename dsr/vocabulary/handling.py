@@ -23,13 +23,13 @@ class Handling(StrEnum):
     TAKING = "taking"
     """It has gone away with the thing that it covered, as far as can be known."""
     PUT_DOWN = "put down"
-    """It was seen to open about the thing, which lay still."""
+    """It was seen to open about the thing, or to leave it, as that lay still."""
     DROPPED = "dropped"
     """It opened in the air, and the thing came down from it."""
     LET_GO = "let go"
-    """Its fingertips were seen apart while the thing was not seen."""
+    """It opened, or touches the thing no more, and the thing was not seen to fall nor to lie."""
     LEFT_BEHIND = "left behind"
-    """It has gone on without the thing, which should be seen in it, or could not go that way."""
+    """It has gone on without the thing, which is seen elsewhere, should be seen in it, or could not go that way."""
 
 
 HOLDING = frozenset({Handling.PINCHING, Handling.HIDING, Handling.TAKING})

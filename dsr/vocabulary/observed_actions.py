@@ -6,11 +6,11 @@ and who did it. The actions of a plan are something else: see `dsr.vocabulary.in
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from dsr.clock import is_time
 from dsr.errors import GoalError, suggest
 from dsr.graph.elements import Node
 
@@ -69,6 +69,6 @@ def read_action(event: Node) -> Action | None:
     """The action that an event tells; None for other events."""
     kind, time = event.get("kind"), event.get("time")
     thing, _, by = str(event.get("participants", "")).partition(",")
-    if kind not in KINDS or not isinstance(time, float) or not math.isfinite(time) or not thing:
+    if kind not in KINDS or not is_time(time) or not thing:
         return None
     return Action(time, kind, thing.strip(), by.strip() or UNKNOWN)

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
+from dsr.clock import is_time
 from dsr.crdt.context import Dot
 from dsr.errors import ConfigError, WireError
 from dsr.graph.elements import Node
@@ -108,7 +109,7 @@ def read_record(node: Node) -> Record | None:
         check_name("channel", stored.channel)
     except (WireError, ConfigError, TypeError):
         return None
-    if node.type != WORLD_RECORD or name in (BASE, node.name):
+    if node.type != WORLD_RECORD or not is_time(stored.created) or name in (BASE, node.name):
         return None
     info = WorldInfo(name, stored.parent, stored.follows, stored.creator, stored.created)
     return Record(info, stored.channel, frozenset(node.created), frozenset(stored.below))

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 
 from simulation_handler.contact.relations import ContactRelations, Relation
+from simulation_handler.scales import SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
-
-_FARTHEST_OUT = 0.010  # m that the centre of what is inside may get out of the container before it counts as outside
 
 
 class Containment:
@@ -52,7 +51,7 @@ def inside(solids: Collection[Solid], known: Collection[Relation] = ()) -> set[R
         if hollow.is_hollow
         for solid in solids
         if solid.radius < hollow.radius and solid.name != hollow.name
-        if hollow.reaches_around(solid.position, _FARTHEST_OUT if (solid.name, hollow.name) in known else 0.0)
+        if hollow.reaches_around(solid.position, SAME_PLACE if (solid.name, hollow.name) in known else 0.0)
     }
 
 

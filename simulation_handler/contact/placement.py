@@ -17,9 +17,9 @@ from dsr.math3d.quaternions import Vector3
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import GAP
 from simulation_handler.perception.percepts import Array
+from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
-_LEVEL_TOPS = 0.002  # m, tops that differ by less carry an object together
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
 _ASKEW = 0.003  # rad, from which something leans; the floor of a container seems to be beside what lies on it then
@@ -91,7 +91,7 @@ def find_support(
     touching.sort(reverse=True)
     while touching:
         level = touching[0][0]
-        carrying = [entry for entry in touching if level - entry[0] <= _LEVEL_TOPS]
+        carrying = [entry for entry in touching if level - entry[0] <= PLACE_FLOOR]
         carried = hull([point for entry in carrying for point in entry[2]])
         if contains(carried, solid.position[:2]):
             return tuple(sorted({entry[1] for entry in carrying})), level

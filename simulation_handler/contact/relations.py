@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from simulation_handler.physics.simulator import Contact
+from simulation_handler.scales import DIAGONAL
 
 Relation = tuple[str, str]
 """A pair (object, support)"""
@@ -12,7 +13,7 @@ CONTACT = "contact"
 """Source of a relation that comes from contact in the simulation."""
 BOUNDS = "bounds"
 """Source of a relation that comes from bounding boxes."""
-STEEP = 0.7
+STEEP = DIAGONAL
 """Vertical part of a contact normal from which one body carries the other."""
 
 

@@ -12,8 +12,8 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import place, separate
-from simulation_handler.perception.estimate import PLACE_FLOOR
 from simulation_handler.perception.percepts import Array
+from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
 _YAWS = 8

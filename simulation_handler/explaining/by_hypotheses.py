@@ -19,6 +19,7 @@ from simulation_handler.explaining.wording import describe
 from simulation_handler.physics.rollouts import RolloutBody, RolloutScene
 from simulation_handler.physics.rollouts.pool import Pool
 from simulation_handler.physics.rollouts.scene import STILL
+from simulation_handler.scales import RESOLUTION, SAME_OUTCOME
 from simulation_handler.shapes.geometry import Solid
 
 
@@ -57,8 +58,6 @@ _TOO_LATE = 1.5
 A surprise is to be explained within 3 s on a busy machine. The last search and the ticks around it take the other half.
 
 """
-_SAME_OUTCOME = 0.005  # m
-_PUSHED = 0.001  # m from where what nobody sees counts as moved by something else
 _ALTERNATIVES = 5  # that are kept on record
 
 
@@ -132,7 +131,7 @@ class ByHypotheses:
             name: solid
             for name, solid in best.settled.items()
             if name not in placed | situation.seen.keys() | situation.held
-            and math.dist(solid.position, situation.believed[name].position) > _PUSHED
+            and math.dist(solid.position, situation.believed[name].position) > RESOLUTION
         }
         told = {move.name for move in hypothesis.moves} | hypothesis.unseen | hypothesis.kept
         return Explanation(
@@ -182,7 +181,7 @@ class ByHypotheses:
 def _differ(a: Candidate, b: Candidate) -> bool:
     """Whether two hypotheses leave something in different places."""
     return a.settled.keys() != b.settled.keys() or any(
-        math.dist(solid.position, b.settled[name].position) > _SAME_OUTCOME for name, solid in a.settled.items()
+        math.dist(solid.position, b.settled[name].position) > SAME_OUTCOME for name, solid in a.settled.items()
     )
 
 

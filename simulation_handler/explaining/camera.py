@@ -16,6 +16,7 @@ from dsr.vocabulary import nats
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
+from simulation_handler.scales import ONE_MOMENT
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import SURE_OF_ROTATION
 
@@ -25,9 +26,7 @@ FEWEST = 2
 _ARM = 0.02  # m: an object's rotation counts as much as points that far from its centre
 _NEARLY = 0.03  # m up to which an object is where a motion guessed from a single object would have it
 _TURNED = 0.3  # rad up to which it is turned as that motion would have it
-_CAMERA_ROUNDS = 4  # count of fits, each without the objects that the one before did not explain
 _GUESSES = 8  # objects without a rotation, those displaced most, of which any three let a motion be guessed
-_SAME_FRAME = 0.15  # s between percepts of one moment
 
 
 def explained_by_camera(situation: Situation) -> frozenset[str]:
@@ -75,7 +74,7 @@ def comparable(situation: Situation) -> list[str]:
 
 def _fresh(situation: Situation) -> set[str]:
     latest = min((seen.age for seen in situation.seen.values()), default=0.0)
-    fresh = {name for name, seen in situation.seen.items() if seen.age - latest <= _SAME_FRAME}
+    fresh = {name for name, seen in situation.seen.items() if seen.age - latest <= ONE_MOMENT}
     return fresh - situation.sure
 
 
@@ -93,15 +92,15 @@ def _guesses(situation: Situation, names: Sequence[str]) -> Iterator[tuple[str, 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:
     """The objects that agree with a motion like this one: looked for roughly first, then closely."""
     rotation, shift = motion
-    agreeing = {name for name in names if _may_agree(situation, name, rotation, shift)}
-    for _ in range(_CAMERA_ROUNDS):
+    agreeing = frozenset(name for name in names if _may_agree(situation, name, rotation, shift))
+    tried: set[frozenset[str]] = set()
+    while agreeing not in tried:
         if len(agreeing) < FEWEST:
             return frozenset()
+        tried.add(agreeing)
         rotation, shift = _motion(situation, sorted(agreeing))
-        before, agreeing = agreeing, {n for n in names if _misfit(situation, n, rotation, shift) < nats.SURPRISING}
-        if agreeing == before:
-            break
-    return frozenset(agreeing)
+        agreeing = frozenset(n for n in names if _misfit(situation, n, rotation, shift) < nats.SURPRISING)
+    return agreeing
 
 
 def _displacement(situation: Situation, names: Collection[str]) -> float:

@@ -8,11 +8,9 @@ from collections.abc import Collection
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.scoring import SURE, is_displaced, is_far
 from simulation_handler.explaining.situation import VisibilityQuery, seen_now, shown_now
+from simulation_handler.scales import FRAME
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
-
-_GATHERING = 0.1  # s in which others that were moved at the same time may show
-_CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
 
 
 class Discrepancies:
@@ -68,7 +66,7 @@ class Discrepancies:
         late += [name for name in displaced if self.is_followed(name, now)]
         open_ = displaced.keys() | missing.keys()
         newest = max(displaced.values(), default=-math.inf)
-        if now - newest < _GATHERING and not late:
+        if now - newest < FRAME and not late:
             return ()
         is_flagged = not open_.isdisjoint(flagged) and displaced.keys() <= set(flagged)
         return tuple(sorted(open_)) if late or is_flagged else ()
@@ -76,7 +74,7 @@ class Discrepancies:
     def evidence(self, now: float, withheld: Collection[str]) -> float:
         """Time (s) for which the percepts have been as they are now, but for objects in `withheld`."""
         if displaced := self._displaced_but(withheld):
-            return now - min(displaced.values()) + _CONFIRMING
+            return now - min(displaced.values()) + (self._config.confirm_frames - 1) * FRAME
         return max(self._missing_but(withheld, now).values(), default=0.0)
 
     def _displaced_but(self, withheld: Collection[str]) -> dict[str, float]:

@@ -16,10 +16,10 @@ from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.perception.percepts import Array
+from simulation_handler.scales import RESOLUTION, UNSEEN_SLACK, UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 
-_UNSEEN_COVARIANCE: Array = np.diag((1e-6, 1e-6, 1e-4))  # m^2: free in height only
-_SOFT = 2.5e-5  # m^2, how easily what is not seen gives way
+_UNSEEN_COVARIANCE: Array = np.diag((RESOLUTION**2, RESOLUTION**2, UNSEEN_SLACK**2))  # m^2: free in height only
 
 
 @dataclass(frozen=True)
@@ -145,4 +145,4 @@ def _separated(
 
 def _softness(situation: Situation, name: str, moved: bool) -> float:
     seen = situation.seen.get(name)
-    return _SOFT if seen is None or not moved else float(np.trace(seen.covariance[:2, :2]))
+    return UNSEEN_VARIANCE if seen is None or not moved else float(np.trace(seen.covariance[:2, :2]))

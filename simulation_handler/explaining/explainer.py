@@ -16,13 +16,13 @@ from simulation_handler.explaining.discrepancies import Discrepancies
 from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
 from simulation_handler.explaining.policy import ExplainingPolicy, Explanation
 from simulation_handler.explaining.situation import (
-    THIS_FRAME,
     Properties,
     Situation,
     VisibilityQuery,
     seen_now,
 )
 from simulation_handler.explaining.wording import is_lasting, moved_together
+from simulation_handler.scales import FRAME, PRESENT, TICK_SLACK
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -30,8 +30,6 @@ EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
 _MOST_NEWS = 64  # count of explanations that wait to be written; older ones are dropped
 _BENEATH_REMEMBERED = 10.0  # s for which it is known what was beneath an object
-_PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
-_AFTER_DOUBT = 0.7  # s until what is seen is seen from where the camera is now known to be
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
 _DRAG_STEP = 0.0005  # m that an object must have moved for other objects to go on with it
 
@@ -111,13 +109,13 @@ class Explainer:
         if self.waiting or self.missing(now):
             self._policy.prepare()
         for name, item in self._bodies.objects.items():
-            is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
+            is_seen = now - item.track.last_stamp < PRESENT and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
                 item.confirmed = self._bodies.solid(name)
 
     def _doubted(self, now: float) -> frozenset[str]:
         """Cameras that are in doubt, or were until what they saw meanwhile counts no more."""
-        self._doubted_until |= dict.fromkeys(self.cameras_in_doubt, now + _AFTER_DOUBT)
+        self._doubted_until |= dict.fromkeys(self.cameras_in_doubt, now + self._config.perceived_max_age)
         return frozenset(camera for camera, until in self._doubted_until.items() if now < until)
 
     def drag(self, now: float) -> None:
@@ -151,7 +149,7 @@ class Explainer:
             return
         explanation = self._policy.explain(self._situation(now, due, doubted, withheld))
         if explanation is None:
-            self._look_again_at = now + _PAUSE
+            self._look_again_at = now + FRAME - TICK_SLACK  # a better look at what is not clear yet
             return
         explanation = self._with_hands(explanation, now)
         if explanation.changes_belief:

@@ -14,14 +14,13 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.scales import LIKELY_SIGMAS, LONGEST_GAP
 from simulation_handler.shapes.geometry import Solid
 
 DRAW_COUNT = 12
 """Number of ways in which an object may have gone on from where it was last seen."""
 
 _GROWTHS = (1.0, 2.0, 3.0)  # of the spin, over its mean since the glimpse before
-_SPEED_WITHIN = 0.5  # s between two percepts up to which they say how fast something moves
-_SPEED_SIGMAS = 2.0  # standard deviations up to which a velocity along the viewing ray is noise
 # 1, standard normal; DRAW_COUNT times position, rotation and velocity; drawn once, with one seed for all runs
 _DRAWS = np.random.default_rng(0).standard_normal((DRAW_COUNT, 9))
 _DRAWS[: len(_GROWTHS)] = 0.0  # the first ones begin right where it was seen
@@ -85,12 +84,12 @@ def glimpse_of(solid: Solid, trail: tuple[WeighedPercept, ...], bias: float, bia
     lengthwise = np.outer(last.ray, last.ray)
     x, y, z = _vector(last.position - bias * last.ray)
     velocity, spin, noise = np.zeros(3), np.zeros(3), np.zeros((3, 3))
-    if len(trail) > 1 and last.stamp - trail[-2].stamp <= _SPEED_WITHIN:
+    if len(trail) > 1 and last.stamp - trail[-2].stamp <= LONGEST_GAP:
         seconds = last.stamp - trail[-2].stamp
         velocity = (last.position - trail[-2].position) / seconds
         noise = (last.position_covariance + trail[-2].position_covariance) / seconds**2
         along = float(last.ray @ velocity)
-        if along**2 <= _SPEED_SIGMAS**2 * float(last.ray @ noise @ last.ray):
+        if along**2 <= LIKELY_SIGMAS**2 * float(last.ray @ noise @ last.ray):
             velocity = velocity - along * last.ray
             across = np.eye(3) - lengthwise
             noise = across @ noise @ across

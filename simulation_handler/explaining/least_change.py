@@ -11,8 +11,7 @@ from simulation_handler.explaining.piles import moved
 from simulation_handler.explaining.scoring import prior
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
-
-_CHANGE_STEP = 0.005  # m, sum over all objects: what physics alone makes of the same places
+from simulation_handler.scales import SAME_OUTCOME
 
 
 def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> list[Candidate]:
@@ -25,7 +24,7 @@ def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> lis
         return []
     best = ranking[0]
     rivals = [candidate for candidate in ranking if _is_as_good(situation, candidate, best)]
-    first = min(rivals, key=lambda candidate: round(change(situation, candidate) / _CHANGE_STEP))
+    first = min(rivals, key=lambda candidate: round(change(situation, candidate) / SAME_OUTCOME))
     return [first, *(candidate for candidate in ranking if candidate is not first)]
 
 

@@ -11,7 +11,8 @@ from simulation_handler.contact.supports import stacks_of
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.shapes.geometry import Solid
 
-_MOST_PILES = 3  # count of orders of unseen objects that are tried for each seen one
+BREADTH = 3
+"""Ways that a search goes on from one place, the best first; so many in vain end it."""
 
 
 def piles_beneath(
@@ -46,7 +47,7 @@ def piles_beneath(
     found = stacks_of(top.bottom - level, {other: free[other] for other in preferred}, tolerance)
     piles = [_as_believed(situation, pile) for pile in found]
     return sorted(piles, key=lambda pile: (-sum(map(likely, pile)), len(pile), _rearranged(situation, pile, top)))[
-        :_MOST_PILES
+        :BREADTH
     ]
 
 

@@ -17,16 +17,15 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation
+from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.visibility import ExpectedVisibility
+from simulation_handler.scales import FRAME, PRESENT, UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
 
 SURE = 0.9
 """Share of a face from which it should be seen."""
 
-_FRAMES_PER_SECOND = 10.0  # Hz, of the cameras that the prices of missed frames are for
 _HIDDEN_SHARE = 0.05  # share of a face up to which it cannot be seen
-_UNSEEN_SLACK = 0.010  # m, standard deviation of where what is not seen really is, about where a hypothesis says it is
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def _drifting(
     unseen = settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys()
     drifts = {name: math.dist(settled[name].position, said[name].position) for name in unseen}
     changed = (
-        hypothesis.moved.keys() | hypothesis.unseen | {name for name, drift in drifts.items() if drift > _UNSEEN_SLACK}
+        hypothesis.moved.keys() | hypothesis.unseen | {name for name, drift in drifts.items() if drift > UNSEEN_SLACK}
     )
 
     def most(name: str) -> float:
@@ -86,7 +85,7 @@ def _drifting(
             return nats.MOST_MISFIT
         return nats.MOVED if carriers and carriers.isdisjoint(changed) else nats.LOST_SUPPORT
 
-    return {name: min(0.5 * (drift / _UNSEEN_SLACK) ** 2, most(name)) for name, drift in drifts.items()}
+    return {name: min(0.5 * (drift / UNSEEN_SLACK) ** 2, most(name)) for name, drift in drifts.items()}
 
 
 def prior(situation: Situation, hypothesis: Hypothesis) -> float:
@@ -103,7 +102,7 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
         else:
             cost += nats.FELL_ON_FROM_THERE if direction == situation.fall_seen(name) else nats.FELL
     for name in hypothesis.kept:
-        frames = max(situation.seen[name].count, situation.evidence * _FRAMES_PER_SECOND)
+        frames = max(situation.seen[name].count, situation.evidence / FRAME)
         cost += nats.FALSE_PERCEPT + nats.FALSE_FRAME * frames
     if hypothesis.camera_moved:
         here = [name for name in hypothesis.moved if name in situation.believed and not _is_off(situation, name)]
@@ -144,10 +143,10 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
         share = max(visible.share for visible in by_camera)
         if name in situation.seen:
             covered = share <= _HIDDEN_SHARE and _is_covered(by_camera, settled)
-            if covered and name not in hypothesis.kept and situation.seen[name].age < THIS_FRAME:
+            if covered and name not in hypothesis.kept and situation.seen[name].age < PRESENT:
                 costs[name] = nats.SEEN_THOUGH_HIDDEN
         elif share >= SURE and name not in situation.held:
-            frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
+            frames = situation.missing_for.get(name, situation.evidence) / FRAME
             costs[name] = min(nats.MISSED_FRAME * frames, nats.MOST_MISSED)
     return costs
 

@@ -15,16 +15,13 @@ from simulation_handler.explaining.camera import comparable, corrected, explaine
 from simulation_handler.explaining.drafting import Draft, draft
 from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.piles import piles_beneath
+from simulation_handler.explaining.piles import BREADTH, piles_beneath
 from simulation_handler.explaining.scoring import Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.shapes.geometry import Solid
 
 Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] | None]]
 """Simulates drafts, and returns the poses of each some time later; None for drafts without an outcome in time."""
-
-_MOST_EXTENDED = 3  # objects left unexplained about which a hypothesis is extended at once, the worst first
-_VAIN_EXPANSIONS = 3  # expansions without a better hypothesis after which the search ends
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ def search(situation: Situation, simulate: Simulate, most: int, first: Hypothesi
             return found
     evaluate(_beginnings(situation))
     stale = 0
-    while stale < _VAIN_EXPANSIONS and len(seen) < most:
+    while stale < BREADTH and len(seen) < most:
         open_ = [c for c in found if c.hypothesis not in expanded and c.score.residuals]
         if not open_ or (found[0] is not open_[0] and prior(situation, open_[0].hypothesis) > found[0].score.total):
             break
@@ -114,7 +111,7 @@ def _beginnings(situation: Situation) -> list[Hypothesis]:
 
 def _extensions(situation: Situation, candidate: Candidate) -> Iterator[Hypothesis]:
     """Hypotheses that go on from one, about the worst of what it leaves unexplained."""
-    for name in candidate.score.residuals[:_MOST_EXTENDED]:
+    for name in candidate.score.residuals[:BREADTH]:
         if name in situation.seen:
             yield from _about_seen(situation, candidate, name)
         else:

@@ -15,14 +15,11 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
-from simulation_handler.perception.estimate import PLACE_FLOOR
 from simulation_handler.perception.percepts import Array
 from simulation_handler.perception.visibility import ExpectedVisibility
+from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
-
-THIS_FRAME = 0.25
-"""s, age up to which a percept shows the present"""
 
 VisibilityQuery = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
 """Predicts the visibility of solids to cameras, by (camera, object)."""

@@ -29,11 +29,10 @@ from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
+from simulation_handler.scales import SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 
 _LASTING = (FALSE_PERCEPT, NOTHING_CHANGED)  # kinds that leave the belief as it is, so that their cause goes on
-_SWAPPED_PLACE = 0.015  # m
-_ASIDE = 0.010  # m by which something moved, rather than only turned
 
 
 def describe(situation: Situation, candidate: Candidate) -> tuple[ExplainedChange, ...]:
@@ -93,7 +92,7 @@ def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedCh
     if before - after:
         return ExplainedChange(RELATION_ENDED, ((name, *sorted(before - after)),))
     moved = math.dist(situation.believed[name].position[:2], situation.seen[name].percept.position[:2])
-    return ExplainedChange(MOVED if moved > _ASIDE else TURNED, ((name,),))
+    return ExplainedChange(MOVED if moved > SAME_PLACE else TURNED, ((name,),))
 
 
 def _has_fallen(situation: Situation, name: str, candidate: Candidate) -> bool:
@@ -117,4 +116,4 @@ def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, S
 
 
 def _is_near(a: Solid, b: Solid) -> bool:
-    return math.dist(a.position, b.position) < _SWAPPED_PLACE
+    return math.dist(a.position, b.position) < SAME_PLACE

@@ -22,14 +22,12 @@ from dsr.math3d.tolerance import SAME_POSE, PoseTolerance
 from dsr.math3d.transforms import Pose, position_deviation
 from dsr.memory import Memory
 from dsr.vocabulary.relations import THINGS
+from simulation_handler.scales import RESOLUTION, SAME_OUTCOME
 from simulation_handler.worlds.model import Island, ObjectState
 
 LEAST = 0.02
 """1, probability from which an alternative is told"""
-_SAME_WEIGHT = 0.02  # 1, by which a probability may change before it is written again
 _SAME_SHARE = 0.5  # standard deviations that an alternative may move before it is written again
-_LEAST_MOVE = 0.005  # m that it may in any case
-_SAME_STATE = 1e-3  # m by which two states of one thing are told apart
 
 
 class AlternativesWriter:
@@ -131,7 +129,7 @@ def _more(one: Alternative, weight: float, index: int) -> Alternative:
 def _at_one_place(one: Alternative, state: ObjectState, near: PoseTolerance) -> bool:
     if one.pose is None or state.pose is None:
         return one.pose is state.pose
-    if one.pose.cov == state.pose.cov and PoseTolerance(_SAME_STATE, near.radians).covers(one.pose, state.pose):
+    if one.pose.cov == state.pose.cov and PoseTolerance(RESOLUTION, near.radians).covers(one.pose, state.pose):
         return True
     is_known = max(_deviation(one.pose), _deviation(state.pose)) < near.metres
     return is_known and near.covers(one.pose, state.pose)
@@ -158,7 +156,7 @@ def _is_same(told: Whereabouts | None, where: Whereabouts, shown: Pose | None) -
 
 
 def _are_close(old: Sequence[float], new: Sequence[float]) -> bool:
-    return all(abs(one - other) <= _SAME_WEIGHT for one, other in zip(old, new, strict=True))
+    return all(abs(one - other) <= LEAST for one, other in zip(old, new, strict=True))
 
 
 def _is_same_alternative(
@@ -170,8 +168,8 @@ def _is_same_alternative(
     if (follows and new is best[1]) or old.pose is None or new.pose is None:
         return True
     before, now = position_deviation(old.pose), position_deviation(new.pose)
-    if abs(before - now) > max(_LEAST_MOVE, _SAME_SHARE * before):
+    if abs(before - now) > max(SAME_OUTCOME, _SAME_SHARE * before):
         return False
     if follows and are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
         return True
-    return math.dist(old.pose.t, new.pose.t) <= max(_LEAST_MOVE, _SAME_SHARE * before)
+    return math.dist(old.pose.t, new.pose.t) <= max(SAME_OUTCOME, _SAME_SHARE * before)

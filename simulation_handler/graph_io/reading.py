@@ -27,6 +27,7 @@ from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.reasoner import Reasoner
+from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.meshes import Forms
 
 MODELLED = "object"
@@ -37,7 +38,6 @@ OBJECTS = THINGS
 """Node types of the objects that the belief follows."""
 EXPLAINED = ("cube",)
 """Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
-_MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 FARTHEST = 100.0
 """m from the world's origin that anything may be: farther is an error, not a tabletop"""
 
@@ -231,7 +231,7 @@ def _shape(node: Node, size: Vector3, forms: Forms) -> Shape:
     else:
         return ()
     if any(
-        abs(edge + sign * 2.0 * end) > 2.0 * _MOST_OFF
+        abs(edge + sign * 2.0 * end) > 2.0 * RESOLUTION
         for sign, ends in zip((1.0, -1.0), bounds(shape), strict=True)
         for edge, end in zip(size, ends, strict=True)
     ):

@@ -17,6 +17,7 @@ from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
 from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
 from simulation_handler.reasoner import Reasoner
+from simulation_handler.scales import FRAME, TICK_SLACK
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.shapes.meshes import Forms
 
@@ -25,8 +26,6 @@ SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
 _LIMITS = {"share": (LEAST_SHARE,), "detectable": (0.05, 0.5, 0.95)}
 """What is news at any step: what counts as seen; what surely cannot be recognised, likely can be, and surely should."""
 
-_LOOK_PERIOD = 0.1  # s between two looks
-_TICK_SLACK = 1e-3  # s by which a tick may be early
 _NEWS_STEP = 0.1  # of the share, that is news
 
 
@@ -48,7 +47,7 @@ class Seeing:
 
     def update(self, now: float) -> None:
         """Look with each camera at the belief of time `now` (s), at most ten times a second, and write the changes."""
-        if self._last <= now < self._last + _LOOK_PERIOD - _TICK_SLACK:
+        if self._last <= now < self._last + FRAME - TICK_SLACK:
             return
         self._last = now
         with contextlib.suppress(np.linalg.LinAlgError):

@@ -20,6 +20,7 @@ from simulation_handler.contact.relations import STEEP
 from simulation_handler.graph_io.reading import FARTHEST
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
+from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
 
@@ -27,7 +28,6 @@ KEY = f"service/{SERVICE}"
 """Key of the service below the graph's root: a secured graph must grant it."""
 _DEEPEST_PLACED = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
 _MOST_QUESTIONS = 16  # count of questions that wait; further ones are refused
-_LEAST_SIZE = 1e-3  # m, of what is added
 _HEAVIEST = 1e3  # kg
 
 _log = logging.getLogger("simulation_handler.graph_io.what_if")
@@ -124,8 +124,8 @@ def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
         raise RefusedError(f"{name!r} is there already; place it elsewhere instead")
     if change.pose is None or size is None:
         raise RefusedError(f"to add {name!r} takes a pose and a size")
-    if not (_LEAST_SIZE <= min(size) <= max(size) <= FARTHEST):
-        raise RefusedError(f"size of {name!r}: {size}; expected {_LEAST_SIZE} to {FARTHEST} m along each axis")
+    if not (RESOLUTION <= min(size) <= max(size) <= FARTHEST):
+        raise RefusedError(f"size of {name!r}: {size}; expected {RESOLUTION} to {FARTHEST} m along each axis")
     if not (0.0 < change.mass <= _HEAVIEST and 0.0 <= change.friction <= _HEAVIEST):
         raise RefusedError(f"mass {change.mass} kg, friction {change.friction} of {name!r}: expected 0 to {_HEAVIEST}")
     try:

@@ -15,17 +15,16 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
-from simulation_handler.graph_io.alternatives import AlternativesWriter
+from simulation_handler.graph_io.alternatives import LEAST, AlternativesWriter
 from simulation_handler.graph_io.events import Events
 from simulation_handler.graph_io.recalling import SOURCES
 from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.worlds.model import Island, probability
+from simulation_handler.worlds.weighted import LOOK_PERIOD
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SAME = PoseTolerance(5e-5, 5e-4)  # m, rad that a body may move before its pose is written again
-_PERIOD = 0.2  # s, between two looks at the weighted worlds: people and plans do not follow faster
-_SAME_PROBABILITY = 0.05  # 1, by which a probability may change before it is written again
 _SAME_GRASP = PoseTolerance(0.005, 0.1)  # m, rad that an object may move in a hand before that is written again
 
 
@@ -58,6 +57,7 @@ class Writing:
                 self._write_pose(name, now)
                 self._write_plausible(name)
                 self._write_present(name)
+                self._write_lifted(name)
         self._look_at_worlds(now)
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
@@ -70,9 +70,9 @@ class Writing:
         """Take the weighted worlds of now, if the last ones are old, or relations have changed since."""
         kinds = (("on", self._belief.supports()), ("in", self._belief.contents()), ("grasping", self._belief.grasps()))
         related = {(kind, relation) for kind, relations in kinds for relation in relations}
-        if self._due - _PERIOD <= now < self._due and related == self._related:
+        if self._due - LOOK_PERIOD <= now < self._due and related == self._related:
             return
-        self._due, self._related, self._islands = now + _PERIOD, related, self._belief.islands()
+        self._due, self._related, self._islands = now + LOOK_PERIOD, related, self._belief.islands()
         self._alternatives.update(self._islands)
 
     def _write_pose(self, name: str, now: float) -> None:
@@ -100,6 +100,12 @@ class Writing:
             self._written.pop(name, None)
         if before is not (not gone) and (gone or before is not None):
             self._memory.update_node(name, present=not gone)
+
+    def _write_lifted(self, name: str) -> None:
+        """Tell when something that holds an object took it up."""
+        lifted = self._belief.lifted().get(name)
+        if lifted is not None and self._memory.node(name).get("lifted") != lifted:
+            self._memory.update_node(name, lifted=lifted)
 
     def _write_grasps(self) -> None:
         """Let the edges `grasping` of human hands be what the belief says that they hold."""
@@ -135,7 +141,7 @@ class Writing:
         """That a relation holds, by the weighted worlds; what is written, if that says so within the tolerance."""
         known = None if written is None else written.get("probability")
         now = probability(self._islands, kind, relation)
-        if known is not None and abs(known - now) <= _SAME_PROBABILITY:
+        if known is not None and abs(known - now) <= LEAST:
             return float(known)
         return round(now, 2)
 

@@ -191,8 +191,8 @@ def is_within_reach(palm: Pose, solid: Solid) -> bool:
 
 def _mean(path: Path) -> Pose:
     """Where something was, that rests."""
-    shares = (0.2, 0.4, 0.6, 0.8)  # 1, of the time at rest: the ends of it may belong to motions
-    places = [path.at(path.newest - share * _RESTS).t for share in shares]
+    step = 0.2 * _RESTS  # the ends of the time at rest may belong to motions
+    places = [path.at(path.newest - k * step).t for k in range(1, 5)]
     x, y, z = (sum(values) / len(places) for values in zip(*places, strict=True))
     return _point((x, y, z))
 

@@ -17,13 +17,13 @@ from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.relation import LEFT_BEHIND, Sign
 from simulation_handler.hands.state import ELSEWHERE, SLOWLY, UNSEEN, Hand, HandGrasp
 from simulation_handler.perception.paths import between
+from simulation_handler.scales import GONE_FROM
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _PALM_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
 _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
 _WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
-_LEFT_THERE = 0.02  # m from where a hand left it, within which an object is there
 
 
 class GoingAlong:
@@ -93,7 +93,7 @@ class GoingAlong:
         there, bodies = self._left_behind.place((hand, item.name), visibility), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
             return
-        if math.dist(there.t, bodies.sim.position(item.name)) < _LEFT_THERE:
+        if math.dist(there.t, bodies.sim.position(item.name)) < GONE_FROM:
             return
         moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
         for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():

@@ -7,7 +7,7 @@ from statistics import median
 from typing import NamedTuple
 
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.handling import Handling
+from dsr.vocabulary.handling import ENDED, Handling
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.contacts import TOUCH_DELAY
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
@@ -73,16 +73,24 @@ class LettingGo:
         self._holds = {known: hold for known, hold in self._holds.items() if known[1] != relation[1]}
 
     def end(self, relation: Relation, state: Handling, now: float) -> None:
-        """A hand does not hold an object any more at time `now` (s)."""
+        """A hand does not hold an object any more at time `now` (s). It has not let go of what it has in something."""
+        if state not in ENDED and state is not PUT_DOWN:
+            return
         self._ended[relation] = LetGo(state, max((hold.time for hold in self._holds.get(relation, ())), default=now))
 
     def resolve(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
-        """An object that a hand was seen to open about, unseen, is seen again: it has fallen, or lies where it was."""
-        end = self._ended.get(relation)
+        """An object that a hand let go unseen is seen again: it has fallen, or lies where it was.
+
+        Of what is lower, and may have gone down with its hand, nobody knows; nor of what is still in the air.
+        """
+        end, holds = self._ended.get(relation), self._holds.get(relation, ())
         is_confirmed = item.path.newest >= item.track.last_stamp  # a single percept that is far away may be false
-        if end is not None and end.state is LET_GO and is_confirmed:
-            state = DROPPED if self.has_fallen(relation, hand, item, now) else PUT_DOWN
-            self._ended[relation] = LetGo(state, end.since)
+        if end is None or end.state is not LET_GO or not is_confirmed or not holds:
+            return
+        if self.has_fallen(relation, hand, item, now):
+            self._ended[relation] = LetGo(DROPPED, end.since)
+        elif item.hovering_since is None and (_is_known(hand, now) or not _is_lower(item, holds)):
+            self._ended[relation] = LetGo(PUT_DOWN, end.since)
 
     def forget(self, name: str) -> None:
         """Forget an object or a hand that is no more."""
@@ -92,9 +100,17 @@ class LettingGo:
 
 def _has_fallen(hand: Hand, item: BelievedObject, holds: Sequence[_Hold], now: float) -> bool:
     """Whether an object has come down since then, by more than the hand: one that is not seen may have gone with it."""
-    is_known = hand.perceived and now - hand.path.newest <= UNSEEN
-    if not holds or not is_known or item.path.newest <= holds[-1].time:
+    if not holds or not _is_known(hand, now) or item.path.newest <= holds[-1].time:
         return False
-    height = item.path.last.t[2] + FALLEN
     with_hand = median(hold.height_with(hand.path.last) for hold in holds)  # palms are noisy, and it may fall already
-    return max(hold.place.t[2] for hold in holds) > height and with_hand > height
+    return _is_lower(item, holds) and with_hand > item.path.last.t[2] + FALLEN
+
+
+def _is_known(hand: Hand, now: float) -> bool:
+    """Whether it is known where a hand is."""
+    return hand.perceived and now - hand.path.newest <= UNSEEN
+
+
+def _is_lower(item: BelievedObject, holds: Sequence[_Hold]) -> bool:
+    """Whether an object is lower than it was in the hand, by more than noise."""
+    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + FALLEN

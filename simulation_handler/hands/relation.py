@@ -39,11 +39,18 @@ class Sign(Enum):
     """It is not seen, and by the palm it would have gone through a wall of what it is in."""
     ABSENT = auto()
     """It should be seen in the hand, and is not, for too long."""
+    ELSEWHERE = auto()
+    """It is seen where the hand cannot have it."""
+    PARTED = auto()
+    """The hand touches it no more, and it is not seen, or seen in the air."""
+    PARTED_AT_REST = auto()
+    """The hand touches it no more, and it is seen to lie still."""
 
 
 _CONTACT = (FREE, TOUCHING, PASSING, HIDING, COVERING, TAKING, PUT_DOWN, DROPPED, LET_GO)
 _LOOSE = (TOUCHING, PASSING, HIDING, PUT_DOWN, DROPPED, LET_GO)
 _HELD = (TOUCHING, PASSING, PINCHING, HIDING, PUT_DOWN)
+_AT_HAND = (TOUCHING, PASSING, PINCHING, HIDING)
 
 TRANSITIONS = MappingProxyType({
     Sign.TOUCHES: {FREE: TOUCHING},
@@ -59,6 +66,9 @@ TRANSITIONS = MappingProxyType({
     Sign.TAKEN: {COVERING: TAKING},
     Sign.THROUGH_WALL: dict.fromkeys(_HELD, LEFT_BEHIND),
     Sign.ABSENT: dict.fromkeys(_HELD, LEFT_BEHIND),
+    Sign.ELSEWHERE: dict.fromkeys((*_AT_HAND, COVERING, TAKING), LEFT_BEHIND),
+    Sign.PARTED: dict.fromkeys(_AT_HAND, LET_GO),
+    Sign.PARTED_AT_REST: dict.fromkeys(_AT_HAND, PUT_DOWN),
 })  # fmt: skip
 """By evidence: the next state by the present one. States that are not named stay.
 

@@ -13,8 +13,9 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
 from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
 from simulation_handler.perception.paths import Path
+from simulation_handler.scales import ONE_MOMENT, PRESENT
 
-UNSEEN = 0.25
+UNSEEN = PRESENT
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 ELSEWHERE = 0.05
 """m from where its hand would have it, from which an object that is seen is not in that hand as it was"""
@@ -22,7 +23,6 @@ PALM_GOES = 0.04
 """m, farther than a palm, of which a part is hidden, seems to go by itself, or than it goes while a hand closes"""
 SLOWLY = 0.1
 """Weight of the newest, by which what changes little is averaged"""
-_MEASURED = 0.15  # s up to which a fingertip is known
 FINGERS = 5
 """count of fingers: a hand of which so many are measured hides none"""
 HALF = 0.5
@@ -50,7 +50,7 @@ class Hand:
 
     def measures(self, tip: Path) -> bool:
         """Whether one of its fingertips is known as lately as its palm."""
-        return tip.newest >= self.path.newest - _MEASURED
+        return tip.newest >= self.path.newest - ONE_MOMENT
 
     @property
     def measured(self) -> int:

@@ -167,7 +167,8 @@ class Touching:
         item.hand, item.let_go_at = "", now
         relation = hand, item.name
         state = self._grasps[relation].state if relation in self._grasps else self._over.get(relation, FREE)
-        self._letting_go.end(relation, state, now)
+        if hand in self._hands:  # of one that is no more, nobody can say anything
+            self._letting_go.end(relation, state, now)
         self._going_along.leave(item, hand, self.visibility, now)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
@@ -189,10 +190,10 @@ class Touching:
         touched, pinched = self._contacts.since(), self._contacts.pinches
         for relation in [relation for relation, grasp in self._grasps.items() if not grasp.is_covered]:
             is_touched = relation in touched or self._is_aloft(relation, now) or self._goes_on_hiding(relation, now)
-            if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
+            is_elsewhere = self._is_elsewhere(relation, now)
+            if is_elsewhere or self._is_over(relation, is_touched):
                 self._contacts.end(relation)
-                self._over[relation] = self._opened(relation, now)
-                del self._grasps[relation]
+                self._end(relation, Sign.ELSEWHERE if is_elsewhere else self._parting(relation, now))
         for relation, since in self._contacts.since().items():
             name, thing = relation
             is_covered = relation in self._grasps and self._grasps[relation].is_covered and relation not in pinched
@@ -210,7 +211,7 @@ class Touching:
         covers = self._covering.covers
         for relation in [relation for relation, grasp in self._grasps.items() if grasp.is_covered]:
             if relation not in covers:
-                del self._grasps[relation]
+                self._end(relation, Sign.ELSEWHERE)
         for relation, cover in covers.items():
             grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, cover.hand_from_object))
             grasp.hand_from_object = cover.hand_from_object
@@ -269,18 +270,21 @@ class Touching:
         hand, item = self._hands[relation[0]], self._bodies.objects[relation[1]]
         return self._contacts.opens(relation) and self._letting_go.has_fallen(relation, hand, item, now)
 
-    def _opened(self, relation: Relation, now: float) -> Handling:
-        """The state of a hand and an object which that touches no more: as seen as the hand opened, if it was."""
-        grasp, item = self._grasps[relation], self._bodies.objects[relation[1]]
-        if relation[0] not in self._hands:
-            return grasp.state
-        if now - item.track.last_stamp > UNSEEN:
-            grasp.note(Sign.OPEN_UNSEEN)
-        elif self._drops(relation, now):
-            grasp.note(Sign.FALLS)
-        elif item.hovering_since is None:
-            grasp.note(Sign.OPEN_AT_REST)
-        return grasp.state
+    def _parting(self, relation: Relation, now: float) -> Sign:
+        """Evidence of how a hand came to touch an object no more."""
+        hand, item = self._hands.get(relation[0]), self._bodies.objects[relation[1]]
+        is_seen = now - item.track.last_stamp <= UNSEEN
+        if hand is None:
+            return Sign.PARTED
+        if drops(hand, item) or (is_seen and self._letting_go.has_fallen(relation, hand, item, now)):
+            return Sign.FALLS
+        return Sign.PARTED_AT_REST if is_seen and item.hovering_since is None else Sign.PARTED
+
+    def _end(self, relation: Relation, sign: Sign) -> None:
+        """Forget a grasp that ends with that evidence, but for this moment how it did."""
+        grasp = self._grasps.pop(relation)
+        grasp.note(sign)
+        self._over[relation] = grasp.state
 
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
@@ -321,7 +325,7 @@ class Touching:
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands.get(name)
         hovers = item.static or item.hovering_since is not None
-        is_alone = sum(held == thing for _, held in self._grasps) == 1
+        is_alone = sum(held == thing for _, held in self.grasps) == 1
         if hand is None or item.hand != name or not hovers or not is_alone or item.path.is_falling:
             return False
         stamp, solid = self._contacts.seen_at(hand, item, now)

@@ -11,15 +11,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.camera import explained_by_camera
+from simulation_handler.explaining.camera import FEWEST, explained_by_camera
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import Properties, Seen, Situation
-from simulation_handler.perception.estimate import PLACE_FLOOR
+from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
-_FEWEST_AGREEING = 3  # objects that must agree on one motion of the camera: two boxes may be moved so that they do
-_FEWEST_DISPLACED = 2  # of them, that must be seen elsewhere than believed: one is moved by itself
+_FEWEST_AGREEING = FEWEST + 1
+"""Objects that must agree on one motion of the camera: two boxes may be moved so that they do."""
 
 
 def seem_bumped(
@@ -35,12 +35,12 @@ def seem_bumped(
     """
     seen = {name: _newest(items[name], config, now) for name in rested}
     displaced = {name for name, one in seen.items() if is_displaced(one, rested[name], config)}
-    if len(rested) < _FEWEST_AGREEING or len(displaced) < _FEWEST_DISPLACED:
+    if len(rested) < _FEWEST_AGREEING or len(displaced) < FEWEST:
         return frozenset()
     properties = {name: Properties(items[name].mass, items[name].friction) for name in rested}
     situation = Situation(now, config, {}, rested, properties, seen, surprising=tuple(sorted(displaced)))
     alike = explained_by_camera(situation)
-    enough = len(alike) >= _FEWEST_AGREEING and len(alike & displaced) >= _FEWEST_DISPLACED
+    enough = len(alike) >= _FEWEST_AGREEING and len(alike & displaced) >= FEWEST
     return alike if enough else frozenset()
 
 

@@ -17,11 +17,10 @@ from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning
 from simulation_handler.perception.percepts import Array
+from simulation_handler.scales import UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
-
-_UNSEEN_VARIANCE = 2.5e-5  # m^2, sideways, of an object left to physics: it gives way to what is seen
 
 Scene = dict[str, Solid]
 """Solids at their poses of this moment, by name."""
@@ -237,5 +236,5 @@ class Correction:
     def _softness(self, item: BelievedObject, now: float) -> float:
         """Sideways variance of a body's position, m^2: how easily it gives way to others."""
         if item.placement is None or item.estimate_at(now) is None:
-            return _UNSEEN_VARIANCE
+            return UNSEEN_VARIANCE
         return float(np.trace(item.placement.covariance[:2, :2]))

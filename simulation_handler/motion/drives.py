@@ -14,15 +14,16 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.contact.placement import Placement
 from simulation_handler.motion.supported_objects import HALTED, Twist
 from simulation_handler.perception.paths import Path, between, turn_between
+from simulation_handler.scales import DIAGONAL, FASTEST_SEEN
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
+CATCHING_UP = 0.25
+"""m/s by which a body is faster than what it follows at most: what is in it is not thrown up"""
 ASTRAY_BOTH = 0.008
 """m from where it was, from which an object and the hand that holds it tell that it is on its way"""
 _REACTION = 0.03  # s in which a body makes up for being off its way
-_FASTEST_BODY = 1.5  # m/s
 _FASTEST_TURN = 8.0  # rad/s
-_THE_SAME_WAY = 0.7  # cosine
 _NEARER = 0.015  # m that a stand must be nearer to what is seen than a lean that a hand tells, to be believed
 _LATELY = 0.3  # s in which the speed of what is seen is measured
 
@@ -66,7 +67,7 @@ def goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
         return False
     by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
     ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
-    return min(ways) > ASTRAY_BOTH and float(by_hand @ by_itself) > _THE_SAME_WAY * math.prod(ways)
+    return min(ways) > ASTRAY_BOTH and float(by_hand @ by_itself) > DIAGONAL * math.prod(ways)
 
 
 def stands_or_leans(seen: Solid, leaning: Placement, stands: Sequence[Placement]) -> Placement:
@@ -108,7 +109,7 @@ def velocity_of(here: Pose, drive: Drive, share: float, seconds: float) -> Twist
     turning = [angle / seconds for angle in turn_between(drive.begin.q, drive.end.q)]
     off = [(b - a) / _REACTION for a, b in zip(here.t, there.t, strict=True)]
     askew = [angle / _REACTION for angle in turn_between(here.q, there.q)]
-    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST_BODY)
+    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], FASTEST_SEEN + CATCHING_UP)
     return linear, _limited([a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN)
 
 

@@ -31,6 +31,7 @@ from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.bumps import seem_bumped
 from simulation_handler.motion.drives import (
     ASTRAY_BOTH,
+    CATCHING_UP,
     Drive,
     goes_with_hand,
     is_lifted,
@@ -44,6 +45,7 @@ from simulation_handler.motion.supported_objects import HALTED, SupportedObjects
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.scene import STILL
 from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
+from simulation_handler.scales import GONE_FROM, ONE_MOMENT, PRESENT, SURE_SIGMAS
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -51,16 +53,10 @@ from simulation_handler.state.objects import BelievedObject
 _BODY_LAG = 0.05  # s by which a body is behind what is seen
 HURRY = 2.0
 """1, how many times as fast as it was seen to a body may move to catch up"""
-_HAS_LEFT = 0.020  # m from where it was believed to be, from which an object has left there
-_CATCHING_UP = 0.25  # m/s by which a body is faster than what it follows at most: what is in it is not thrown up
 _CAUGHT_UP = 0.15  # s in which it catches up what is more than that
 _STILL_SECONDS = 0.6  # s that an object must be seen to stay where it is
-_SURE_REST = 0.25  # s of that, at the end, in which it surely was where it is
 _SHORTEST = 0.3  # s of a drive: what sets out slowly has been seen to stay for a while
-_STILL_METRES = 0.012  # m that percepts of an object at rest may be apart
-_STILL_RADIANS = 0.2  # rad that percepts of an object at rest may be turned against each other
-_ASTRAY_METRES = 0.012  # m from where it was, and
-_SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
+_ASTRAY_METRES = 0.012  # m by which percepts of an object at rest may be apart
 _LIKELY = 1.5  # times the noise, from which three tell that, each of which is farther away
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
@@ -68,7 +64,6 @@ _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
 _OTHER_MOTION = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
 _SHARED_HEIGHT = 0.02  # m of height that both bodies share, from which neither stands on the other
-_JUST = 0.15  # s for which a percept tells where what moves is
 _RIDES_NO_MORE = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
 
 
@@ -252,7 +247,7 @@ class Driving:
             return item.path.newest
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
-        start = item.path.start(solid.pose, _HAS_LEFT)
+        start = item.path.start(solid.pose, GONE_FROM)
         if start is None and not item.hand:
             return self._start_in_sight(item)
         return item.path.newest if start is None else start
@@ -262,7 +257,7 @@ class Driving:
 
         None if it does not move, or something may have come along with it: that is to be explained.
         """
-        first = item.path.reappeared(_HAS_LEFT)
+        first = item.path.reappeared(GONE_FROM)
         if first is None or self._supported.supported([item.name]):
             return None
         self._bodies.put(item, first.t, self._bodies.pose(item.name).q)
@@ -271,7 +266,7 @@ class Driving:
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
         noise = item.noise + (self._config.depth_bias if item.bias is None else 0.0)
-        two, three = max(_ASTRAY_METRES, _SURELY * noise), max(_ASTRAY_METRES, _LIKELY * noise)
+        two, three = max(_ASTRAY_METRES, SURE_SIGMAS * noise), max(_ASTRAY_METRES, _LIKELY * noise)
         return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
 
     def _begin(self, item: BelievedObject, start: float) -> None:
@@ -293,7 +288,7 @@ class Driving:
         drive.speed = seen_speed(item.path, drive.played)
         passed = math.dist(before.t, item.path.at(drive.played).t)
         behind = math.dist(drive.begin.t, drive.end.t)
-        drive.end = towards(drive.begin, drive.end, passed + seconds * max(_CATCHING_UP, behind / _CAUGHT_UP))
+        drive.end = towards(drive.begin, drive.end, passed + seconds * max(CATCHING_UP, behind / _CAUGHT_UP))
         if item.estimate_at(now) is None:
             if not item.hand:
                 self._end(item, drive)
@@ -309,7 +304,7 @@ class Driving:
 
     def _is_out_of_sight(self, item: BelievedObject, drive: Drive, now: float) -> bool:
         """Whether an object on its way is not seen any more, and nobody has lifted it, who may hold it in the air."""
-        if now - item.track.last_stamp <= _JUST:
+        if now - item.track.last_stamp <= ONE_MOMENT:
             return False
         was_raised = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
         return drive.runs or (any(item.path.velocity) and (item.path.is_falling or not was_raised))
@@ -328,7 +323,7 @@ class Driving:
 
     def _is_still(self, item: BelievedObject, drive: Drive) -> bool:
         was_played = drive.played >= item.path.newest - _STILL_SECONDS
-        return was_played and item.path.is_still(_STILL_SECONDS, _STILL_METRES, _STILL_RADIANS)
+        return was_played and item.path.is_still(_STILL_SECONDS, _ASTRAY_METRES, self._config.surprise_angle)
 
     def _aim(self, item: BelievedObject, drive: Drive) -> None:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
@@ -363,7 +358,7 @@ class Driving:
             self._supported.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
-        item.track.begin_anew(item.path.newest - _SURE_REST)
+        item.track.begin_anew(item.path.newest - PRESENT)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen
@@ -372,6 +367,7 @@ class Driving:
 
     def _is_lost(self, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen far from where its container should have taken it."""
-        if now - item.track.last_stamp > _JUST or item.estimate_at(now) is None or item.name not in self._bodies.sim:
+        is_seen = now - item.track.last_stamp <= ONE_MOMENT and item.estimate_at(now) is not None
+        if not is_seen or item.name not in self._bodies.sim:
             return False
         return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _RIDES_NO_MORE

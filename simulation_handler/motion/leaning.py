@@ -18,8 +18,9 @@ from simulation_handler.contact.stances import misfit
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
+from simulation_handler.scales import SLOW
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.state.bodies import SLOW, Bodies
+from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _TIPS = 8  # count of tilts up to lying at which a neighbour may be met, and of halvings between two of them, to 1 mrad

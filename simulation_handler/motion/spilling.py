@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from functools import cache
+from itertools import count, islice
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -16,22 +17,17 @@ from simulation_handler.hands.state import UNSEEN
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
+from simulation_handler.physics.simulator import SLEEP_SPEED
+from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE, UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 
 _WAYS = 32  # count of falls that are simulated: their medoid moves little with more
 _TRIES = 96  # count of samples, of which those are no ways that are in other bodies
-_METRES = 0.01  # standard deviation of where along each axis it is, of what nobody sees roll in what is poured
-_SPEED = 0.1  # m/s, likewise of how fast
-_SPIN = 5.0  # rad/s, likewise of how fast it turns
-_SPREAD: Array = np.repeat((_METRES, _SPEED, _SPIN), 3)  # m, m/s and rad/s, along each axis
-_BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23)  # 1, a prime for each dimension of position, velocity and spin
+_SPEED = 0.1  # m/s, standard deviation along each axis of how fast what nobody sees rolls in what is poured
 _SECONDS = 1.5  # after which it lies
 _MOST = 0.9  # of all ends
-_LYING = 0.02  # m/s and rad/s
 _AROUND = 0.3  # m
-_SPILL_MOVED = 0.01  # m
-_DEEPEST_PART = 0.002  # m that its middle part may be in other bodies
 
 
 class _Fall(NamedTuple):
@@ -94,13 +90,13 @@ class Spilling:
         return not is_held and now - item.track.last_stamp > UNSEEN
 
     def _lies(self, name: str) -> bool:
-        return max(self._bodies.sim.speed(name)) < _LYING
+        return max(self._bodies.sim.speed(name)) < SLEEP_SPEED
 
     def _is_as_it_was(self, fall: _Fall) -> bool:
         """Whether what the object may lie on or beside has not been moved since."""
         sim = self._bodies.sim
         near = [name for name, place in fall.around.items() if math.dist(place, fall.end[0]) < _AROUND]
-        return all(name in sim and math.dist(sim.position(name), fall.around[name]) < _SPILL_MOVED for name in near)
+        return all(name in sim and math.dist(sim.position(name), fall.around[name]) < SAME_PLACE for name in near)
 
     def _moving(self, name: str) -> RolloutBody:
         velocity, spin = self._bodies.sim.velocity(name)
@@ -126,9 +122,11 @@ class Spilling:
     def _candidates(self, scene: RolloutScene, body: RolloutBody) -> list[RolloutBody]:
         """How the body may be on its way, without being in others."""
         solids = [other.solid for other in scene.bodies if other.name != body.name]
-        reach = 0.5 * min(body.size) - _DEEPEST_PART
+        radius = 0.5 * min(body.size)
+        reach = radius - PLACE_FLOOR
+        spread = np.repeat((UNSEEN_SLACK, _SPEED, _SPEED / radius), 3)  # m, m/s and rad/s, along each axis: it rolls
         falls: list[RolloutBody] = []
-        for shift, push, turn in zip(*np.split(_normal() * _SPREAD, 3, axis=1), strict=True):
+        for shift, push, turn in zip(*np.split(_normal(len(spread)) * spread, 3, axis=1), strict=True):
             position, velocity, spin = (
                 _sum(body.position, shift), _sum(body.velocity, push), _sum(body.spin, turn)
             )  # fmt: skip
@@ -140,13 +138,14 @@ class Spilling:
 
 
 @cache
-def _normal() -> Array:
-    """(_TRIES, 9) evenly spread samples of a normal distribution: a Halton sequence from its second point on.
+def _normal(size: int) -> Array:
+    """(_TRIES, size) evenly spread samples of a normal distribution: a Halton sequence from its second point on.
 
     `scipy.stats` has it, too, but takes longer to import than most processes take to start.
     """
     quantile = NormalDist().inv_cdf
-    return np.array([[quantile(_mirrored(n, base)) for base in _BASES] for n in range(1, _TRIES + 1)])
+    primes = list(islice((n for n in count(2) if all(n % k for k in range(2, n))), size))
+    return np.array([[quantile(_mirrored(n, base)) for base in primes] for n in range(1, _TRIES + 1)])
 
 
 def _mirrored(number: int, base: int) -> float:

@@ -15,16 +15,12 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.scales import LIKELY_SIGMAS
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
 
-PLACE_FLOOR = 0.002
-"""m, standard deviation of what is no noise of percepts: of bodies in contact, of models"""
-TURN_FLOOR = 0.03
-"""rad, likewise"""
 _EYE = np.eye(3)
-_MOST_SIGMAS = 2.0  # standard deviations of the bias beyond which it explains nothing
 _STEEP_RAY = 0.5  # vertical part of a viewing ray from which a height tells the depth error
 
 
@@ -95,7 +91,7 @@ class Estimate:
         if abs(slope) < _STEEP_RAY:
             return None
         bias = float(self.position[2] - height) / slope
-        return bias if abs(bias) <= _MOST_SIGMAS * self._config.depth_bias else None
+        return bias if abs(bias) <= LIKELY_SIGMAS * self._config.depth_bias else None
 
     def total_covariance(self, bias_std: float) -> Array:
         """Covariance (3, 3) of the position, m^2: remaining noise, and bias along the viewing ray."""

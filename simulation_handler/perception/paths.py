@@ -10,14 +10,11 @@ from itertools import pairwise
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from simulation_handler.scales import FASTEST_SEEN, FRAME, LONGEST_GAP, SLOW
 
 _KEPT_PERCEPTS = 24  # percepts
-_LONGEST_GAP = 0.45  # s between two percepts of a way without a break
-_FASTEST_SEEN = 1.2  # m/s
 _NOISE = 0.03  # m
-_MOST_AHEAD = 0.1  # s
 _PERIODS = 3  # between percepts, over which the velocity is measured
-_SLOWEST = 0.06  # m/s, below which it is not on its way
 _FALLING_SPEED = 0.4  # m/s downwards, faster than what somebody puts down
 _CENTRE = 0.5  # weight of a percept in its mean with the two around it
 
@@ -92,7 +89,7 @@ class Path:
             return self._smooth(0)
         before = self._smooth(index - 1)
         if index == len(self._poses):
-            return self._ahead(min(stamp - self.newest, _MOST_AHEAD))
+            return self._ahead(min(stamp - self.newest, FRAME))
         after = self._smooth(index)
         share = (stamp - before.stamp) / (after.stamp - before.stamp)
         return between(before, after, share)
@@ -101,7 +98,8 @@ class Path:
         """Whether it was seen, over the last `seconds`, to move by less than `metres` and `radians` in half of them."""
         if not self._poses or self._poses[0].stamp > self.newest - seconds:
             return False
-        before, after = (self.at(self.newest - share * seconds) for share in (0.75, 0.25))  # 1, of the time
+        middle = 0.5 * 0.5 * seconds  # of either half of the time
+        before, after = self.at(self.newest - seconds + middle), self.at(self.newest - middle)
         apart, turned = before.distance(after)
         return apart <= metres and turned <= radians
 
@@ -135,7 +133,7 @@ class Path:
             return 0.0, 0.0, 0.0
         last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - periods, 0)]
         passed = last.stamp - before.stamp
-        if not 0.0 < passed <= _LONGEST_GAP * periods or math.dist(last.t, before.t) < _SLOWEST * passed:
+        if not 0.0 < passed <= LONGEST_GAP * periods or math.dist(last.t, before.t) < SLOW * passed:
             return 0.0, 0.0, 0.0
         x, y, z = ((a - b) / passed for a, b in zip(last.t, before.t, strict=True))
         return x, y, z
@@ -169,6 +167,6 @@ def turn_between(a: Quaternion, b: Quaternion) -> Vector3:
 
 def _is_break(a: Pose, b: Pose) -> bool:
     seconds = b.stamp - a.stamp
-    if seconds > _LONGEST_GAP:
+    if seconds > LONGEST_GAP:
         return True
-    return math.dist(a.t, b.t) > _FASTEST_SEEN * seconds + _NOISE
+    return math.dist(a.t, b.t) > FASTEST_SEEN * seconds + _NOISE

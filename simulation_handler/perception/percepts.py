@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.scales import ROUNDING
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9  # 1, share of the trace up to which a negative eigenvalue is a rounding error
 _LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
 _ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
 _EYE = np.eye(3)
@@ -69,7 +69,7 @@ def _check_covariance(pose: Pose) -> None:
     """Raise ValueError for a covariance with a negative variance in some direction."""
     covariance = np.array(pose.cov).reshape(6, 6)
     least = np.linalg.eigvalsh(covariance)[0]
-    if least < -_ROUNDING * np.trace(covariance):
+    if least < -ROUNDING * np.trace(covariance):
         raise ValueError(f"covariance with eigenvalue {least}: expected none below 0")
 
 

@@ -14,7 +14,8 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.estimate import Estimate, Innovation, fused
 from simulation_handler.perception.percepts import WeighedPercept
 
-_RECENT_PERCEPTS = 10  # percepts whose mean shows a move too small for the gate of a single one
+RECENT_PERCEPTS = 10
+"""Percepts of an object at rest whose mean tells what a single one does not: a small move, the error of depth."""
 
 
 class PerceptTrack:
@@ -24,8 +25,8 @@ class PerceptTrack:
         self._config = config
         self._believed = False  # there is a belief without an estimate, which a single percept does not replace
         self._pending: deque[WeighedPercept] = deque(maxlen=config.confirm_frames)
-        self._recent: deque[tuple[WeighedPercept, Innovation]] = deque(maxlen=_RECENT_PERCEPTS)
-        self._newest: deque[WeighedPercept] = deque(maxlen=_RECENT_PERCEPTS)
+        self._recent: deque[tuple[WeighedPercept, Innovation]] = deque(maxlen=RECENT_PERCEPTS)
+        self._newest: deque[WeighedPercept] = deque(maxlen=RECENT_PERCEPTS)
         self.estimate: Estimate | None = None
         """None until perception is sure enough."""
         self.last_stamp = -math.inf
@@ -101,11 +102,9 @@ class PerceptTrack:
         self.changed = True
         newer = [percept]
         innovations = [innovation for _, innovation in self._recent]
-        if len(self._recent) == _RECENT_PERCEPTS and not estimate.agrees(
-            innovations, percept, self._config.recent_gate
-        ):
+        if len(self._recent) == RECENT_PERCEPTS and not estimate.agrees(innovations, percept, self._config.recent_gate):
             estimate.loosen(innovations)
-            newer = [recent for recent, _ in self._recent][_RECENT_PERCEPTS // 2 :]  # the older half may be from before
+            newer = [recent for recent, _ in self._recent][RECENT_PERCEPTS // 2 :]  # the older half may be from before
             self._recent.clear()
         for recent in newer:
             estimate.fuse(recent)

@@ -21,6 +21,7 @@ from dsr.math3d.surfaces import GAP, crossings, meets, seen_alone
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.tags import TAG_RATIO
+from simulation_handler.scales import RESOLUTION, ROUNDING
 from simulation_handler.shapes.geometry import Solid
 
 Array = NDArray[np.float64]
@@ -37,11 +38,8 @@ _TAG_REACH = 0.95  # of half a tag's side, up to which the rays go
 _EYE_MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
 _HOUSING = 0.03  # m from a camera within which a body that the camera is in hides nothing: it may be its housing
 _IMAGE_SIGMAS = 3.0  # standard deviations by which what should be in the image may be elsewhere in it
-_DIVISOR = 1e-12  # stands for what must not be divided by
 _FARTHEST_SHOWN = 1e6  # m; whatever is said to be further away, or larger, is there and so large
 _POINTS = 48  # on the surface of an object that is recognised by its colour, at most
-_EYE_STEP = 1e3  # 1/m, to which an eye's place is rounded for those
-_CACHED = 1024  # count of results that are kept
 _KINDS = ("box", "cylinder", "sphere")  # as in dsr.math3d.surfaces.Solids
 
 _SIDE = np.linspace(-_TAG_REACH, _TAG_REACH, _RAY_GRID)
@@ -271,9 +269,9 @@ def _targets(camera: _Camera, bodies: _Bodies, solids: Sequence[Solid], colored:
     weights[:, :rays] = 1.0 / rays
     eyes = bodies.into(camera.eye)
     for index in np.flatnonzero(colored).tolist():
-        x, y, z = np.rint(eyes[index] * _EYE_STEP).tolist()
+        x, y, z = np.rint(eyes[index] / RESOLUTION).tolist()
         points, shares = _surface(
-            solids[index].shape, solids[index].size, (x / _EYE_STEP, y / _EYE_STEP, z / _EYE_STEP)
+            solids[index].shape, solids[index].size, (x * RESOLUTION, y * RESOLUTION, z * RESOLUTION)
         )
         weights[index] = 0.0
         local[index], weights[index, : len(shares)] = 0.0, shares
@@ -285,13 +283,13 @@ def _targets(camera: _Camera, bodies: _Bodies, solids: Sequence[Solid], colored:
     return _Targets(points, weights, middle, np.sqrt(around))
 
 
-@functools.lru_cache(maxsize=_CACHED)
+@functools.lru_cache(maxsize=1024)
 def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
     """At most `_POINTS` points (k, 3) of what is seen of a body from a place, in its frame, with their shares (k,)."""
     points, weights = seen_alone(shape, size, np.array(eye))
     step = max(1, math.ceil(len(points) / _POINTS))
     points, weights = points[::step], weights[::step]
-    return points, weights / max(float(weights.sum()), _DIVISOR)
+    return points, weights / max(float(weights.sum()), ROUNDING)
 
 
 def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, smallest: float) -> Flags:
@@ -299,7 +297,7 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, 
     intrinsics = camera.view.intrinsics
     points = (targets.points - camera.eye) @ camera.rotation
     depth = points[..., 2]
-    ahead = depth > _DIVISOR
+    ahead = depth > ROUNDING
     safe = np.where(ahead, depth, 1.0)
     pixels = intrinsics.project(np.where(ahead[..., None], points, 1.0))
     u, v = pixels[..., 0], pixels[..., 1]
@@ -322,7 +320,7 @@ def _margins(view: CameraView, points: Array) -> Array:
     """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
     if view.world_from_camera.covariance is None:
         return np.zeros((len(points), 2))
-    intrinsics, depth = view.intrinsics, np.where(points[:, 2] > _DIVISOR, points[:, 2], 1.0)
+    intrinsics, depth = view.intrinsics, np.where(points[:, 2] > ROUNDING, points[:, 2], 1.0)
     shifts = np.zeros((len(points), 2, 3))  # of the pixel with the point
     shifts[:, 0, 0], shifts[:, 1, 1] = intrinsics.fx / depth, intrinsics.fy / depth
     shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (intrinsics.fx, intrinsics.fy) / depth[:, None]
@@ -343,7 +341,7 @@ def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tu
     """Pairs (target, part) of which the part may hide it: its ball meets the tube around the rays to the target."""
     ray = targets.middle - eye
     to_part = parts.bodies.centre - eye
-    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), _DIVISOR)[:, None], 0.0, 1.0)
+    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), ROUNDING)[:, None], 0.0, 1.0)
     gap = to_part[None] - along[:, :, None] * ray[:, None]
     reach: Array = parts.radius[None] + targets.reach[:, None]
     near: Flags = np.less_equal((gap * gap).sum(axis=2), reach * reach)

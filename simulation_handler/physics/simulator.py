@@ -22,6 +22,7 @@ from dsr.errors import DsrError, suggest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import MOST_PARTS, PartKind, Shape
 from simulation_handler.physics.finger_bodies import FingerBodies
+from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.hull_shapes import make_hulls
 
 TIME_STEP = 1.0 / 240.0
@@ -37,13 +38,14 @@ _RECOVERY = 0.08  # share of an interpenetration that is undone in 1/240 s, as p
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
 _ROLLING_FRICTION = 0.01  # m, of what is round, if nobody says: a ball comes to rest as on a soft cloth
-_SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
+SLEEP_SPEED = 0.02
+"""m/s or rad/s, below which a body may fall asleep"""
 _GEOMETRIES: dict[PartKind, int] = {
     "box": pybullet.GEOM_BOX,
     "cylinder": pybullet.GEOM_CYLINDER,
     "sphere": pybullet.GEOM_SPHERE,
 }
-TOUCHING = 0.001
+TOUCHING = RESOLUTION
 """m between two surfaces up to which bodies touch"""
 
 
@@ -155,7 +157,7 @@ class Simulator:
             physicsClientId=self._client,
         )  # fmt: skip
         pybullet.changeDynamics(
-            body, -1, lateralFriction=friction, frictionAnchor=1, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
+            body, -1, lateralFriction=friction, frictionAnchor=1, restitution=0.0, sleepThreshold=SLEEP_SPEED,
             activationState=_ENABLE_SLEEPING if self._sleeping else _DISABLE_SLEEPING, physicsClientId=self._client,
         )  # fmt: skip
         if rolling_friction is None:

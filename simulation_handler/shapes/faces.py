@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
+from simulation_handler.scales import ROUNDING
 
 _BEVEL = 0.3  # rad between two sides, of which only the larger one counts: the other is a bevel, or a gap
 ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
 """count 16: corners (x, y) of the regular polygon that stands for a circle of radius 1"""
-_AXIS = 1e-6  # 1, sine of the tilt up to which a direction counts as along an axis
 _TIPS_BESIDE = 1e-4  # m, beside a side that is below the centre, from which a body on that tips over
 
 Points = NDArray[np.float64]
@@ -48,7 +48,7 @@ def faces(shape: Shape) -> tuple[Vector3, ...]:
         unit = _unit(normal)
         if all(dot(unit, other) < math.cos(_BEVEL) for other in found):
             found.append(unit)
-    is_box = all(max(map(abs, normal)) > 1.0 - _AXIS for normal in found)
+    is_box = all(max(map(abs, normal)) > 1.0 - ROUNDING for normal in found)
     return () if is_box else tuple(found)
 
 

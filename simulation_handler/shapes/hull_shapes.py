@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
 from dsr.math3d.shapes import Part, Shape
+from simulation_handler.scales import RESOLUTION
 
-_HULL_MARGIN = 0.001  # m
 _LEAST_EXTENT = 0.1  # of its extent that a thin piece keeps at least
 
 
@@ -35,7 +35,7 @@ def _corners(part: Part) -> NDArray[np.float64]:
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     own = np.array(part.corners) if part.corners else signs * half
     turn = np.array(quaternions.to_matrix(part.rotation))
-    smaller = np.maximum(1.0 - _HULL_MARGIN / half, _LEAST_EXTENT)
+    smaller = np.maximum(1.0 - RESOLUTION / half, _LEAST_EXTENT)
     return np.asarray((own * smaller) @ turn.T + part.position)
 
 

@@ -19,6 +19,7 @@ from dsr.geometry.mesh import joined_bounds
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import MOST_PARTS, Part, Shape
 from dsr.memory import Memory
+from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.decomposing import decomposed
 
 if TYPE_CHECKING:
@@ -27,13 +28,11 @@ if TYPE_CHECKING:
 Points = NDArray[np.float64]
 
 _MOST_CORNERS = 64  # of a hull
-_THINNEST = 0.001  # m
 _HOLLOW = 0.15  # of the volume of its hull that may be empty in what counts as convex
 _FILLED = 0.3  # of what is empty that parts may fill
 _ON = 0.002  # of its diagonal that a surface may be inside of the hull that it is on
 _MOST_KEPT = 256  # forms
 _AT_ONCE = 20  # directions
-_MOST_LOOKED_AT = 2000  # points of a surface
 _MOST_EXACT = 2000  # points whose hull is made of all
 _TRIPLE = 6.0  # 1, triple product of the edges of a tetrahedron over its volume
 
@@ -57,7 +56,7 @@ class Form(NamedTuple):
     @property
     def size(self) -> Vector3:
         """Edge lengths of the bounding box, m; a flat one has the least thickness that can be simulated."""
-        x, y, z = (max(high - low, _THINNEST) for low, high in zip(*self.bounds, strict=True))
+        x, y, z = (max(high - low, RESOLUTION) for low, high in zip(*self.bounds, strict=True))
         return x, y, z
 
 
@@ -164,7 +163,7 @@ def _connected(whole: _Piece) -> list[_Piece]:
     order = np.argsort(keys, kind="stable")
     _, first, sharing = np.unique(keys[order], return_index=True, return_counts=True)
     pairs = first[sharing == 2]
-    ends = order[pairs] // 3, order[pairs + 1] // 3  # count of a triangle's edges
+    ends = order[pairs] // triangles.shape[1], order[pairs + 1] // triangles.shape[1]
     graph = coo_array((np.ones(len(pairs)), ends), shape=(len(triangles), len(triangles)))
     count, labels = connected_components(graph, directed=False)
     if count > MOST_PARTS:
@@ -182,11 +181,11 @@ def _hull(points: Points) -> Points:
 
     low, high = points.min(axis=0), points.max(axis=0)
     try:
-        corners = points[ConvexHull(points).vertices] if (high - low).min() >= _THINNEST else None
+        corners = points[ConvexHull(points).vertices] if (high - low).min() >= RESOLUTION else None
     except QhullError:
         corners = None
     if corners is None:
-        middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, _THINNEST / 2.0)
+        middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, RESOLUTION / 2.0)
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return np.asarray(middle + signs * half)
     if len(corners) <= _MOST_CORNERS:
@@ -229,7 +228,7 @@ def _is_on(piece: _Piece, hull: ConvexHull) -> bool:
     if (sharing != 2).any():
         return False
     surface = piece.points[piece.triangles].mean(axis=1)
-    surface = surface[:: len(surface) // _MOST_LOOKED_AT + 1]
+    surface = surface[:: len(surface) // _MOST_EXACT + 1]
     depth = -(surface @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
     return float(depth.max()) <= _ON * math.dist(piece.points.min(axis=0), piece.points.max(axis=0))
 
@@ -238,7 +237,7 @@ def _part(hull: Points, centre: Points) -> Part:
     """A hull as a part of a body: its box, and its corners in that."""
     low, high = hull.min(axis=0), hull.max(axis=0)
     middle = (low + high) / 2.0
-    x, y, z = np.maximum(high - low, _THINNEST).tolist()
+    x, y, z = np.maximum(high - low, RESOLUTION).tolist()
     at_x, at_y, at_z = (middle - centre).tolist()
     return Part("box", (x, y, z), (at_x, at_y, at_z), corners=tuple(map(tuple, (hull - middle).tolist())))
 
@@ -247,7 +246,8 @@ def _spread(count: int) -> Points:
     """Directions that cover the sphere evenly: the six axes, and a golden spiral."""
     index = np.arange(count)
     height = 1.0 - (2.0 * index + 1.0) / count
-    angle = index * math.pi * (3.0 - math.sqrt(5.0))  # rad, the golden angle
+    golden = (1.0 + math.sqrt(5.0)) / 2.0  # 1, the golden ratio
+    angle = index * 2.0 * math.pi / golden**2
     across = np.sqrt(1.0 - height**2)
     spiral = np.column_stack([across * np.cos(angle), across * np.sin(angle), height])
     return np.concatenate([np.eye(3), -np.eye(3), spiral])

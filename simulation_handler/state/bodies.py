@@ -13,13 +13,11 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
+from simulation_handler.scales import RESOLUTION, SLOW
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
 FLOOR = "_floor"
-_HIGHER = 0.001  # m
-SLOW = 0.05
-"""m/s up to which a body counts as at rest"""
 _FLOOR_SIZE = (20.0, 20.0, 0.2)  # m
 
 
@@ -109,7 +107,7 @@ class Bodies:
         others = [
             other for name, other in self.objects.items() if other.shape and name in self.sim and other is not item
         ]
-        return {other.name for other in others if self.solid(other.name).bottom > body.bottom + _HIGHER}
+        return {other.name for other in others if self.solid(other.name).bottom > body.bottom + RESOLUTION}
 
     def scene(self, leaving_out: Collection[str]) -> dict[str, Solid]:
         """All fixtures, and all other bodies at their believed poses."""

@@ -15,13 +15,13 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.supports import UNKNOWN
-from simulation_handler.perception.estimate import TURN_FLOOR, Estimate
+from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.perception.tracking import PerceptTrack
+from simulation_handler.perception.tracking import RECENT_PERCEPTS, PerceptTrack
+from simulation_handler.scales import TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
-_PERCEPTS_TO_LEARN = 10  # count of percepts at rest, after which the systematic error of depth is known
 _STRIKE_MEMORY = 1.0  # s
 SURE_OF_ROTATION = 0.75
 """rad^2, trace of a rotation's covariance up to which a percept tells it"""
@@ -200,7 +200,7 @@ class BelievedObject:
     def learn_bias(self, placement: Placement) -> None:
         """Learn the systematic error of its percepts, if it has been resting on something known for a while."""
         estimate = self.track.estimate
-        if self.is_carried() and estimate is not None and estimate.count >= _PERCEPTS_TO_LEARN:
+        if self.is_carried() and estimate is not None and estimate.count >= RECENT_PERCEPTS:
             self.bias = estimate.bias_given(placement.solid.position[2])
 
     def strike(self, now: float) -> None:

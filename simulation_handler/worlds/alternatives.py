@@ -14,6 +14,7 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
 from simulation_handler.worlds.parameters import Absence, Rates, WorldParameters
@@ -31,7 +32,6 @@ IN_HAND, INSIDE_OF = "in ", "inside "
 
 _REACH = 0.15  # m from a palm to the centre of an object that its hand may take
 _BESIDE = 0.05  # m from a container within which what vanishes may be in it
-_LEAST = 1e-9  # 1, weight below which a mode is dropped
 _WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
 
 
@@ -107,7 +107,7 @@ class Alternatives:
         total = sum(mode.weight for mode in self.modes.values())
         for key, mode in list(self.modes.items()):
             mode.weight /= total
-            if 0.0 < mode.weight < _LEAST and key != FOLLOWED:
+            if 0.0 < mode.weight < ROUNDING and key != FOLLOWED:
                 del self.modes[key]
 
     def _go_along(self, thing: ObjectEvidence, evidence: Evidence) -> None:
@@ -209,7 +209,7 @@ class Alternatives:
     def _miss(self, name: str, evidence: Evidence, step: float) -> None:
         """The object is not seen: that speaks against all places where cameras should see it."""
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
-        if not any(evidence.now - other.seen_at < _WATCHING for other in evidence.objects.values()):
+        if not any(evidence.now - other.seen_at < PRESENT for other in evidence.objects.values()):
             return  # cameras see nothing at all: they may be blind
         modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
         placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
@@ -225,7 +225,6 @@ class Alternatives:
             after = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
             away.weight *= after / before
 
-
     def _with_solid(self, name: str, evidence: Evidence) -> Evidence:
         """The evidence with the object as it was; it may still be there, though the simulation has taken it away."""
         thing = evidence.objects[name]
@@ -233,9 +232,6 @@ class Alternatives:
             self._solid = thing.solid
             return evidence
         return replace(evidence, objects={**evidence.objects, name: replace(thing, solid=self._solid)})
-
-
-_WATCHING = 0.3  # s since the newest percept of anything, up to which cameras count as seeing
 
 
 def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:

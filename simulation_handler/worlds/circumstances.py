@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from simulation_handler.hands.state import UNSEEN
+from simulation_handler.scales import GONE_FROM
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 
 RESTS: Final = "rests in view"
@@ -32,7 +33,6 @@ CIRCUMSTANCES: Final = (*IN_VIEW, *OUT_OF_VIEW)
 """All of them"""
 ON_ITS_WAY: Final = (MOVES, RIDES, HOVERS, RESTLESS, HELD)
 """Those from which an object may go anywhere once it is not seen any more"""
-_MOVED = 0.02  # m from where it was seen last, from which an unseen object has been moved by the simulation
 
 
 def is_unseen(thing: ObjectEvidence, now: float) -> bool:
@@ -69,7 +69,7 @@ def unseen(thing: ObjectEvidence, evidence: Evidence, moved: float, before: str)
         return GRIPPED
     if thing.hand:
         return held(thing.hand, evidence)
-    if moved > _MOVED:
+    if moved > GONE_FROM:
         return INSIDE if thing.container else MOVED_UNSEEN
     if before not in ON_ITS_WAY:
         return RESTS_UNSEEN

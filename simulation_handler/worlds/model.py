@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
+from simulation_handler.scales import ROUNDING
 
 GRASPING, INSIDE, ON = "grasping", "in", "on"
 """Kinds of relations: hand or gripper and object; object and container; object and support."""
@@ -76,7 +77,7 @@ class Island:
 
     def __post_init__(self) -> None:
         weights = [world.weight for world in self.worlds]
-        if not weights or abs(sum(weights) - 1.0) > _SUM_ROUNDING:
+        if not weights or abs(sum(weights) - 1.0) > ROUNDING:
             raise ValueError(f"weights {weights} of island {self.names}: expected some that sum to 1")
         if sorted(weights, reverse=True) != weights:
             raise ValueError(f"weights {weights} of island {self.names}: expected the greatest first")
@@ -89,9 +90,6 @@ class Island:
     def probability(self, kind: str, relation: Relation) -> float:
         """Probability of a relation (from, to) of a kind of `GRASPING`, `INSIDE`, `ON`."""
         return sum(world.weight for world in self.worlds if holds(world, kind, relation))
-
-
-_SUM_ROUNDING = 1e-6  # 1, by which a sum of weights may miss 1
 
 
 def holds(world: WeightedWorld, kind: str, relation: Relation) -> bool:

@@ -43,8 +43,6 @@ PERCEIVED = "as perceived"
 """Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
 LOOK_PERIOD = 0.2
 """s between two times at which it is worked out what cameras should see of an unseen object"""
-_CLEARLY = 0.5  # 1, weight from which one mode is more probable than all others together
-_SPEED_TIME = 0.2  # s over which the speed of a believed object is measured
 
 
 @dataclass
@@ -68,7 +66,7 @@ class _Watched:
         """Keep where it is believed at `now` (s)."""
         if pose is not None:
             self.poses.append(pose)
-        while len(self.poses) > 1 and self.poses[1].stamp <= now - _SPEED_TIME:
+        while len(self.poses) > 1 and self.poses[1].stamp <= now - LOOK_PERIOD:
             del self.poses[0]
 
     @property
@@ -181,7 +179,7 @@ class WeightedWorlds:
         """The mode of an unseen object that is more probable than all others together, by its kind; None without."""
         alternatives = self._watched[name].alternatives if name in self._watched else None
         modes = {} if alternatives is None else alternatives.modes
-        return next(((key, mode) for key, mode in modes.items() if mode.weight > _CLEARLY), None)
+        return next(((key, mode) for key, mode in modes.items() if mode.weight > 1.0 - mode.weight), None)
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""

@@ -33,7 +33,7 @@ from benchmarks.workers import BenchmarkError, Worker
 from dsr.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
-KEYS = {"row", "value", "unit", "target", "peer", "ratio", "meets", "note"}
+KEYS = {"row", "value", "unit", "target", "peer", "ratio", "meets", "note", "of_peer"}
 
 
 @pytest.fixture(autouse=True)
@@ -57,6 +57,15 @@ def test_a_row_without_target_or_peers_is_judged_by_nothing() -> None:
 
 def test_the_ratio_is_to_the_first_peer() -> None:
     assert judged(Spec("r", "ms"), 3.0, [Peer("a", 2.0), Peer("b", 1.0)]).ratio == 1.5
+
+
+@pytest.mark.parametrize(("better", "meets"), [("lower", False), ("higher", True)])
+def test_a_target_by_the_first_peer_counts_where_that_was_measured(better: str, meets: bool) -> None:
+    spec = Spec("r", "ms", 2.0, better, of_peer=1.5)  # type: ignore[arg-type]
+    beside = judged(spec, 2.0, [Peer("a", 1.0), Peer("b", 9.0)])
+    assert (beside.ratio, beside.of_peer, beside.meets) == (2.0, 1.5, meets)
+    alone = judged(spec, 2.0)
+    assert (alone.of_peer, alone.meets) == (None, True)
 
 
 def test_runs_are_summed_up_by_medians_and_judged_anew() -> None:

@@ -22,6 +22,26 @@ _NOWHERE = (0.0, 0.0, 0.0)
 
 class Config:
     rate: float = 20.0
+    wait: float = 1.0
+    """s until it begins"""
+
+
+class State:
+    last: float = 0.0
+    """s, when it was seen; nothing yet"""
+    probability: float = 1.0
+    """1, that it is so"""
+    strength: float = 1.0
+    """1, ratio to that of others"""
+
+
+_DRAWS = np.random.default_rng(7).standard_normal((12, 9))
+_DRAWS[:3] = 0.0
+
+
+@lru_cache(maxsize=256)
+def known(name):
+    return name
 
 
 def near(points, limit=0.02, *, count=5):
@@ -45,6 +65,8 @@ def test_numbers_and_what_is_told_of_them(tmp_path: Path, monkeypatch: pytest.Mo
         ("FAR", "0.25", "m", "m beyond which nothing is seen"),
         ("_TURN", "0.1", "rad", "rad"),
         ("rate", "20.0", "", ""),
+        ("wait", "1.0", "s", "s until it begins"),
+        ("strength", "1.0", "", "1, ratio to that of others"),
         ("limit", "0.02", "m", "m, from centre to centre."),
         ("count", "5", "", ""),
         ("", "0.7", "", ""),

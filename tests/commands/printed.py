@@ -31,7 +31,7 @@ from benchmarks.report import rows_table
 from benchmarks.rows import Peer, Row
 from benchmarks.soak.faults import FAULTS
 from benchmarks.soak.races import RACES
-from dsr.cli import doctor, status_table, topology, what_if
+from dsr.cli import doctor, parts, status_table, topology, what_if
 from dsr.cli.common import console
 from dsr.clock import WALL_CLOCK
 from dsr.crdt.delta import Delta, Write
@@ -110,6 +110,12 @@ def _topology(place: Place) -> None:
     clients = [ClientInfo(row.agent, "degraded", [use]) for row in agent_rows()]
     worlds = [WorldEntry(WorldInfo(WORLD, parent=CUBE, follows=True), True, [], [], None, 0.0)]
     console.print(topology._table(Topology(worlds, clients), "g", 3599.0))
+
+
+def _parts(place: Place) -> None:
+    place.cli("parts")
+    rows = [{"name": WORLD, "types": [CUBE, TABLE], "creator": AGENT, "created": 1e9, "held_by": [AGENT, CAMERA]}]
+    console.print(parts._table(rows))
 
 
 def _stamps(place: Place) -> None:
@@ -267,6 +273,7 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "visibility": _call("visibility", "--all"),
     "where": _call("where", CUBE),
     "worlds": _call("worlds"),
+    "parts": _parts,
     "topology": _topology,
     "top": _top,
     "diff": _call("diff", "base", WORLD),

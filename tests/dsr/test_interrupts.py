@@ -96,3 +96,31 @@ def test_an_interrupted_write_leaves_nothing_inconsistent(net: Net, action: Acti
     assert context == b.replica.graph.store.context and not context.cloud
     pose = a.get_edge("world", "cube", "RT")
     assert pose is None or a.transform("world", "cube") == pose.pose
+
+
+def test_closing_that_is_interrupted_and_repeated_loses_no_write(net: Net) -> None:
+    a = net.join("a")
+    prepare(a)
+    line, interrupted = 1, True
+    while interrupted:
+        b = net.join("b", interest=())
+        net.pump(0.5)
+        idea = b.fork("idea")
+        net.pump(0.1)
+        theirs = a.world("idea")
+        net.pump(0.1)
+        b.update_node("cube", mass=float(line))
+        b.update_edge("world", "cube", "RT", pose=Pose((line, 0, 0), stamp=2.0))
+        idea.update_node("cube", mass=-float(line))
+        interrupted = interrupted_at(line, b.close)
+        b.close()
+        net.memories.remove(b)
+        b.transport.close()
+        net.pump(0.1)
+        assert a.node("cube")["mass"] == -theirs.node("cube")["mass"] == line, line
+        assert a.transform("world", "cube").t == (line, 0, 0), line
+        theirs.close()
+        a.delete_world("idea")
+        net.pump(0.1)
+        line += 4
+    assert line > 150

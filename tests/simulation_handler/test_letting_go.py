@@ -6,8 +6,9 @@ import math
 
 import pytest
 
+from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
-from simulation_handler.hands.relation import DROPPED, LET_GO, PINCHING, PUT_DOWN
+from simulation_handler.hands.relation import DROPPED, LEFT_BEHIND, LET_GO, PINCHING, PUT_DOWN, TOUCHING
 from tests.simulation_handler.occluded import PERIOD, SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")
@@ -76,4 +77,62 @@ def test_what_is_held_again_is_not_told_to_have_been_let_go() -> None:
     opened(world, 0.05)
     world.hand("cup")
     world.run(0.8)
+    assert world.belief.let_go() == {}
+
+
+def test_what_is_seen_to_lie_where_a_hidden_hand_cannot_have_it_was_not_seen_to_be_put_down() -> None:
+    world = lifted_and_lowered(0, 0.12)
+    world.hand_seen = False
+    world.seen.discard("cup")
+    world.run(0.6)
+    world.truths["cup"] = standing(0.42, 0.1, SMALL)
+    world.seen.add("cup")
+    world.run(1.5)
+    assert world.belief.grasps() == {}
+    assert world.belief.let_go()[HELD].state is LEFT_BEHIND
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_seen_to_fall_from_a_hidden_hand_was_dropped(seed: int) -> None:
+    world = lifted_and_lowered(seed, 0.5)
+    world.hand_seen = False
+    world.run(0.5)
+    opened(world, 0.5)
+    world.run(1.0)
+    assert world.belief.let_go()[HELD].state is DROPPED
+
+
+@pytest.mark.parametrize(("height", "state"), [(0.08, LET_GO), (0.0, PUT_DOWN)])
+def test_what_may_have_gone_down_with_a_hidden_hand_is_not_known_to_have_been_put_down(
+    height: float, state: Handling
+) -> None:
+    world = lifted_and_lowered(0, height)
+    world.seen.discard("cup")
+    world.run(0.5)
+    opened(world, height)
+    assert world.belief.let_go()[HELD].state is LET_GO
+    world.hand_seen = False
+    world.run(0.5)
+    world.seen.add("cup")
+    world.run(0.5)
+    assert world.belief.let_go()[HELD].state is state
+
+
+def test_how_a_touch_that_held_something_in_the_air_ends_is_known_as_of_a_pinch() -> None:
+    world = lifted_and_lowered(0, 0.12)
+    world.hand("cup", tips="touch")
+    world.run(0.6)
+    assert world.belief.grasps()[HELD].state is TOUCHING
+    world.move("cup", standing(0.3, 0.0, SMALL))
+    world.run(0.4)
+    world.held, world.palm = "", Pose((0.5, 0.3, 0.3))
+    world.run(0.8)
+    assert world.belief.let_go()[HELD].state is PUT_DOWN
+
+
+def test_nothing_is_told_of_a_hand_that_is_no_more() -> None:
+    world = lifted_and_lowered(0, 0.12)
+    world.palm = None
+    world.belief.touch({})
+    world.run(0.5)
     assert world.belief.let_go() == {}

@@ -112,7 +112,7 @@ def test_what_is_known_otherwise_is_left_alone(pouring: Pouring, reason: str) ->
 
 
 def test_the_ways_of_falling_are_a_halton_sequence_of_a_normal_distribution() -> None:
-    samples = _normal()
+    samples = _normal(9)
     sequence = qmc.Halton(samples.shape[1], scramble=False)
     sequence.fast_forward(1)
     assert np.allclose(samples, norm.ppf(sequence.random(len(samples))), rtol=0.0, atol=1e-12)

@@ -41,3 +41,15 @@ def test_a_belief_jumps_unless_it_is_carried(scene: SurpriseScene) -> None:
     scene.memory.remove_edge("world", "cube_0", "Virtual_RT")
     assert beliefs.update(11.0, [node], set()) == set()
     assert beliefs.now("cube_0") is None
+
+
+def test_how_a_thing_was_believed_before_is_not_from_before_a_jump(scene: SurpriseScene) -> None:
+    beliefs, node = Beliefs(scene.memory, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
+    assert beliefs.before("cube_0", 10.0) is None
+    for x, stamp in ((0.0, 10.0), (0.001, 11.0), (0.1, 12.0), (0.101, 13.0)):
+        believe(scene, x, stamp)
+        beliefs.update(stamp, [node], set())
+        if stamp == 11.0:
+            assert [beliefs.before("cube_0", at).t[0] for at in (9.0, 11.0, 11.5)] == [0.0, 0.0, 0.001]  # type: ignore[union-attr]
+    assert beliefs.since("cube_0") == 12.0
+    assert [beliefs.before("cube_0", at).t[0] for at in (10.5, 12.5, 14.0)] == [0.1, 0.1, 0.101]  # type: ignore[union-attr]

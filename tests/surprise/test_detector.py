@@ -32,6 +32,27 @@ def test_a_move_of_15_mm_is_noticed_within_half_a_second(seed: int) -> None:
     assert [node for _, node, _, _ in scene.events] == [name]
 
 
+def test_a_belief_that_percepts_make_unsure_is_surprised_by_them_as_before() -> None:
+    scene = SurpriseScene(SIX, seed=5)
+    scene.run(2.0)
+    begin = scene.truths["cube_2"]
+    for frame in range(1, 6):  # it slides by 10 mm a frame
+        scene.truths["cube_2"] = moved(begin, 0.01 * frame, 1.0)
+        scene.run(0.1)
+        scene.unsure["cube_2"] = 0.011  # from the first frame that contradicts the belief on
+    assert scene.is_surprising("cube_2")
+    scene.run(3.0)
+    assert scene.is_surprising("cube_2"), "the belief still has it elsewhere, surer than that when the motion began"
+
+
+def test_what_an_unsure_belief_allowed_for_before_is_no_surprise() -> None:
+    scene = SurpriseScene(SIX, seed=5)
+    scene.unsure["cube_2"] = 0.011
+    scene.run(3.0)
+    scene.truths["cube_2"] = moved(scene.truths["cube_2"], 0.02, 1.0)
+    assert scene.run_until_surprising("cube_2", 3.0) is None
+
+
 def test_a_turn_in_place_is_noticed() -> None:
     scene = SurpriseScene(SIX)
     scene.run(2.0)

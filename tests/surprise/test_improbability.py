@@ -65,10 +65,21 @@ def test_what_the_belief_allowed_for_costs_as_much_as_it_was_improbable(
     scene.run(2.0)
     there = moved(scene.truths["cube_1"], 0.06, 2.0)
     allow(scene, "cube_1", weight, there)
+    scene.run(1.0)
     scene.truths["cube_1"] = there
     scene.run(0.6)
     assert least < nats(scene, "cube_1") < most
     assert nats(scene, "cube_1") > -math.log(weight) - 1.0
+
+
+def test_worlds_that_percepts_propose_do_not_make_these_percepts_probable() -> None:
+    scene = SurpriseScene(SIX, seed=3)
+    scene.run(2.0)
+    scene.truths["cube_1"] = moved(scene.truths["cube_1"], 0.06, 2.0)
+    scene.run(0.15)
+    allow(scene, "cube_1", 0.4, scene.truths["cube_1"])  # as a belief does that weighs percepts against its simulation
+    scene.run(0.45)
+    assert nats(scene, "cube_1") > 0.9 * MOST_MISFIT
 
 
 def test_what_is_missing_is_as_surprising_as_its_absence_is_improbable() -> None:

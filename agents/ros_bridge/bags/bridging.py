@@ -15,7 +15,7 @@ from agents.ros_bridge.link.local import LocalLink, LocalPublisher, LocalRos
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
 from dsr.memory import Memory
-from dsr.network.keys import Keys
+from dsr.network.keys import ALL, Keys
 from dsr.network.local_transport import LocalNetwork
 
 NAME = RosBridge.name
@@ -72,7 +72,7 @@ class BagBridge:
             listener.subscribe(pattern, self._hear)
         rid = f"{NAME}-{number}"
         transport = self._network.connect(rid)
-        self.memory = Memory(keys.graph, NAME, transport=transport, clock=self.clock, rid=rid)
+        self.memory = Memory(keys.graph, NAME, transport=transport, clock=self.clock, rid=rid, interest=(ALL,))
         if snapshot is not None:
             self.memory.restore(snapshot)
 

@@ -169,6 +169,10 @@ class PublishedReasoner:
         """None: it knows nothing of hands."""
         return {}
 
+    def lifted(self) -> Mapping[str, float]:
+        """None: it knows nothing of hands."""
+        return {}
+
     def step(self, now: float) -> None:
         """One update of the output scene: Algorithm 2."""
         self._now = now

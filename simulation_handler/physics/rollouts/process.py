@@ -17,7 +17,7 @@ _ROOT = Path(__file__).parents[3]
 _MESSAGE_PATIENCE = 1.0  # s for a message that has begun
 _MOST_WORK = 5.0
 """s of processor time on one job from which a worker is stuck: a hundred times what the longest one takes."""
-_MOST_REST = 5.0
+_MOST_REST = _MOST_WORK
 """s for which a worker may have a job and do nothing about it, before it is stuck.
 
 A worker does something while it works, or waits for a processor or a disk.

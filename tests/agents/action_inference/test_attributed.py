@@ -13,7 +13,7 @@ from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 from tests.agents.action_inference.stage import TICK, Stage
 
 UP, DOWN, ASIDE = (0.0, 0.0, 0.2), (0.0, 0.0, -0.2), (0.2, 0.0, 0.0)
-STILL = (0.0, 0.0, 0.0)
+NOTICED = 0.1  # s until the belief knows that a thing is taken up
 HAND = "human_hand_0"
 
 
@@ -27,10 +27,13 @@ def stage() -> Stage:
 
 
 def lift(stage: Stage, name: str = "cup", seconds: float = 1.0) -> float:
-    """Lift it at 0.2 m/s; returns when that began."""
+    """Lift it at 0.2 m/s; the belief says so of what something holds. Returns when that began."""
     began = stage.now
     stage.change(name, on=frozenset(), plausible=False)
-    stage.run(seconds, **{name: UP})
+    stage.run(NOTICED, **{name: UP})
+    if stage.things[name].grasps:
+        stage.change(name, lifted=began)
+    stage.run(seconds - NOTICED, **{name: UP})
     return began
 
 
@@ -109,6 +112,32 @@ def test_who_grasps_it_has_picked_it_rather_than_who_is_nearer(stage: Stage):
     stage.grasp("cup")
     stage.run(0.5)
     assert stage.told == ["Pick(cup, gripper)", "Place(cup, gripper)"]
+
+
+def test_what_is_held_is_picked_when_the_belief_says_so_and_told_once(stage: Stage):
+    stage.grasp("cup", HAND)
+    stage.run(1.0, cup=(0.0, 0.0, 0.05))
+    assert stage.told == [], "whether a hand takes it up is for the belief to say"
+    stage.change("cup", lifted=stage.now - 0.4)
+    stage.run(0.2)
+    assert stage.told == [f"Pick(cup, {HAND})"]
+    assert stage.actions[0][1].time == pytest.approx(stage.now - 0.6)
+    stage.change("cup", on=frozenset({"table"}), plausible=True)
+    stage.grasp("cup")
+    stage.run(1.0)
+    stage.grasp("cup", HAND)
+    stage.run(1.0)
+    assert [action.kind for _, action in stage.actions] == [PICK, PLACE]
+
+
+def test_what_an_earlier_run_has_told_is_not_picked_again():
+    policy = AttributedPolicy()
+    policy.recall(Action(99.0, PLACE, "cup", HAND))
+    later = Stage(policy)
+    later.add("cup", (0.0, 0.0, 0.02), lifted=97.0)
+    later.grasp("cup", HAND)
+    later.run(1.0)
+    assert later.told == []
 
 
 def test_the_nearest_hand_has_picked_it_where_no_grasp_is_told(stage: Stage):

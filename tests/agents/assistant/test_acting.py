@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import uuid
+from typing import Any
 
 import msgspec
 import pytest
 
 from agents.assistant.acting import VALID, Acts
+from agents.assistant.cli import _ask
 from agents.assistant.limits import RateLimit, trimmed
-from dsr import ConfigError, ManualClock, TransportError
+from dsr import ConfigError, LocalNetwork, ManualClock, Memory, TransportError
 from dsr.vocabulary.proposed_acts import (
     ActQuestion,
     ActState,
     Confirmation,
     ProposedAct,
     decode_acts,
+    encode_acts,
     encode_confirmation,
     encode_question,
     fingerprint,
@@ -82,6 +85,26 @@ def test_messages_ask_and_confirm_and_nonsense_gets_no_answer() -> None:
     acts.heed(message)  # the same again
     told = acts.answer(encode_question(ActQuestion(act.id)))
     assert told is not None and decode_acts(told)[0].outcome == "sent" and done == [1]
+
+
+def test_one_answer_that_makes_no_sense_hides_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    act = Acts(ManualClock()).propose("halt: now", [], failing)
+    other = msgspec.structs.replace(act, id="other", state=ActState.DONE)
+    answers: list[bytes] = []
+    transport = LocalNetwork(ManualClock()).connect("asker")
+
+    def request(key: str, payload: bytes, on_reply: Any, on_done: Any, timeout: float) -> None:
+        for answer in answers:
+            on_reply(key, answer)
+        on_done()
+
+    monkeypatch.setattr(transport, "request", request)
+    with Memory("g", "asker", transport=transport, clock=ManualClock()) as memory:
+        answers += [b"\xc1", encode_acts([act]), b"\x91\x01"]
+        assert _ask(memory, "") == _ask(memory, act.id) == [act]
+        answers[1] = encode_acts([other])
+        with pytest.raises(TransportError, match="no proposed act"):
+            _ask(memory, act.id)
 
 
 def test_only_what_was_shown_is_carried_out() -> None:

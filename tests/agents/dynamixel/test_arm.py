@@ -169,9 +169,7 @@ def test_late_answers_to_another_question_are_taken_for_no_positions_nor_faults(
     assert is_at(arm, START) and faults(arm) == ""
 
 
-def test_lost_corrupt_and_late_answers_delay_nothing_but_samples(
-    arm: DynamixelArm, line: Emulator, until: Until
-) -> None:
+def test_lost_corrupt_and_late_answers_delay_samples_only(arm: DynamixelArm, line: Emulator, until: Until) -> None:
     line.loss, line.corruption, line.delay = 0.02, 0.02, 0.0005
     arm.follow((0.0, 0.5), (START, THERE))
     until(lambda: is_at(arm, THERE), arm)
@@ -180,9 +178,7 @@ def test_lost_corrupt_and_late_answers_delay_nothing_but_samples(
     until(lambda: arm.trouble == "", arm)
 
 
-def test_a_servo_that_does_not_answer_is_told_and_no_sample_comes(
-    arm: DynamixelArm, line: Emulator, until: Until
-) -> None:
+def test_a_silent_servo_is_told_and_no_sample_comes(arm: DynamixelArm, line: Emulator, until: Until) -> None:
     line.servos[4].silent = True
     until(lambda: "no joints of the servos" in arm.trouble)
     last, failures = arm.state(), arm.counts["cycles without an answer"]
@@ -256,9 +252,7 @@ def test_servos_stop_by_themselves_when_the_process_of_the_driver_is_gone(
     assert places[-1] == places[round(3 * DEADMAN / PERIOD)] < 1.9
 
 
-def test_an_emergency_stop_is_obeyed_by_the_driver_alone(
-    arm: DynamixelArm, network: LocalNetwork, until: Until
-) -> None:
+def test_the_driver_alone_obeys_an_emergency_stop(arm: DynamixelArm, network: LocalNetwork, until: Until) -> None:
     arm.follow((0.0, 4.0), (START, (2.0, *START[1:])))
     until(lambda: not is_at(arm, START), arm)
     send_order(network.connect("somebody"), Keys("g"), HaltOrder("1", True, "anna", "a hand"))

@@ -10,6 +10,7 @@ import pytest
 
 from agents.hand_tracker import HandTrackerConfig
 from agents.hand_tracker.config import SkinModel
+from agents.hand_tracker.depth import images_with_depth
 from agents.hand_tracker.sighting import SeenHand
 from agents.hand_tracker.skin import SkinFinder, jumps, skin
 from agents.plant.reality import Reality
@@ -55,6 +56,32 @@ def test_thumb_and_index_finger_are_seen_at_what_they_hold(make_reality: MakeRea
     (hand,), (truth,) = see(reality)
     for finger in (0, 1):
         assert min(np.linalg.norm(tip - tips_of(truth)[finger]) for tip in hand.tips.values()) < 0.010
+
+
+@pytest.mark.parametrize("finger", [1, 2, 3])
+def test_a_finger_that_something_in_front_cuts_off_has_no_tip_there(make_reality: MakeReality, finger: int) -> None:
+    reality = make_reality(1.6, events=[HandEnter(at=0.0, position=(0.38, 0.02, 0.14), side=(1.0, 0.3))])
+    frame, table, pose = reality.frame(0.0), table_plane(reality.camera.pose), reality.camera.pose
+    (landmarks,) = reality.truth(0.0).hands.values()
+    lens = images_with_depth(frame)[2]
+    joints = pose.inverse().apply(np.array(landmarks)[[4 * finger + 3, 4 * finger + 4]])
+    before, tip = joints[:, :2] / joints[:, 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+    along = (tip - before) / np.linalg.norm(tip - before)
+    v, u = np.indices(frame.arrays["depth"].shape)
+    beyond = (np.stack([u, v], axis=-1) - before) @ along
+
+    def ends(color: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        cut = msgspec.structs.replace(frame, arrays={**frame.arrays, "color": color, "depth": depth})
+        (hand,) = SkinFinder(HandTrackerConfig()).find(cut, table)
+        points = np.array(list(hand.tips.values())).reshape(-1, 3)
+        return (points[:, :2] / points[:, 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy) - before) @ along
+
+    color, depth = frame.arrays["color"].copy(), frame.arrays["depth"].copy()
+    assert (ends(color, depth) > 0.0).any()
+    color[beyond > 0.0] = 90
+    depth[beyond > 0.0] = 0.25
+    radius = 0.008 * lens.fx / joints[0, 2]
+    assert not (np.abs(ends(color, depth)) < 2.0 * radius).any()
 
 
 @pytest.mark.parametrize("unknown", [np.nan, np.inf, -np.inf, -1.0])

@@ -208,6 +208,23 @@ def test_drivers_move_the_arm_and_see(bench: MakeBench) -> None:
     eyes.close()
 
 
+def test_further_cameras_deliver_beside_the_scenarios(bench: MakeBench) -> None:
+    one = bench(more_cameras=("wrist", "overhead"))
+    overhead, wrist = (PlantPoses(one.bus, one.keys, name=name) for name in ("overhead", "wrist"))
+    one.run(0.3)
+    seen = [readings for eyes in (overhead, wrist) if (readings := eyes.readings()) is not None]
+    assert len(seen) == 2 and seen[0].stamp == seen[1].stamp
+    poses = [{reading.marker_id: reading.pose for reading in readings.readings} for readings in seen]
+    assert poses[0].keys() == {3, 4} and poses[1] and poses[0] != poses[1]
+    overhead.close()
+    wrist.close()
+
+
+def test_an_unknown_further_camera_is_refused(bench: MakeBench) -> None:
+    with pytest.raises(ConfigError, match=r"no camera 'overhaed'.*overhead"):
+        bench(more_cameras=("overhaed",))
+
+
 def test_camera_driver_returns_each_frame_once(bench: MakeBench) -> None:
     one = bench(sensor="pixels", renderer="tiny", width=64, height=48)
     camera = PlantCamera(one.bus, one.keys, name="overhead")

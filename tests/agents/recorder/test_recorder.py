@@ -11,6 +11,7 @@ import pytest
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.images import unpack
 from agents.recorder.index import RecordingIndex
+from agents.replay.source import ReplayedGraph
 from dsr import Frame, Mesh, Pose
 from dsr.errors import ConfigError
 from dsr.images.blobs import decode_frame
@@ -33,6 +34,31 @@ def test_the_graph_can_be_rebuilt_even_from_a_late_recording(world: World) -> No
     memory = rebuilt(world.records())
     assert memory.node("cube_3")["mass"] == 0.06
     assert memory.edge("world", "cube_3", "RT").pose.translation[0] == 0.5
+
+
+@pytest.mark.parametrize("period", [60.0, 1.0])
+def test_all_parts_of_the_graph_are_recorded(world: World, period: float) -> None:
+    """Changes alone tell of what came after the first snapshot; later ones hold all of it."""
+    world.memory.create_part("kitchen")
+    world.memory.add_node("world", "world")
+    world.memory.add_node("cup", "cube", "kitchen", mass=0.1)
+    world.run(1.0)
+    recorder = world.start_recorder(snapshot_period=period)
+    world.run(3.0)
+    world.memory.create_part("lab")
+    world.memory.add_node("robot", "robot", "lab")
+    world.memory.add_edge("world", "robot", "RT", pose=Pose((1, 0, 0)))
+    world.memory.add_edge("robot", "cup", "RT", pose=Pose((0, 0, 0)))
+    world.run(2.0)
+    world.memory.update_edge("robot", "cup", "RT", pose=Pose((0, 1, 0)))
+    world.run(0.5)
+    recorder.teardown()
+    topics = {record.topic for record in world.records()}
+    assert any(topic.startswith("d/writer-lab.") for topic in topics) and not any("part/" in topic for topic in topics)
+    memory = rebuilt(world.records())
+    assert memory.transform("world", "cup").t == (1, 1, 0) and memory.part(memory.node("robot")) == "lab"
+    replayed = ReplayedGraph(world.folder)
+    assert replayed.at(replayed.duration).transform("world", "cup").t == (1, 1, 0)
 
 
 def test_the_snapshot_comes_first_and_again_after_its_period(world: World) -> None:

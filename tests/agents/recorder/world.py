@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,11 +31,11 @@ class World:
         self.memory = self.connect("writer")
         self.recorder: Recorder | None = None
 
-    def connect(self, name: str) -> Memory:
-        return Memory("tabletop", name, transport=self.network.connect(name), clock=self.clock)
+    def connect(self, name: str, interest: Iterable[str] | None = ()) -> Memory:
+        return Memory("tabletop", name, transport=self.network.connect(name), clock=self.clock, interest=interest)
 
     def start_recorder(self, **config: Any) -> Recorder:
-        memory = self.connect("recorder")
+        memory = self.connect("recorder", Recorder.interest)
         agent = make_agent(
             Recorder,
             name="recorder",
@@ -71,7 +72,8 @@ class World:
 
 def rebuilt(records: list[RecordedMessage]) -> Memory:
     """The graph that a reader of the recording ends up with."""
-    memory = Memory("tabletop", "reader", transport=LocalNetwork().connect("reader"), clock=ManualClock())
+    transport = LocalNetwork().connect("reader")
+    memory = Memory("tabletop", "reader", transport=transport, clock=ManualClock(), interest="*")
     for record in records:
         if record.topic == "snapshot" or record.topic.startswith(("d/", "rt/")):
             memory.restore(record.payload)

@@ -12,6 +12,8 @@ from dsr.narration.answer import Response
 from dsr.narration.answers import answer_alone
 from dsr.narration.calendar import zone_of
 from dsr.timeline import SUMMARY, Chronicle, Consolidator
+from dsr.timeline.recall import stored_summaries
+from dsr.timeline.remembered import PeriodSummary, encoded_summary
 from tests.dsr.narration.conftest import make_memory
 
 ZONE = zone_of("Europe/Madrid")
@@ -150,3 +152,20 @@ def test_of_many_things_the_newest_are_told_and_the_rest_is_counted(house: House
     newest = response.evidence[-1].text
     assert newest in response.text and "the robot concluded" in response.text
     assert sum(one.text in response.text for one in response.evidence) < 20
+
+
+@pytest.mark.parametrize("time", [1e300, -1e300, 2.6e11])
+def test_times_that_no_calendar_has_are_passed_over(time: float) -> None:
+    """Whoever may write events could end every account of the past otherwise."""
+    house = House()
+    house.at(3, 12.0)
+    house.memory.add_node("event_evil", "event", kind="Pick", participants="cup,somebody", time=time)
+    house.memory.add_node("situation_evil", "situation", kind="on", participants="cup,somebody", begin=time)
+    house.memory.add_node("situation_odd", "situation", kind="on", participants="cup,shelf", begin=9.0, end=time)
+    house.memory.add_node("summary_evil", SUMMARY, kind="day", order=2**60, content=encoded_summary(PeriodSummary()))
+    for question in ("what happened yesterday?", "where was the cup yesterday?", "when was the cup picked up?"):
+        assert "somebody" not in house.ask(question).text
+    moment = Moment(house.memory, house.clock.now(), zone=ZONE)
+    assert "somebody" not in " ".join(statement.text for statement in account(moment, since=0.0))
+    house.consolidator.consolidate()
+    assert all(stored.name != "summary_evil" for stored in stored_summaries(house.memory))

@@ -16,10 +16,13 @@ from dsr import (
     SchemaError,
     TransportError,
 )
+from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta
-from dsr.network.keys import part_of, part_rid
+from dsr.graph.graph import Graph
+from dsr.network.keys import Keys, part_of, part_rid
 from dsr.parts.graph import PartedGraph
-from tests.dsr.conftest import Net
+from dsr.replication.wire import Digest, encode_delta, encode_digest
+from tests.dsr.conftest import Net, reply_of
 from tests.dsr.test_interrupts import interrupted_at
 
 
@@ -91,8 +94,6 @@ def test_errors_say_what_is_wrong(net: Net) -> None:
         b.hold_part("kithcen")
     with pytest.raises(PartError, match="'kitchen' is not held here: hold_part"):
         b.add_node("plate", "cube", "kitchen")
-    with pytest.raises(PartError, match="'hall' is not held here"):
-        b.add_node("ball_2", "ball")
     with pytest.raises(PartError, match="'kitchen' is not held here; held: none"):
         b.leave_part("kitchen")
     with pytest.raises(PartError, match="'cup' is in part 'kitchen', not in part 'hall'"):
@@ -260,13 +261,39 @@ def test_an_overlay_shows_what_its_holder_holds_below(net: Net) -> None:
     assert "cup" not in theirs and layer.node("cup")["mass"] == 7.0
 
 
-def test_dots_of_another_part_are_left_out(net: Net) -> None:
+def test_dots_of_another_part_are_dropped_by_everybody_alike(net: Net, caplog: pytest.LogCaptureFixture) -> None:
+    """Else those who hold no parts would keep what the others leave out, and all would ask each other for ever."""
+    a, b = house(net)
+    plain, evil = net.join("plain"), net.network.connect("evil")
+    b.hold_part("kitchen")
+    net.pump(2.0)
+    base, kitchen, rid = Keys("g"), Keys("g", part="kitchen"), "evil-hall.1"
+    add = Delta([Add((rid, 1), "odd", "cube")], context=[(rid, 1, 1)])
+    removal = Delta(removed=[("x-hall.1", 7)], context=[("evil-1", 1, 1)])
+    for keys, sender, delta in ((base, rid, add), (kitchen, rid, add), (base, "evil-1", removal)):
+        evil.publish(keys.delta(sender), encode_delta(delta))
+    evil.serve(base.sync("evil-1"), lambda *_: reply_of(add))
+    evil.announce(base.presence("evil", "evil-1"))
+    seen = CausalContext(add.context).summary()
+    evil.publish(base.digest("evil-1"), encode_digest(Digest("evil-1", net.clock.now(), seen, 1, ())))
+    net.pump(5.0)
+    for memory in (a, b, plain):
+        assert "odd" not in memory and not any("hall" in rid for rid, _, _ in memory._graph.store.context.ranges())
+    assert a.dropped[rid] == 1 and b.replica.synchroniser.dropped[rid] == plain.dropped[rid] == 1
+    assert plain.dropped["evil-1"] > 1
+    asked = [memory.replica.synchroniser._requests for memory in (a, b, plain)]
+    evil.close()
+    net.pump(20.0)
+    more = [memory.replica.synchroniser._requests for memory in (a, b, plain)]
+    assert max(later - before for later, before in zip(more, asked, strict=True)) <= 2
+
+
+def test_a_state_with_parts_is_refused_where_none_can_be_held(net: Net) -> None:
     a, _ = house(net)
-    kitchen = graph(a).parts["kitchen"]
-    kitchen.join(Delta([Add(("x-hall.1", 1), "odd", "cube")], context=[("x-hall.1", 1, 1)]), 0.0)
-    graph(a).join(Delta([Add(("x-kitchen.1", 1), "odd", "cube")], context=[("x-kitchen.1", 1, 1)]), 0.0)
-    assert "odd" not in a and kitchen.store.foreign == graph(a).store.foreign == 1
-    assert ("x-hall.1", 1) not in kitchen.store.context
+    other = Net().join("plain")
+    with pytest.raises(PartError, match="a snapshot with parts hall, kitchen: this memory holds no parts"):
+        other.restore(a.snapshot())
+    assert not other.nodes("part_record") and other.nodes() == []
 
 
 def test_a_broken_off_change_leaves_all_parts_as_they_were(net: Net) -> None:
@@ -293,6 +320,30 @@ def test_a_record_that_makes_no_sense_is_no_part(net: Net) -> None:
     assert [each.name for each in a.parts()] == ["hall", "kitchen", "own"]
     a.create_part("lab")
     assert a.part(a.nodes("part_record")[-1]) == ""
+
+
+def test_a_type_that_a_part_claims_stops_nobody_who_does_not_hold_it(net: Net) -> None:
+    """Whoever may list a part could stop all others from making objects otherwise."""
+    a, b = house(net)
+    a.write_record(".part.aaa", "part_record", '{"types": ["object", "ball", "nonsense"]}')
+    net.pump(1.0)
+    b.add_node("chair", "object")
+    b.add_node("ball_2", "ball")
+    a.add_node("ball_3", "ball")
+    net.pump(1.0)
+    assert [b.part(b.node(name)) for name in ("chair", "ball_2")] == ["", ""]
+    assert a.part(a.node("ball_3")) == "hall"  # it holds the part that lists the type later, and not the other one
+    a.hold_part("aaa")
+    a.add_node("ball_4", "ball")
+    assert a.part(a.node("ball_4")) == "aaa"
+    graph(a).check_part = lambda part: _refuse(part, "aaa")
+    a.add_node("ball_5", "ball")
+    assert a.part(a.node("ball_5")) == "hall"
+
+
+def _refuse(part: str, refused: str) -> None:
+    if part == refused:
+        raise AgentError("not granted")
 
 
 def test_a_part_that_the_network_refuses_is_not_held(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -329,6 +380,26 @@ def test_leaving_that_is_interrupted_leaves_nothing_in_sight_and_can_be_repeated
         line += 3
     net.pump(3.0)
     assert line > 50 and a.node("cup")["mass"] == line - 3
+
+
+def test_leaving_that_is_interrupted_and_repeated_loses_no_write(net: Net) -> None:
+    a, b = house(net)
+    a.add_node("plate", "cube", "kitchen")
+    a.add_edge("cup", "plate", "RT", pose=Pose())
+    line, interrupted = 1, True
+    while interrupted:
+        b.hold_part("kitchen")
+        net.pump(1.0)
+        b.update_node("cup", mass=float(line))
+        b.update_edge("cup", "plate", "RT", pose=Pose((line, 0, 0)))
+        interrupted = interrupted_at(line, lambda: b.leave_part("kitchen"))
+        if "kitchen" in b.interest:
+            b.leave_part("kitchen")
+        net.pump()
+        assert a.node("cup")["mass"] == line, line
+        assert a.edge("cup", "plate", "RT").pose == Pose((line, 0, 0)), line
+        line += 2
+    assert line > 100
 
 
 def test_the_list_is_read_again_after_an_interrupt(net: Net) -> None:
@@ -371,3 +442,46 @@ def kept(memory: Memory, key: tuple[str, str, str]) -> bool:
 def graph(memory: Memory) -> PartedGraph:
     assert isinstance(memory._graph, PartedGraph)
     return memory._graph
+
+
+def test_a_closed_memory_takes_no_part(net: Net) -> None:
+    _, b = house(net)
+    b.close()
+    with pytest.raises(TransportError, match="is closed"):
+        b.hold_part("kitchen")
+    assert b.interest == ()
+
+
+def test_an_edge_whose_own_end_turns_out_to_be_removed_is_buried() -> None:
+    """It came before its source, which was removed before it came here, and waits for a part that is not held, too."""
+    parted, plain = PartedGraph("p-1"), Graph("q-1")
+    source, end, edge = ("w-1", 1), ("w-hall.1", 1), ("w-1", 2)
+    add = Delta([Add(edge, ("cup", "ball", "on"), "on", (source,), (end,))], context=[("w-1", 2, 2)])
+    for one in (parted, plain):
+        one.join(add, 0.0)
+        assert edge in one.store.entries
+        one.join(Delta(removed=[source], context=[("v-1", 1, 1)]), 0.0)
+        assert not one.store.entries and not one._unattached
+    assert not parted._beyond and parted.store.fingerprint == plain.store.fingerprint == 0
+
+
+def test_an_edge_that_waits_for_two_parts_is_buried_when_both_have_told() -> None:
+    graph = PartedGraph("p-1")
+    source, ends, edge = ("w-1", 1), (("w-hall.1", 1), ("w-lab.1", 1)), ("w-1", 2)
+    adds = [Add(source, "cup", "cube"), Add(edge, ("cup", "ball", "on"), "on", (source,), ends)]
+    graph.join(Delta(adds, context=[("w-1", 1, 2)]), 0.0)
+    assert set(graph._beyond) == {"hall", "lab"}
+    hall = graph.hold("hall", "p-hall.1")
+    hall.join(Delta(removed=[ends[0]], context=[("v-hall.1", 1, 1)]), 0.0)
+    assert edge in graph.store.entries and "hall" not in graph._beyond
+    lab = graph.hold("lab", "p-lab.1")
+    lab.join(Delta(removed=[ends[1]], context=[("v-lab.1", 1, 1)]), 0.0)
+    assert graph.make_durable().removed == [edge] and not graph._beyond
+
+
+def test_edges_that_are_gone_leave_no_trace_of_the_parts_for_which_they_waited(net: Net) -> None:
+    a, b = house(net)
+    assert set(graph(b)._beyond) == {"kitchen"}
+    a.remove_node("cup")
+    net.pump(1.5)
+    assert graph(b)._beyond == {}

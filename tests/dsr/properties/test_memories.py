@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 from unittest import mock
 
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from hypothesis.stateful import initialize, rule
 
-from benchmarks.years.world import Complaints, World
+from benchmarks.years.world import World
 from dsr import Faults, Pose
 from dsr.crdt import pieces
+from tests.dsr.properties.machine import Histories, faults
 from tests.dsr.properties.soup import HOUR
-from tests.dsr.properties.test_deltas import choices, edge_types, names, numbers, sites, stamps, types
+from tests.dsr.properties.test_deltas import choices, names, numbers, sites, stamps, types
 
-faults = st.builds(
-    Faults,
-    loss=st.sampled_from([0.0, 0.3]),
-    duplication=st.sampled_from([0.0, 0.5]),
-    delay=st.sampled_from([(0.0, 0.0), (0.0, 0.4)]),
-)
 skews = st.one_of(st.just(0.0), st.just(0.0), st.sampled_from([-0.4, 0.4]), st.floats(-HOUR, HOUR))
 
 
-class Memories(RuleBasedStateMachine):
+class Memories(Histories[World]):
     """Whatever happens, all end equal to a plain model of what reached the survivors."""
 
     @initialize(
@@ -37,48 +31,16 @@ class Memories(RuleBasedStateMachine):
     def begin(self, offsets: list[float], seed: int, network: Faults, examined: int) -> None:
         self.limit = mock.patch.object(pieces, "MAX_EXAMINED", examined)  # answers of many pieces
         self.limit.start()
-        self.complaints = Complaints()
-        logging.getLogger("dsr").addHandler(self.complaints)
-        self.world = World(offsets, seed, network)
+        self.start(World(offsets, seed, network))
 
     @rule(site=sites, name=names, type=types, value=numbers)
     def add_node(self, site: int, name: str, type: str, value: int) -> None:
         self.world.add_node(site, name, type, value)
 
-    @rule(site=sites, choice=choices, value=numbers)
-    def update_node(self, site: int, choice: int, value: int) -> None:
-        if name := self.world.a_node(site, choice):
-            self.world.update_node(site, name, value)
-
     @rule(site=sites, choice=choices, attribute=st.sampled_from(["seen", "mass"]))
     def remove_attribute(self, site: int, choice: int, attribute: str) -> None:
         if name := self.world.a_node(site, choice):
             self.world.remove_attribute(site, name, attribute)
-
-    @rule(site=sites, ends=st.tuples(choices, choices), type=edge_types, x=numbers)
-    def add_edge(self, site: int, ends: tuple[int, int], type: str, x: int) -> None:
-        src, dst = (self.world.a_node(site, choice) for choice in ends)
-        if src and dst:
-            self.world.add_edge(site, (src, dst, type), x)
-
-    @rule(site=sites, choice=choices, x=numbers)
-    def stream(self, site: int, choice: int, x: int) -> None:
-        if key := self.world.an_edge(site, choice):
-            self.world.stream(site, key, x)
-
-    @rule(site=sites, choice=choices)
-    def remove_node(self, site: int, choice: int) -> None:
-        if name := self.world.a_node(site, choice):
-            self.world.remove_node(site, name)
-
-    @rule(site=sites, choice=choices)
-    def remove_edge(self, site: int, choice: int) -> None:
-        if key := self.world.an_edge(site, choice):
-            self.world.remove_edge(site, key)
-
-    @rule(site=sites, some=st.lists(names, min_size=1, max_size=3), value=numbers)
-    def batch(self, site: int, some: list[str], value: int) -> None:
-        self.world.batch(site, some, value)
 
     @rule(site=sites, choice=choices, stamp=stamps, value=numbers, durable=st.booleans())
     def forge(self, site: int, choice: int, stamp: int, value: int, durable: bool) -> None:
@@ -93,45 +55,16 @@ class Memories(RuleBasedStateMachine):
     def clean(self, site: int) -> None:
         self.world.clean(site)
 
-    @rule(seconds=st.sampled_from([0.0, 0.01, 0.3, 1.1]))
-    def advance(self, seconds: float) -> None:
-        self.world.advance(seconds)
-
-    @rule(mask=st.integers(0, 31))
-    def partition(self, mask: int) -> None:
-        self.world.partition(mask)
-
-    @rule()
-    def heal(self) -> None:
-        self.world.heal()
-
-    @rule(site=sites, restore=st.booleans())
-    def crash(self, site: int, restore: bool) -> None:
-        self.world.crash(site, restore=restore)
-
     @rule(site=sites, offset=skews)
     def set_clock(self, site: int, offset: float) -> None:
         self.world.set_clock(site, offset)
 
-    @rule(site=sites)
-    def read(self, site: int) -> None:
-        participant = self.world.participants[site % len(self.world.participants)]
-        participant.reader.read(participant.memory._graph)
-
-    @invariant()
-    def nothing_dangles_and_nothing_is_forgotten(self) -> None:
-        if hasattr(self, "world"):
-            self.world.check()
-
     def teardown(self) -> None:
-        if hasattr(self, "world"):
-            logging.getLogger("dsr").removeHandler(self.complaints)
-            try:
-                self.world.converge()
-                self.world.check_converged()
-            finally:
+        try:
+            super().teardown()
+        finally:
+            if hasattr(self, "limit"):
                 self.limit.stop()
-            assert not self.complaints.said
 
 
 Memories.TestCase.settings = settings(

@@ -24,8 +24,8 @@ from dsr import (
     Memory,
     Pose,
 )
+from tests.dsr.properties.machine import faults
 from tests.dsr.properties.test_deltas import choices, numbers
-from tests.dsr.properties.test_memories import faults
 
 NAMES = ("w", "v")
 THINGS = ("a", "b", "c")

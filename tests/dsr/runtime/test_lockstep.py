@@ -104,6 +104,17 @@ def test_agents_tick_at_their_rates() -> None:
     assert instants == pytest.approx([0.05 * n for n in range(10)])
 
 
+def test_ticks_of_a_time_in_which_the_machine_sleeps_are_left_out() -> None:
+    instants: list[float] = []
+    with Lockstep([MOVER, FOLLOWER]) as lockstep:
+        start = lockstep.clock.now()
+        lockstep.run_for(0.1)
+        lockstep.suspend(3600.0)
+        lockstep.run_for(0.1, lambda now: instants.append(now - start))
+        assert lockstep.clock.now() == pytest.approx(start + 3600.2)
+    assert instants == pytest.approx([3600.15])
+
+
 def test_a_run_pauses_when_asked_and_goes_on_from_there() -> None:
     with Lockstep([MOVER, FOLLOWER]) as lockstep:
         start = lockstep.clock.now()

@@ -174,7 +174,8 @@ def test_what_is_remembered_of_entries() -> None:
 
 
 ENDLESS = '{"since": 1e308, "items": [[1e308, 0]]}'
-NONSENSE = ("{", '{"items": [[1]]}', '{"resolution": -1}', "[" * 9000, '{"items": 3}', "", ENDLESS)
+FAR = ('{"complete_from": 1e300}', '{"surprises_from": -1e300}', '{"since": 0, "items": [[1e300, 0]]}')
+NONSENSE = ("{", '{"items": [[1]]}', '{"resolution": -1}', "[" * 9000, '{"items": 3}', "", ENDLESS, *FAR)
 
 
 @pytest.mark.parametrize("text", NONSENSE)
