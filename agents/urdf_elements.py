@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,6 +16,8 @@ from dsr.math3d.transforms import Pose
 _MOST_BYTES = 10_000_000
 _LONGEST_TEXT = 500  # characters of an error, which may show what stands in the file
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
+_FARTHEST = 1e5
+"""m, as of the vertices of meshes: what is longer was given in another unit"""
 
 T = TypeVar("T")
 
@@ -60,28 +62,39 @@ def origin(element: ET.Element | None) -> Pose:
     if element is None:
         return Pose.identity()
     roll, pitch, yaw = vector(element, "rpy", _ORIGIN)
+    place = vector(element, "xyz", _ORIGIN)
+    _check_lengths(element, place)
     turned = product(from_rotvec((0.0, 0.0, yaw)), from_rotvec((0.0, pitch, 0.0)))
-    return Pose(vector(element, "xyz", _ORIGIN), product(turned, from_rotvec((roll, 0.0, 0.0))))
+    return Pose(place, product(turned, from_rotvec((roll, 0.0, 0.0))))
 
 
 def collision_solid(collision: ET.Element) -> tuple[str, Vector3]:
     """What a <collision> is, `box`, `cylinder` or `sphere`, and the edges (m) of the box around it, in its own frame.
 
-    Lengths that are not given are 0. ValueError for any other shape, and for several.
+    Lengths that are not given are 0. ValueError for any other shape, for several, and for lengths of no robot.
     """
     solids = collision.findall("geometry/*")
     if len(solids) != 1:
         raise ValueError(f"expected one <geometry> of one shape, got {len(solids)}")
     solid = solids[0]
-    across = 2.0 * number(solid, "radius", 0.0)
+    across, length = 2.0 * number(solid, "radius", 0.0), number(solid, "length", 0.0)
+    size = vector(solid, "size", _ORIGIN)
+    _check_lengths(solid, (across, length, *size))
     if solid.tag == "box":
-        return "box", vector(solid, "size", _ORIGIN)
+        return "box", size
     if solid.tag == "cylinder":
-        return "cylinder", (across, across, number(solid, "length", 0.0))
+        return "cylinder", (across, across, length)
     if solid.tag == "sphere":
         return "sphere", (across, across, across)
     file = f" {solid.get('filename')!r}" if solid.get("filename") else ""
     raise ValueError(f"<{solid.tag}>{file} is not supported here; expected <box>, <cylinder> or <sphere> around it")
+
+
+def _check_lengths(element: ET.Element, lengths: Iterable[float]) -> None:
+    """Raise ValueError for a length that no robot has: sums and products of such ones are no numbers any more."""
+    longest = max(map(abs, lengths))
+    if longest > _FARTHEST:
+        raise ValueError(f"<{element.tag}>: a length of {longest:g} m; at most {_FARTHEST:g}: is the scale right?")
 
 
 def attribute(element: ET.Element, name: str) -> str:

@@ -31,6 +31,7 @@ from agents.drivers import ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
+from dsr.network.keys import agent_of
 from dsr.vocabulary.arms import ARM, CONTROLLER
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import FAILED, HALTED
@@ -91,7 +92,7 @@ class ArmController(Agent):
     config: ArmControllerConfig
 
     def setup(self) -> None:
-        """Make the drivers and put the robot into the graph. Raises `ConfigError`."""
+        """Make the drivers and put the robot into the graph. Raises `ConfigError`; also if another agent moves it."""
         self._model = self.config.load_arm(ETC.parent)
         self._chain = self._model.chain
         if not self.config.observe_joints:
@@ -104,6 +105,8 @@ class ArmController(Agent):
             names = ", ".join(unlimited)
             self.log.warning("%s: no velocity limit, so %g is taken, of: %s", config.urdf, USUAL_SPEED, names)
         self._check_config()
+        if rival := self._rival():
+            raise ConfigError(f"arm {config.arm!r} is moved by {rival!r}, which runs: give one of them another `arm`")
         self._body = RobotNodes(self.memory, self._model, config, self.name)
         self._body.build()
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **self._driver_options())
@@ -161,6 +164,7 @@ class ArmController(Agent):
         for feed in self._feeds:
             if feed.forward():
                 self._watchdog.note_frame(feed.node, now)
+        self._watchdog.note_rival(self._rival(), now)
         self._watchdog.look(bool(self.memory.peers), now)
         self._heard += max(0.0, now - self._ticked - LATE)
         self._ticked = now
@@ -172,6 +176,13 @@ class ArmController(Agent):
             self._gone = f"no sample of the arm for {silence:.2f} s"
             self._driver.stop()
             self._motion.report.say(NO_DRIVER, self._gone)
+
+    def _rival(self) -> str:
+        """Name of another agent that runs and moves the same arm, as its node tells; empty for none."""
+        node = self.memory.get_node(self.config.arm)
+        mover = self.name if node is None else node.get("controller", self.name)
+        runs = mover != self.name and any(agent_of(rid) == mover for rid in self.memory.peers)
+        return mover if runs else ""
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""

@@ -67,34 +67,50 @@ def _surface(model: Model) -> tuple[Array, Triangles]:
             points.append(frames[node.name].apply(mesh.vertices.astype(np.float64)))
             triangles.append(mesh.triangles.astype(np.int64) + first)
             first += len(mesh.vertices)
-    return np.concatenate(points), np.concatenate(triangles)
+    corners, places = np.unique(np.concatenate(triangles), return_inverse=True)  # without points of no triangle
+    return np.concatenate(points)[corners], places.reshape(-1, 3)
 
 
 def _sliced(points: Array, triangles: Triangles, whole: LinkBox, count: int) -> list[LinkBox]:
-    """The box around each of `count` slices of the same thickness, across the longest edge of the box around all."""
-    from trimesh.intersections import slice_faces_plane
+    """The box around each of `count` slices of the same thickness, across the longest edge of the box around all.
 
+    What is left of a triangle in a slice is spanned by its corners there, and by where its edges leave the slice.
+    """
     axis = int(np.argmax(whole.half))
-    normal = np.eye(3)[axis]
     local = whole.pose.inverse().apply(points)
+    heights = local[:, axis]
     cuts = np.linspace(-whole.half[axis], whole.half[axis], count + 1)
+    cuts[0], cuts[-1] = min(cuts[0], heights.min()), max(cuts[-1], heights.max())  # rounding loses nothing
+    crossings = [_crossings(local, triangles, axis, cut) for cut in cuts[1:-1]]
+    ends = [local[:0], *crossings, local[:0]]
     boxes = []
-    for low, high in itertools.pairwise(cuts):
-        kept, faces, _ = slice_faces_plane(local, triangles, normal, low * normal)  # type: ignore[no-untyped-call]
-        kept, faces, _ = slice_faces_plane(kept, faces, -normal, high * normal)  # type: ignore[no-untyped-call]
-        if len(faces):
-            boxes.append(_box(kept[np.unique(faces)]).seen_from(whole.pose))
+    for (low, high), below, above in zip(itertools.pairwise(cuts), ends[:-1], ends[1:], strict=True):
+        kept = np.concatenate([local[(heights >= low) & (heights <= high)], below, above])
+        if len(kept):
+            boxes.append(_box(kept).seen_from(whole.pose))
     return boxes
+
+
+def _crossings(local: Array, triangles: Triangles, axis: int, cut: float) -> Array:
+    """(k, 3) m, where edges of triangles (m, 3) of points (n, 3) go through the plane at `cut` m along an axis."""
+    above = local[:, axis] > cut
+    sides = above[triangles]
+    cutting = triangles[sides.any(axis=1) & ~sides.all(axis=1)]
+    edges = np.concatenate([cutting[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    begins, ends = local[edges[above[edges[:, 0]] != above[edges[:, 1]]].T]
+    share = (cut - begins[:, axis]) / (ends[:, axis] - begins[:, axis])
+    return np.asarray(begins + share[:, None] * (ends - begins))
 
 
 def _box(points: Array) -> LinkBox:
     """The smallest box around points (n, 3)."""
+    points = _outermost(points)  # a mesh may have millions
     pose = Pose.from_matrix(_turned(points)).inverse()
     local = pose.inverse().apply(points)
     low, high = local.min(axis=0), local.max(axis=0)
     x, y, z = (np.maximum(high - low, _THINNEST) / 2).tolist()
     at_x, at_y, at_z = ((low + high) / 2).tolist()
-    return LinkBox(pose @ Pose((at_x, at_y, at_z)), (x, y, z), _outermost(local) - (at_x, at_y, at_z))
+    return LinkBox(pose @ Pose((at_x, at_y, at_z)), (x, y, z), local - (at_x, at_y, at_z))
 
 
 def _outermost(points: Array) -> Array:
@@ -122,7 +138,8 @@ def _turned(points: Array) -> Array:
         matrix = oriented_bounds(surface, ordered=False)[0]  # type: ignore[no-untyped-call]
     except (QhullError, ValueError):  # flat, or too thin for trimesh: its principal axes
         matrix = np.eye(4)
-        matrix[:3, :3] = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
+        spread = np.linalg.qr(points - points.mean(axis=0), mode="r")  # (3, 3) at most, however many points there are
+        matrix[:3, :3] = np.linalg.svd(spread, full_matrices=True)[2]
     matrix[2, :3] *= np.sign(np.linalg.det(matrix[:3, :3]))  # it may be mirrored
     return np.asarray(matrix)
 

@@ -1,4 +1,4 @@
-"""Says why the arm must not move now: samples that cannot be believed, a device in trouble, no camera, no memory."""
+"""Says why the arm must not move now: samples that cannot be believed, a device in trouble, no camera or memory."""
 
 from __future__ import annotations
 
@@ -50,6 +50,10 @@ class Watchdog:
     def note_frame(self, camera: str, now: float) -> None:
         """A frame of a camera came at time `now` (s)."""
         self._sights.setdefault(camera, Sight(camera)).note(now)
+
+    def note_rival(self, agent: str, now: float) -> None:
+        """Another agent that runs says at time `now` (s) that it moves this arm; empty for none."""
+        self._tell("rival", f"{agent} moves this arm, too: each needs a name of its own, `arm`" if agent else "", now)
 
     def look(self, company: bool, now: float) -> None:
         """Find out at time `now` (s) what is missing; `company` says whether others hold the memory, too."""

@@ -124,10 +124,11 @@ class Bench:
         guard = WriteGuard(agent, ArmController.writes) if agent == "arm_controller" else None
         return Memory("test", agent, transport=self.network.connect(agent), clock=self.clock, guard=guard)
 
-    def start(self) -> None:
-        """Start the controller, or another one in its place."""
+    def start(self, joining: float = 0.0) -> None:
+        """Start the controller, or another one in its place, which first joins the graph for so many s."""
         self.own = self.connect("arm_controller")
         self.exchange(0.0)
+        self.exchange(joining)
         self.agent = make_agent(
             ArmController,
             name="arm_controller",

@@ -82,6 +82,28 @@ def test_a_flat_mesh_has_a_box_with_volume(tmp_path: Path) -> None:
     assert sorted(box.size) == pytest.approx((0.001, 0.1, 0.2))
 
 
+def test_a_mesh_that_is_smaller_than_any_edge_has_a_box_too(tmp_path: Path) -> None:
+    """Such a shape vanished: a mesh in the wrong unit let the arm through."""
+    corners = 1e-20 * np.random.default_rng(0).normal(size=(30, 3))
+    trimesh.Trimesh(corners, np.arange(30).reshape(10, 3), process=False).export(tmp_path / "dust.stl")
+    (box,) = boxes_around(tmp_path / "dust.stl", (1.0, 1.0, 1.0))
+    assert box.size == pytest.approx((0.001, 0.001, 0.001))
+
+
+@pytest.mark.parametrize("form", ["flat", "solid"])
+def test_a_mesh_of_many_triangles_is_within_its_boxes_and_takes_no_square_of_memory(tmp_path: Path, form: str) -> None:
+    count = 50_000  # a square of that are 20 GB
+    rng = np.random.default_rng(0)
+    soup = rng.random((count, 1, 3)) * (1.0, 0.2, 0.3) + 0.01 * rng.normal(size=(count, 3, 3))
+    soup = (soup * (1.0, 1.0, 0.0 if form == "flat" else 1.0)).reshape(-1, 3)
+    trimesh.Trimesh(soup, np.arange(3 * count).reshape(-1, 3), process=False).export(tmp_path / "soup.stl")
+    within = np.zeros(len(soup), dtype=bool)
+    for box in boxes_around(tmp_path / "soup.stl", (1.0, 1.0, 1.0)):
+        away = np.abs(box.pose.inverse().apply(soup.astype(np.float32).astype(np.float64)))
+        within |= (away <= np.array(box.half) + 1e-9).all(axis=1)
+    assert within.all()
+
+
 @pytest.mark.parametrize("name", ["meshes/box.stl", "package://my_arm/meshes/box.stl", "file://{folder}/meshes/box.stl"])
 def test_meshes_are_found_by_path_and_by_package(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "my_arm"

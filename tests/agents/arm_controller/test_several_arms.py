@@ -26,7 +26,7 @@ from dsr.vocabulary.arms import (
     gripper_of,
 )
 from dsr.vocabulary.halting import HaltLatch, HaltOrder, halt_node, order_about, order_of, send_order, write_order
-from tests.agents.arm_controller.conftest import Bench
+from tests.agents.arm_controller.conftest import HOME, Bench
 
 AWAY = (0.5, 0.0, np.pi, -0.96, 0.0, -2.05, np.pi / 2)
 ALL = HaltOrder("1", True, "anna", "", 1.0)
@@ -124,3 +124,24 @@ def test_several_controllers_share_what_each_writes_of_its_own_arm() -> None:
     believer = Access(edges=("Virtual_RT",), exclusive=("Virtual_RT",))
     with pytest.raises(ConfigError, match="must be the only writer"):
         check_writers({"one": believer, "two": believer})
+
+
+def test_an_arm_that_another_agent_moves_too_is_halted(bench: Bench) -> None:
+    bench.memory.update_node("arm", target_joints=(0.5, *HOME[1:]))
+    bench.run(0.3)
+    assert bench.status == "moving"
+    bench.memory.update_node("arm", controller="somebody")
+    bench.run(0.1)
+    assert bench.status == "moving", "nobody of that name runs"
+    bench.memory.update_node("arm", controller="mission")
+    bench.run(0.1)
+    assert bench.arm.told[-1] == ("stop",) and bench.status == "halted"
+    assert "mission moves this arm, too" in bench.memory.node("arm")["explanation"]
+
+
+def test_a_second_controller_of_one_arm_does_not_start(bench: Bench) -> None:
+    bench.runner.teardown()
+    bench.own.close()
+    bench.memory.update_node("arm", controller="mission")
+    with pytest.raises(ConfigError, match="arm 'arm' is moved by 'mission', which runs"):
+        bench.start(joining=0.5)

@@ -60,6 +60,7 @@ def test_between_gives_the_joints_from_base_to_tip_and_names_what_is_wrong() -> 
         (b'xyz="2 0 0"', b'xyz="0 0 0"', "'slide': its axis has no length"),
         (b'xyz="0 0 1" rpy', b'xyz="0 nan 1" rpy', "expected 3 finite numbers"),
         (b'xyz="0 0 1" rpy', b'xyz="0 1" rpy', "expected 3 finite numbers"),
+        (b'xyz="0 0 1" rpy', b'xyz="0 0 1e300" rpy', "<origin>: a length of 1e\\+300 m"),
         (b'type="revolute"', b'type="revolut"', "did you mean 'revolute'"),
         (b'lower="0"', b'lower="1"', "lower limit 1.0 is above"),
         (b'<parent link="rail"/>', b"", "'slide' has no <parent>"),
