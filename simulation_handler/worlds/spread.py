@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from dsr.math3d.transforms import Pose
@@ -71,8 +74,14 @@ def squared_distance(offsets: Array, covariances: Array) -> Array:
     return np.asarray((offsets * solved).sum(axis=-1))
 
 
-def with_spread(pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array) -> Pose:
-    """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
+def with_spread(
+    pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array, reach: float = math.inf
+) -> Pose:
+    """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose.
+
+    `reach` (m) bounds the standard deviations `level` and `height`: it is how far what speaks against the pose is away.
+    """
+    noise = structs.replace(noise, level=min(noise.level, reach), height=min(noise.height, reach))
     own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
     place = position_covariance(noise, own[0], np.array(age), np.array(moved), velocity)
     turn = rotation_covariance(noise, own[1], np.array(moved))

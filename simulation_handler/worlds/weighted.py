@@ -22,7 +22,15 @@ from simulation_handler.worlds.alternatives import (
     mode_circumstance,
     speed_of,
 )
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES, INSIDE, RESTS_UNSEEN, in_view, is_unseen, unseen
+from simulation_handler.worlds.circumstances import (
+    CIRCUMSTANCES,
+    INSIDE,
+    RESTLESS,
+    RESTS_UNSEEN,
+    in_view,
+    is_unseen,
+    unseen,
+)
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
@@ -90,6 +98,8 @@ class Followed:
     """m, how far the simulation has moved it since"""
     seen: Pose | None = None
     """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
+    reach: float = math.inf
+    """m, how far percepts that contradict the pose are away from it; infinite if none do"""
 
 
 class WeightedWorlds:
@@ -168,7 +178,10 @@ class WeightedWorlds:
         if alternatives is None:
             if thing.believed is None:
                 return None
-            return Followed(watched.circumstance, thing.believed, watched.velocity, seen=thing.seen)
+            reach = math.inf
+            if watched.circumstance == RESTLESS and thing.percept is not None:
+                reach = thing.percept.distance(thing.believed)[0]
+            return Followed(watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, reach=reach)
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
@@ -187,7 +200,7 @@ class WeightedWorlds:
         if followed is None:
             return None
         noise = self._parameters.noise[followed.circumstance]
-        return with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
+        return _spread(followed, noise)
 
     def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[_Weighted]:
         """What the simulation says, and that something unknown is wrong with it."""
@@ -195,7 +208,7 @@ class WeightedWorlds:
         if followed is None:
             return []
         noise = self._parameters.noise[followed.circumstance]
-        placed = with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity)
+        placed = _spread(followed, noise)
         x, y, z = followed.velocity.tolist()
         state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
         perceived = _perceived(followed, noise, placed)
@@ -249,6 +262,11 @@ class WeightedWorlds:
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+
+
+def _spread(followed: Followed, noise: PlaceNoise) -> Pose:
+    """The pose with the covariance of its circumstance."""
+    return with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity, followed.reach)
 
 
 def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:

@@ -15,7 +15,7 @@ from dsr.errors import ConfigError
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, RESTLESS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -89,6 +89,28 @@ def test_what_percepts_contradict_may_be_where_they_have_it() -> None:
     agreeing = Course()
     agreeing.run(1.0, lambda box: replace(box, seen=box.believed))
     assert contradicted > agreeing.weight("as perceived") > 0.0
+
+
+@pytest.mark.parametrize("off", [0.002, 0.2])
+def test_what_a_percept_contradicts_is_as_unsure_as_the_percept_is_off_at_most(off: float) -> None:
+    course = Course()
+    aside = Pose((0.3 + off, 0.0, 0.02))
+    course.run(1.0)
+    course.worlds.update(
+        Evidence(
+            1.0,
+            {"box": replace(thing(aside, 1.0), believed=course.box.believed, is_moving=True)},
+            {},
+            None,
+            frozenset(),
+        )
+    )
+    pose = course.worlds.pose("box")
+    assert pose is not None and pose.cov is not None
+    deviation = np.sqrt(np.diag(np.array(pose.cov).reshape(6, 6))[:3])
+    learned = learned_parameters().noise[RESTLESS]
+    levels = np.minimum((learned.level, learned.level, learned.height), off)
+    assert deviation == pytest.approx(levels, abs=0.001)
 
 
 def test_what_was_taken_away_is_gone_the_more_surely_the_longer_its_place_is_seen_empty() -> None:
