@@ -30,7 +30,9 @@ class VelocityCheck:
     """Compares the way that velocities tell with the way that positions went, now or a moment ago.
 
     A truthful velocity that a device filters is that of a moment ago. So its integral over `SPAN` is between the least
-    and the greatest way of the joint in a time so long that ended up to `LAG` ago.
+    and the greatest way of the joint in a time so long that ended up to `LAG` ago. A joint that is knocked swings between two
+    samples, so the velocities of a moment may fit no way. But they differ, while a driver that lies repeats itself: only a
+    velocity that all samples within `SPAN` tell alike is compared.
 
     Args:
         chain: joints, of which some turn without end.
@@ -53,6 +55,7 @@ class VelocityCheck:
         way = (np.diff(stamps[begin:]) @ (told[1:] + told[:-1])) / 2
         gone = self._gone(stamps, joints.stamp - stamps[begin])
         off = np.maximum(gone.min(axis=0) - way, way - gone.max(axis=0)) - NOISE - JITTER * np.abs(way)
+        off[(told != told[0]).any(axis=0)] = -np.inf
         worst = int(off.argmax())
         if off[worst] <= 0.0:
             return ""
