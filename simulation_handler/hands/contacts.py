@@ -13,7 +13,6 @@ from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.hands.relation import PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
-from simulation_handler.scales import FRAME
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -136,7 +135,7 @@ class Contacts:
                 continue
             since, percept = self._lost.setdefault(relation, (now, stamp))
             is_seen = now - item.track.last_stamp <= UNSEEN
-            if is_seen and stamp == percept and now - since > FRAME - ROUNDING:
+            if is_seen and stamp == percept and now - since > 0.5 * TOUCH_DELAY - ROUNDING:
                 doubted.add(relation)
         return doubted
 
