@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from dsr.clock import ROUNDING
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.hands.relation import PUT_DOWN
@@ -38,7 +37,6 @@ class Contacts:
         self._pinches = ContactRelations(TOUCH_DELAY)
         self._gaps = Gaps()
         self._now: tuple[set[Relation], set[Relation]] = set(), set()  # without delay
-        self._lost: dict[Relation, tuple[float, float]] = {}  # since when, and by the percept of which time, s
 
     @property
     def touches(self) -> Mapping[Relation, float]:
@@ -80,8 +78,6 @@ class Contacts:
         self._now = touching, opposed = self._found(now)
         self._touches.update(touching, now)
         self._pinches.update(opposed, now)
-        current = self.touches.keys() | self.pinches.keys()
-        self._lost = {relation: lost for relation, lost in self._lost.items() if relation in current}
 
     def opens(self, relation: Relation) -> bool:
         """Whether a hand that holds an object may be letting go of it just now."""
@@ -112,32 +108,12 @@ class Contacts:
                     continue
                 touched = self._touched(hand, item, known, now)
                 touching |= {(tip, item.name) for tip in touched}
-                touching |= self._doubted(known & {(tip, item.name) for tip in hand.tips}, touching, hand, item, now)
                 if is_opposed(touched):
                     if not self._was_put_down((name, item.name), now):
                         opposed.add((name, item.name))
                 elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
                     opposed |= {(name, item.name)} & self.pinches.keys()
-                opposed |= self._doubted({(name, item.name)} & self.pinches.keys(), opposed, hand, item, now)
         return touching, opposed
-
-    def _doubted(
-        self, known: Collection[Relation], found: Collection[Relation], hand: Hand, item: BelievedObject, now: float
-    ) -> set[Relation]:
-        """Which of the `known` relations are gone only by one percept after which none came when it should have: a last
-        glimpse may be wrong.
-        """
-        stamp = min(hand.path.newest, item.path.newest)
-        doubted: set[Relation] = set()
-        for relation in known:
-            if relation in found:
-                self._lost.pop(relation, None)
-                continue
-            since, percept = self._lost.setdefault(relation, (now, stamp))
-            is_seen = now - item.track.last_stamp <= UNSEEN
-            if is_seen and stamp == percept and now - since > 0.5 * TOUCH_DELAY - ROUNDING:
-                doubted.add(relation)
-        return doubted
 
     def _was_put_down(self, relation: Relation, now: float) -> bool:
         """Whether a hand was seen to open about what rested, which is not seen now, so that it looks pinched again."""
