@@ -30,9 +30,10 @@ class VelocityCheck:
     """Compares the way that velocities tell with the way that positions went, now or a moment ago.
 
     A truthful velocity that a device filters is that of a moment ago. So its integral over `SPAN` is between the least
-    and the greatest way of the joint in a time so long that ended up to `LAG` ago. A joint that is knocked swings between two
-    samples, so the velocities of a moment may fit no way. But they differ, while a driver that lies repeats itself: only a
-    velocity that all samples within `SPAN` tell alike is compared.
+    and the greatest way of the joint in a time so long that ended up to `LAG` ago.
+
+    A joint that is knocked swings between two samples, so the velocities of a moment may fit no way. But they differ,
+    while a driver that lies repeats itself. So only a velocity that all samples within `SPAN` tell alike is compared.
 
     Args:
         chain: joints, of which some turn without end.
