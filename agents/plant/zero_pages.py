@@ -69,7 +69,8 @@ def _mappings() -> list[_Mapping]:
 def _give_back_zeros(mapping: _Mapping, before: Sequence[_Mapping]) -> None:
     """All but what lies in those that were there before, which the kernel may have joined with new ones."""
     libc = ctypes.CDLL(None, use_errno=True)
-    with Path("/proc/self/mem").open("rb", buffering=0) as memory:  # what is gone by now is an error there, and no crash
+    # what is gone by now is an error there, and no crash
+    with Path("/proc/self/mem").open("rb", buffering=0) as memory:
         for address in range(mapping.begin, mapping.end - _BLOCK + 1, _BLOCK):
             if any(address < other.end and other.begin < address + _BLOCK for other in before):
                 continue
