@@ -62,6 +62,23 @@ def test_what_was_there_before_is_left_alone_beside_what_is_new() -> None:
     assert resident(buffer) == SIZE and resident(new) <= 2 * MIB
 
 
+def test_memory_that_goes_away_while_it_is_looked_at_is_no_crash() -> None:
+    """Another thread may give its memory back between the list of mappings and the look into one."""
+    program = f"""
+import ctypes, mmap
+from agents.plant import zero_pages
+with zero_pages.zeros_given_back():
+    buffer = mmap.mmap(-1, {SIZE}, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    begin = ctypes.addressof(ctypes.c_char.from_buffer(buffer))
+    zero_pages._large_mappings = lambda: [zero_pages._Mapping(begin, begin + {SIZE}, {SIZE})]
+    assert ctypes.CDLL(None).munmap(ctypes.c_void_p(begin), ctypes.c_size_t({SIZE})) == 0
+print("lives", flush=True)
+import os; os._exit(0)  # Python would unmap the buffer once more
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "lives\n"), run.stderr
+
+
 def test_the_renderer_keeps_no_buffer_of_zeros() -> None:
     if not egl_works():
         pytest.skip("EGL does not work here")
