@@ -269,7 +269,7 @@ def check_dsr(words: list[str]) -> None:
         if group.invoke_without_command and not set(commands).intersection(words):
             break  # a command that has others below it
         context = group.make_context("dsr", list(words), resilient_parsing=True)  # takes the options before a command
-        _, group, words = group.resolve_command(context, words[words.index(*context._protected_args) :])
+        _, group, words = group.resolve_command(context, [*context._protected_args, *context.args])
     group.make_context("dsr", words, resilient_parsing=False)
 
 
