@@ -129,11 +129,13 @@ def test_a_ros_that_dies_at_each_question_is_not_started_at_the_rate_of_the_ques
 
 
 def test_nobody_waits_longer_than_asked_for_a_ros_that_starts_slowly(make: Make, tmp_path: Path) -> None:
-    go = tmp_path / "go"
+    end, go = tmp_path / "end", tmp_path / "go"
     installed = make(
-        f"while number > 1 and not pathlib.Path({str(go)!r}).exists():\n    time.sleep(0.01)\n"
-        "say(ready='jazzy')\nif number == 1:\n    sys.exit('crash')\nobey()"
+        "def wait_for(file):\n    while not pathlib.Path(file).exists():\n        time.sleep(0.01)\n"
+        f"if number == 1:\n    say(ready='jazzy')\n    wait_for({str(end)!r})\n    sys.exit('crash')\n"
+        f"wait_for({str(go)!r})\nsay(ready='jazzy')\nobey()"
     )
+    end.touch()
     eventually(installed.problems)
     for _ in range(2):
         with pytest.raises(RosTimeoutError, match="is not ready"):
