@@ -146,7 +146,7 @@ def test_a_halt_stops_it_although_the_process_in_ros_hangs(
         network.deliver()
         eventually(lambda: not controllers.arm_now()["moves"])  # cancelled, or aborted by the goal to hold its place
         assert controllers.arm_now()["at"][0] < 1.0
-        assert any("it did not react for 1 s, and was killed" in text for text in arm.tally.told)
+        eventually(lambda: any("it did not react for 1 s, and was killed" in text for text in arm.tally.told))
     finally:
         arm.close()
     assert process is not None and process.poll() is not None
