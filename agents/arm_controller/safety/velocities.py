@@ -33,7 +33,8 @@ class VelocityCheck:
     and the greatest way of the joint in a time so long that ended up to `LAG` ago.
 
     A joint that is knocked swings between two samples, so the velocities of a moment may fit no way. But they differ,
-    while a driver that lies repeats itself. So only a velocity that all samples within `SPAN` tell alike is compared.
+    while a driver that lies repeats itself. So only a velocity that the samples within `SPAN` tell alike is compared,
+    whatever the one before them told.
 
     Args:
         chain: joints, of which some turn without end.
@@ -56,7 +57,7 @@ class VelocityCheck:
         way = (np.diff(stamps[begin:]) @ (told[1:] + told[:-1])) / 2
         gone = self._gone(stamps, joints.stamp - stamps[begin])
         off = np.maximum(gone.min(axis=0) - way, way - gone.max(axis=0)) - NOISE - JITTER * np.abs(way)
-        off[(told != told[0]).any(axis=0)] = -np.inf
+        off[(told[1:] != told[-1]).any(axis=0)] = -np.inf
         worst = int(off.argmax())
         if off[worst] <= 0.0:
             return ""
