@@ -27,8 +27,10 @@ _LATENCY = 0.15  # s after a change of the belief during which percepts may stil
 class _Outlook:
     """What one camera should see of one object."""
 
-    tells: float = 0.0
-    """1, how much it tells that the object is missing in a frame: by the learned rate at which it is recognised"""
+    tells: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    """s, and how much (0 to 1) it tells then that the object is missing: by the learned rate of its recognition"""
+    anew: float = -math.inf
+    """s, since when what holds has held"""
     since: float | None = None
     """s, since when it would be surprising if it were missing for good; None: it would not be"""
     hidden_since: float | None = None
@@ -42,24 +44,27 @@ class _Outlook:
     def expect(self, edge: Edge | None, now: float, config: SurpriseConfig, *, hidden: bool) -> None:
         """Take note of what should be seen at `now`; `hidden` says that what hides it surely does."""
         share = None if edge is None else edge.get("detectable")
-        self.tells = 0.0 if share is None else share ** learned_absence().power
-        is_due = MOST_MISSED * self.tells >= SURPRISING
+        most = MOST_MISSED * (0.0 if share is None else share ** learned_absence().power)
+        self.tells.append((now, most / MOST_MISSED))
+        is_due = most >= SURPRISING
         self.since = (now if self.since is None else self.since) if is_due else None
         hidden = hidden and share is not None and share <= config.nothing_seen
         self.hidden_since = (now if self.hidden_since is None else self.hidden_since) if hidden else None
         self.covered_by = "" if edge is None else edge.get("covered_by", "")
-        self.missed = min(self.missed, MOST_MISSED * self.tells)
+        self.missed = min(self.missed, most)
 
     def miss(self, stamp: float) -> None:
         """A frame of time `stamp` (s) shows other things only."""
-        if self.since is not None and stamp > self.since:
-            self.missed = min(self.missed + MISSED_FRAME * self.tells, MOST_MISSED * self.tells)
+        if stamp > self.anew:
+            before = max((time for time, _ in self.tells if time < stamp), default=-math.inf)
+            tells = min(share for time, share in self.tells if time >= before)
+            self.missed = max(self.missed, min(self.missed + MISSED_FRAME * tells, MOST_MISSED * tells))
 
     def start_anew(self, now: float) -> None:
         """Whatever holds has only held since `now`."""
         self.since = None if self.since is None else now
         self.hidden_since = None if self.hidden_since is None else now
-        self.missed = 0.0
+        self.anew, self.missed = now, 0.0
 
 
 class _Camera:

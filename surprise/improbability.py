@@ -88,19 +88,22 @@ class HandTrack:
         self._poses.append(pose)
 
     def improbability(self, now: float) -> float:
-        """Nats at time `now` (s), of the most improbable jump after which the hand stayed away."""
-        poses = list(self._poses)
+        """Nats at time `now` (s), by the most probable choice of those percepts that are false."""
+        poses, speed, noise = list(self._poses), self._config.hand_speed, self._config.hand_noise
         if not poses or now - poses[-1].stamp > self._config.fresh:
             return 0.0
-        return max((self._of_jump(poses[place], poses[place + 1 :]) for place in range(len(poses) - 1)), default=0.0)
-
-    def _of_jump(self, before: Pose, after: Sequence[Pose]) -> float:
-        cost = min(jump(before, pose, self._config.hand_speed, self._config.hand_noise) for pose in after)
-        return max(-math.log(math.exp(-cost) + math.exp(-FALSE_FRAME * len(after))), 0.0)
+        costs: list[float] = []  # of all percepts up to each one, if that one is true
+        for place, pose in enumerate(poses):
+            skipping = [
+                costs[before] + FALSE_FRAME * (place - before - 1) + jump(poses[before], pose, speed, noise)
+                for before in range(place)
+            ]
+            costs.append(min([FALSE_FRAME * place, *skipping]))
+        return min(cost + FALSE_FRAME * (len(poses) - 1 - place) for place, cost in enumerate(costs))
 
 
 def jump(before: Pose, after: Pose, speed: float, noise: float) -> float:
-    """How improbable it is that a hand moved so far in that time, nats.
+    """How improbable it is that a hand moved so far in that time, nats beyond what ordinary motions cost.
 
     Args:
         before: world_from_hand, with stamp.
@@ -111,7 +114,8 @@ def jump(before: Pose, after: Pose, speed: float, noise: float) -> float:
     seconds = max(after.stamp - before.stamp, 0.0)
     variance = (speed * seconds) ** 2 + 2.0 * noise**2
     half = 0.5 * math.dist(before.t, after.t) ** 2 / variance
-    return min(-log_tail_of_three(half), MOST_MISFIT)
+    ordinary = 1.0  # nats: minus the logarithm of a tail probability has this mean
+    return min(max(-log_tail_of_three(half) - ordinary, 0.0), MOST_MISFIT)
 
 
 class ImprobabilityWriter:
