@@ -63,34 +63,71 @@ def fit_depth_planes(
         correlation: px, over which neighbouring depth errors are alike.
     """
     planes = DepthPlanes(np.full((len(corners), 3), np.nan), np.full((len(corners), 3, 3), np.nan))
-    pixels, inside, stride = _pixels_within(corners, depth.shape)
-    z = depth[pixels[..., 1], pixels[..., 0]].astype(np.float64)
-    valid = inside & np.isfinite(z) & (z > 0.0)
-    within, known = inside.sum(axis=1), valid.sum(axis=1)
-    chosen = np.flatnonzero((within >= _MIN_PIXELS) & (known >= np.maximum(_MIN_PIXELS, _MIN_VALID * within)))
-    if len(chosen) == 0:
+    tag, u, v, stride = _pixels_within(corners, depth.shape)
+    within = np.bincount(tag, minlength=len(corners))
+    z = depth[v, u].astype(np.float64)
+    valid = np.isfinite(z) & (z > 0.0)
+    known = np.bincount(tag[valid], minlength=len(corners))
+    enough = (within >= _MIN_PIXELS) & (known >= np.maximum(_MIN_PIXELS, _MIN_VALID * within))
+    valid &= enough[tag]
+    if not valid.any():
         return planes
-    valid, known = valid[chosen], known[chosen]
-    used = np.arange(known.max()) < known[:, None]
-    rays, inverse_depth = np.zeros((*used.shape, 3)), np.full(used.shape, np.inf)
-    rays[used] = intrinsics.rays(pixels[chosen][valid].astype(np.float64))
-    inverse_depth[used] = 1.0 / z[chosen][valid]
-    p, precision, scale = _robust_fit(rays, inverse_depth, used, known, noise_floor)
-    alike = np.maximum(1.0, correlation / stride[chosen]) ** 2
-    inverse_depths = (rays @ p[:, :, None])[..., 0]
-    cosines = inverse_depths / (np.linalg.norm(p, axis=1)[:, None] * np.linalg.norm(rays + ~used[..., None], axis=2))
-    steepest = np.where(used, cosines, np.inf).min(axis=1)
-    is_plane = scale < _NO_PLANE * _medians(np.where(used, inverse_depths, np.inf), known)
-    good = (steepest > _MIN_COSINE) & is_plane
-    planes.p[chosen[good]] = p[good]
-    planes.covariance[chosen[good]] = ((scale**2 * alike)[:, None, None] * matrix_inverses(precision))[good]
+    rays = intrinsics.rays(np.column_stack([u[valid], v[valid]]).astype(np.float64))
+    cloud = _Pixels.of((np.cumsum(enough) - 1)[tag[valid]], rays, 1.0 / z[valid], known[enough])
+    p, precision, scale = _robust_fit(cloud, noise_floor)
+    inverse_depths = cloud.along(p)
+    lengths = np.linalg.norm(p, axis=1)[:, None] * np.sqrt(np.maximum((cloud.rays**2).sum(axis=1), 1.0))
+    flattest = np.where(cloud.used, inverse_depths / lengths, np.inf).min(axis=1)
+    is_plane = scale < _NO_PLANE * cloud.medians(inverse_depths)
+    alike = np.maximum(1.0, correlation / stride[enough]) ** 2
+    good = (flattest > _MIN_COSINE) & is_plane
+    planes.p[np.flatnonzero(enough)[good]] = p[good]
+    covariance = (scale**2 * alike)[:, None, None] * matrix_inverses(precision)
+    planes.covariance[np.flatnonzero(enough)[good]] = covariance[good]
     return planes
+
+
+class _Pixels(NamedTuple):
+    """Pixels with depth of n tags, each with at most m; what a tag has less is not used."""
+
+    rays: Array
+    """(n, 3, m), 0 where not used"""
+    inverse_depth: Array
+    """(n, m) 1/m, 0 where not used"""
+    used: NDArray[np.bool_]
+    """(n, m)"""
+    known: NDArray[np.int64]
+    """(n,) how many are used"""
+
+    @staticmethod
+    def of(tag: NDArray[np.int64], rays: Array, inverse_depth: Array, known: NDArray[np.int64]) -> _Pixels:
+        """Those of pixels sorted by `tag` (k,), with rays (k, 3) and inverse depths (k,), `known` (n,) of each tag."""
+        column = np.arange(len(tag)) - (np.cumsum(known) - known)[tag]
+        used = np.arange(known.max()) < known[:, None]
+        found = _Pixels(np.zeros((len(known), 3, used.shape[1])), np.zeros(used.shape), used, known)
+        for axis in range(3):
+            found.rays[tag, axis, column] = rays[:, axis]
+        found.inverse_depth[tag, column] = inverse_depth
+        return found
+
+    def along(self, p: Array) -> Array:
+        """(n, m) 1/m, inverse depths where the rays meet planes p (n, 3)."""
+        return np.asarray((p[:, None] @ self.rays)[:, 0])
+
+    def medians(self, values: Array) -> Array:
+        """(n,) the medians over the pixels that are used, of values (n, m)."""
+        ordered, rows = np.sort(np.where(self.used, values, np.inf), axis=1), np.arange(len(values))
+        return np.asarray(0.5 * (ordered[rows, (self.known - 1) // 2] + ordered[rows, self.known // 2]))
+
+    def scales(self, residuals: Array, noise_floor: float) -> Array:
+        """(n,) standard deviations of residuals (n, m), from the medians so that outliers do not matter."""
+        return np.maximum(1.4826 * self.medians(np.abs(residuals)), noise_floor)
 
 
 def _pixels_within(
     corners: Array, shape: tuple[int, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
-    """Pixels (n, m, 2) (u, v) around tags, which of them (n, m) are inside the inset outline, and the strides (n,)."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag."""
     centre = corners.mean(axis=1, keepdims=True)
     outline = centre + _INSET * (corners - centre)
     last = np.array([shape[1] - 1, shape[0] - 1])
@@ -100,51 +137,30 @@ def _pixels_within(
     stride = np.maximum(1, np.ceil(np.sqrt(extent.prod(axis=1) / _MAX_PIXELS)).astype(np.int64))
     columns, rows = (-(-extent // stride[:, None])).T
     number = np.arange((columns * rows).max(initial=0))
-    inside = number < (columns * rows)[:, None]
     row, column = np.divmod(number, np.maximum(columns, 1)[:, None])
-    pixels = low[:, None, :] + stride[:, None, None] * np.stack([column, row], axis=-1)
-    pixels[~inside] = 0
+    u, v = (low[:, axis, None] + stride[:, None] * step for axis, step in ((0, column), (1, row)))
     edges = np.roll(outline, -1, axis=1) - outline
-    left, right = inside.copy(), inside.copy()
-    for corner, edge in zip(np.swapaxes(outline, 0, 1), np.swapaxes(edges, 0, 1), strict=True):
-        side = edge[:, :1] * (pixels[..., 1] - corner[:, 1:]) - edge[:, 1:] * (pixels[..., 0] - corner[:, :1])
-        left &= side >= 0.0
-        right &= side <= 0.0
-    return pixels, left | right, stride
+    left = right = number < (columns * rows)[:, None]
+    for corner in range(4):
+        (x, y), (along_x, along_y) = outline[:, corner, :, None].swapaxes(0, 1), edges[:, corner, :, None].swapaxes(0, 1)
+        side = along_x * v - along_y * u + (along_y * x - along_x * y)
+        left, right = left & (side >= 0.0), right & (side <= 0.0)
+    inside = left | right
+    return np.nonzero(inside)[0], u[inside], v[inside], stride
 
 
-def _robust_fit(
-    rays: Array, inverse_depth: Array, used: NDArray[np.bool_], known: NDArray[np.int64], noise_floor: float
-) -> tuple[Array, Array, Array]:
+def _robust_fit(pixels: _Pixels, noise_floor: float) -> tuple[Array, Array, Array]:
     """Planes p (n, 3), their precision matrices for unit noise (n, 3, 3), and the noise's scales (n,), 1/m.
 
     Each starts at the plane across the view at the median depth, which wrong depths at an edge cannot tilt.
-
-    Args:
-        rays: (n, m, 3), 0 where a tag has fewer pixels.
-        inverse_depth: (n, m) 1/m, infinite there.
-        used: (n, m) where it has pixels.
-        known: (n,) how many.
-        noise_floor: 1/m, least scale.
+    `noise_floor` is the least scale.
     """
-    told = np.where(used, inverse_depth, 0.0)
-    residuals = told - _medians(inverse_depth, known)[:, None]
+    residuals = pixels.inverse_depth - pixels.medians(pixels.inverse_depth)[:, None]
+    by_pixel = np.swapaxes(pixels.rays, 1, 2)
     for _ in range(_ITERATIONS):
-        spread = _CAUCHY * _scales(residuals, used, known, noise_floor)
-        weights = 1.0 / (1.0 + (residuals / spread[:, None]) ** 2)
-        weighted = np.swapaxes(rays * weights[..., None], 1, 2)
-        precision = weighted @ rays
-        p = (matrix_inverses(precision) @ (weighted @ told[..., None]))[..., 0]
-        residuals = told - (rays @ p[:, :, None])[..., 0]
-    return p, precision, _scales(residuals, used, known, noise_floor)
-
-
-def _scales(residuals: Array, used: NDArray[np.bool_], known: NDArray[np.int64], noise_floor: float) -> Array:
-    """Their standard deviations (n,), from the medians so that outliers do not matter."""
-    return np.maximum(1.4826 * _medians(np.where(used, np.abs(residuals), np.inf), known), noise_floor)
-
-
-def _medians(values: Array, known: NDArray[np.int64]) -> Array:
-    """(n,) the median of each row (n, m); what is not known is infinite."""
-    ordered, rows = np.sort(values, axis=1), np.arange(len(values))
-    return np.asarray(0.5 * (ordered[rows, (known - 1) // 2] + ordered[rows, known // 2]))
+        spread = _CAUCHY * pixels.scales(residuals, noise_floor)
+        weighted = pixels.rays / (1.0 + (residuals / spread[:, None]) ** 2)[:, None]
+        precision = weighted @ by_pixel
+        p = (matrix_inverses(precision) @ (weighted @ pixels.inverse_depth[..., None]))[..., 0]
+        residuals = pixels.inverse_depth - pixels.along(p)
+    return p, precision, pixels.scales(residuals, noise_floor)

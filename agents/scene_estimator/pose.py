@@ -302,7 +302,7 @@ def _perspective_starts(rays: Array, sizes: Array) -> Array:
 
     NaN where there are less, and for the start that depth gives.
     """
-    starts = np.full((len(rays), _STARTS, 4, 4), np.nan)
+    twists = np.full((len(rays), _STARTS, 6), np.nan)
     for tag, (four, size) in enumerate(zip(rays, sizes, strict=True)):
         try:
             _, rotations, translations, _ = cv2.solvePnPGeneric(
@@ -310,12 +310,12 @@ def _perspective_starts(rays: Array, sizes: Array) -> Array:
             )
         except cv2.error:
             continue
-        twists = np.hstack([np.reshape(translations, (-1, 3)), np.reshape(rotations, (-1, 3))])
-        twists = twists[np.isfinite(twists).all(axis=1) & (twists[:, 2] > 0.0)]
-        matrices = exps(np.hstack([np.zeros((len(twists), 3)), twists[:, 3:]]))
-        matrices[:, :3, 3] = twists[:, :3]
-        starts[tag, : len(twists)] = matrices
-    return starts
+        twists[tag, : len(rotations), :3] = np.reshape(translations, (-1, 3))
+        twists[tag, : len(rotations), 3:] = np.reshape(rotations, (-1, 3))
+    twists[~(np.isfinite(twists).all(axis=2) & (twists[..., 2] > 0.0))] = np.nan
+    starts = exps(np.concatenate([np.zeros((len(rays) * _STARTS, 3)), twists[..., 3:].reshape(-1, 3)], axis=1))
+    starts[:, :3, 3] = twists[..., :3].reshape(-1, 3)
+    return starts.reshape(len(rays), _STARTS, 4, 4)
 
 
 def _no_planes(count: int) -> DepthPlanes:
