@@ -17,7 +17,6 @@ from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning
 from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
-from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -131,25 +130,15 @@ class Correction:
         if item.prop is not None:
             others.append(item.prop)
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
-        return self._leaning.find(item, *self._without_own_bias(item), flat, around.of(item)) or flat
+        return self._leaning.find(item, *self._bodies.without_own_bias(item), flat, around.of(item)) or flat
 
     def _stance(self, item: BelievedObject, around: Neighbourhood) -> tuple[Quaternion, bool]:
         """How an object, whose percepts do not tell, is turned most likely by its height; and whether that is sure."""
-        percept, covariance = self._without_own_bias(item)
+        percept, covariance = self._bodies.without_own_bias(item)
         above = self._bodies.above(item, percept.position)
         others = [solid for name, solid in around.of(item).items() if name not in above]
         return likeliest_stance(percept, covariance, item.turning(), others, self._config)
 
-    def _without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
-        """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.
-
-        What its own percepts told was learned from how it was taken to rest.
-        """
-        estimate = item.track.estimate
-        assert estimate is not None
-        mean, std = self._bodies.shared_bias(item)
-        x, y, z = estimate.corrected(mean).tolist()
-        return item.percept().moved((x, y, z)), estimate.total_covariance(std)
 
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""
