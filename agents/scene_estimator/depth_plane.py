@@ -142,7 +142,8 @@ def _pixels_within(
     edges = np.roll(outline, -1, axis=1) - outline
     left = right = number < (columns * rows)[:, None]
     for corner in range(4):
-        (x, y), (along_x, along_y) = outline[:, corner, :, None].swapaxes(0, 1), edges[:, corner, :, None].swapaxes(0, 1)
+        x, y = outline[:, corner, :, None].swapaxes(0, 1)
+        along_x, along_y = edges[:, corner, :, None].swapaxes(0, 1)
         side = along_x * v - along_y * u + (along_y * x - along_x * y)
         left, right = left & (side >= 0.0), right & (side <= 0.0)
     inside = left | right

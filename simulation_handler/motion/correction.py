@@ -139,7 +139,6 @@ class Correction:
         others = [solid for name, solid in around.of(item).items() if name not in above]
         return likeliest_stance(percept, covariance, item.turning(), others, self._config)
 
-
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""
         if placement.rests or item.track.moving:
