@@ -22,7 +22,7 @@ from surprise.evidence import EvidenceTrack, Reason
 from surprise.expectation import Expectations
 from surprise.improbability import (
     ATTRIBUTE,
-    HandTrack,
+    HandMotion,
     ImprobabilityWriter,
     LatelySeen,
     at_most,
@@ -80,7 +80,7 @@ class SurpriseDetector(Agent):
         self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}
         self._gone_since: dict[str, float] = {}
-        self._hands: dict[str, HandTrack] = {}
+        self._hands: dict[str, HandMotion] = {}
         self._nats = ImprobabilityWriter(self.memory, WORLD)
         self._nats_due = -math.inf
         self._now: float | None = None
@@ -210,7 +210,7 @@ class SurpriseDetector(Agent):
         """A hand is surprising that jumps, until that is not of lately any more."""
         edge = self.memory.get_edge(WORLD, node.name, "RT")
         pose = None if edge is None else edge.get("pose")
-        track = self._hands.setdefault(node.name, HandTrack(self.config))
+        track = self._hands.setdefault(node.name, HandMotion(self.config))
         if pose is not None:
             track.add(pose)
         nats = track.improbability(now)

@@ -67,7 +67,7 @@ def silence(seconds: float, pause: float) -> float:
     return min(seconds / pause, MOST_MISFIT)
 
 
-class HandTrack:
+class HandMotion:
     """The last percepts of one hand: how improbable they are as those of one motion.
 
     Hands are seen anywhere, and nothing is believed of where they go. So the motion itself must be improbable, and the

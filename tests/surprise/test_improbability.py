@@ -15,7 +15,7 @@ from dsr.believing.distribution import encoded
 from dsr.vocabulary.nats import FALSE_FRAME, MOST_MISFIT, MOST_MISSED, SURPRISING
 from surprise.config import SurpriseConfig
 from surprise.evidence import KEPT
-from surprise.improbability import ATTRIBUTE, HandTrack, LatelySeen, at_most, improbability, jump, silence
+from surprise.improbability import ATTRIBUTE, HandMotion, LatelySeen, at_most, improbability, jump, silence
 
 
 def nats(scene: SurpriseScene, name: str = "world") -> float:
@@ -137,7 +137,7 @@ def test_a_hand_jumps_when_several_percepts_have_it_away(away: int, surprising: 
 
 
 def test_a_hand_that_comes_back_after_a_while_may_be_anywhere() -> None:
-    track = HandTrack(SurpriseConfig())
+    track = HandMotion(SurpriseConfig())
     for place in range(5):
         track.add(Pose((0.0, 0.0, 0.0), stamp=1.0 + 0.1 * place))
     for place in range(5):
