@@ -228,7 +228,7 @@ def goes_beyond(rid: str, counter: int, delta: Delta, *, removals_only: bool = F
     """Whether somebody claims to have seen more of replica `rid` than the `counter` changes that it has made."""
     claimed = [dot for dot in delta.removed if dot[0] == rid]
     if not removals_only:
-        claimed += [dot for add in delta.adds if (dot := add.dot)[0] == rid]
+        claimed += [add.dot for add in delta.adds if add.dot[0] == rid]
         claimed += [dot for write in delta.writes if (dot := write.dot) is not None and dot[0] == rid]
         claimed += [(rid, last) for owner, _, last in delta.context if owner == rid]
     return any(number > counter for _, number in claimed)

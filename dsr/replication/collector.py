@@ -7,16 +7,12 @@ import gc
 from collections.abc import Iterator
 
 
-MANY = 10_000
-"""New objects among which the collector looks for garbage less soon: those of its first and second generation at once."""
-
-
 @contextlib.contextmanager
 def collector_paused() -> Iterator[None]:
     """Do not look for reference cycles: among many new objects that all stay, it takes as long as the work itself.
 
-    Many new objects count as old at the end: the collector would go through all of them at once. It still finds the
-    cycles among them, when it next looks at all there is.
+    Many new objects count as old at the end: else the collector would go through all of them at once. It finds the
+    cycles among them when it next looks at all there is.
     """
     was_enabled = gc.isenabled()
     gc.disable()
@@ -24,7 +20,13 @@ def collector_paused() -> Iterator[None]:
         yield
     finally:
         if was_enabled:
-            if gc.get_count()[0] >= MANY and gc.get_freeze_count() == 0:  # what is frozen would not stay so
-                gc.freeze()
-                gc.unfreeze()
+            _let_many_be_old()
             gc.enable()
+
+
+def _let_many_be_old() -> None:
+    """Count new objects as old if the collector would otherwise have gone through its second generation meanwhile."""
+    new, older, _ = gc.get_threshold()
+    if gc.get_count()[0] >= new * older and gc.get_freeze_count() == 0:  # what somebody has frozen stays frozen
+        gc.freeze()
+        gc.unfreeze()
