@@ -22,7 +22,8 @@ from agents.scenario.options import parse_seeds
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import learn_parameters, load_episodes
 from benchmarks.learning.recorded import record_episode
-from simulation_handler.worlds.parameters import FILE, learned_parameters
+from dsr.believing.absence import LEARNED
+from simulation_handler.worlds.parameters import learned_parameters
 
 TUNING = [name for name, family in FAMILIES.items() if family.purpose == "tuning"]
 
@@ -59,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
     fitting = commands.add_parser("fit", help="learn by what was recorded")
-    fitting.add_argument("--output", type=Path, default=FILE, help=f"default: {FILE.name} of the package")
+    fitting.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
     for command in (recording, fitting, judging):
         command.add_argument("--folder", type=Path, required=True, help="of the recorded episodes")
