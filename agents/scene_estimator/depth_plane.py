@@ -18,8 +18,6 @@ from dsr.vocabulary.intrinsics import Intrinsics
 _INSET = 0.95  # of the tag's half diagonals, so that no pixel straddles its edge
 _MAX_PIXELS = 2000
 _MIN_PIXELS = 40
-_THINNED_PIXELS = 4 * _MIN_PIXELS
-"""Pixels around a tag that are left at least where neighbours are left out that are alike: half may be outside of it"""
 _MIN_VALID = 0.5  # of the pixels within the tag
 _ITERATIONS = 5
 _CAUCHY = 2.385  # scales, for 95 % efficiency on Gaussian errors
@@ -65,7 +63,7 @@ def fit_depth_planes(
         correlation: px, over which neighbouring depth errors are alike.
     """
     planes = DepthPlanes(np.full((len(corners), 3), np.nan), np.full((len(corners), 3, 3), np.nan))
-    tag, u, v, stride = _pixels_within(corners, depth.shape, correlation)
+    tag, u, v, stride = _pixels_within(corners, depth.shape)
     within = np.bincount(tag, minlength=len(corners))
     z = depth[v, u].astype(np.float64)
     valid = np.isfinite(z) & (z > 0.0)
@@ -127,21 +125,16 @@ class _Pixels(NamedTuple):
 
 
 def _pixels_within(
-    corners: Array, shape: tuple[int, ...], correlation: float
+    corners: Array, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag.
-
-    Of pixels nearer to each other than half the `correlation` (px) of their errors, one tells as much as all.
-    """
+    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag."""
     centre = corners.mean(axis=1, keepdims=True)
     outline = centre + _INSET * (corners - centre)
     last = np.array([shape[1] - 1, shape[0] - 1])
     low = np.clip(np.ceil(outline.min(axis=1)), 0, last + 1).astype(np.int64)
     high = np.clip(np.floor(outline.max(axis=1)), -1, last).astype(np.int64)
     extent = np.maximum(high - low + 1, 0)
-    area = extent.prod(axis=1)
-    alike = np.floor(np.minimum(0.5 * correlation, np.sqrt(area / _THINNED_PIXELS)))
-    stride = np.maximum(np.maximum(1, alike), np.ceil(np.sqrt(area / _MAX_PIXELS))).astype(np.int64)
+    stride = np.maximum(1, np.ceil(np.sqrt(extent.prod(axis=1) / _MAX_PIXELS)).astype(np.int64))
     columns, rows = (-(-extent // stride[:, None])).T
     number = np.arange((columns * rows).max(initial=0))
     row, column = np.divmod(number, np.maximum(columns, 1)[:, None])
