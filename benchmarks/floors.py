@@ -40,6 +40,7 @@ from dsr.crdt.delta import Write
 from dsr.crdt.pieces import all_pieces
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.network.local_transport import LocalNetwork
 from dsr.replication.collector import collector_paused
 from dsr.replication.piece_wire import decode_piece, encode_piece
 
@@ -184,7 +185,9 @@ def _spark() -> Document | None:
 
 def late_join(rounds: int) -> Times:
     """10 000 nodes with five attributes and an RT edge each, in one process but for the peer."""
-    memory = workload.local_memory()
+    network = LocalNetwork(WALL_CLOCK)
+    memory = workload.local_memory("holder", network)
+    memory.replica.synchroniser.nobody_there()
     workload.fill(memory, _NODES)
     payloads = [encode_piece(piece) for piece in all_pieces(memory.replica.graph.store, CausalContext())]
     size, endpoint, times = sum(map(len, payloads)), reserved_endpoint(), Times()
@@ -195,7 +198,18 @@ def late_join(rounds: int) -> Times:
             for name, work in _steps(memory, payloads).items():
                 with collector_paused():
                     times.setdefault(name, []).append(_processor_time(work))
+            both = "both, with all else: checks, messages, garbage collection"
+            times.setdefault(both, []).append(_processor_time(partial(_join_by_messages, memory, network)))
     return times
+
+
+def _join_by_messages(holder: Memory, network: LocalNetwork) -> None:
+    newcomer = workload.local_memory("newcomer", network)
+    while not newcomer.joined:
+        network.deliver()
+        holder.poll()
+        newcomer.poll()
+    newcomer.close()
 
 
 def _hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
