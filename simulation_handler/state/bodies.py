@@ -10,6 +10,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import Array
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
@@ -61,7 +62,6 @@ class Bodies:
         friction: float | None,
         shape: Shape = (),
         *,
-        drivable: bool = False,
         rolling_friction: float | None = None,
     ) -> BelievedObject:
         """Let an object exist, without a place yet."""
@@ -70,7 +70,7 @@ class Bodies:
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
         self.objects[name] = BelievedObject(
-            name, size, mass, friction, PerceptTrack(self._config), shape, drivable, rolling_friction
+            name, size, mass, friction, PerceptTrack(self._config), shape, rolling_friction=rolling_friction
         )
         return self.objects[name]
 
@@ -177,6 +177,17 @@ class Bodies:
         known = [other.bias for other in others if other.bias is not None]
         left = 1.0 / (1.0 / shared + len(known) / own)
         return left * sum(known) / own, math.sqrt(left + own)
+
+    def without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
+        """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.
+
+        What its own percepts told was learned from how it was taken to rest.
+        """
+        estimate = item.track.estimate
+        assert estimate is not None
+        mean, std = self.shared_bias(item)
+        x, y, z = estimate.corrected(mean).tolist()
+        return item.percept().moved((x, y, z)), estimate.total_covariance(std)
 
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""
