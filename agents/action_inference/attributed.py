@@ -23,8 +23,8 @@ from dsr.math3d import quaternions
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
-_SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
-"""Confidences: something holds it; a hand is near, or it is seen to rest; nothing but its motion tells."""
+_LIKELY, _GUESSED = 0.85, 0.7
+"""Confidences: a hand is near, or it is seen to rest; nothing but its motion tells."""
 _GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
 _FASTER_THAN_PUT = -0.7  # m/s, faster than anybody puts things down
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
@@ -201,7 +201,7 @@ class AttributedPolicy:
         by, confidence, why = UNKNOWN, _GUESSED, "it is lifted"
         if thing.grasps:
             by, why = thing.grasps[-1].holder, f"{thing.grasps[-1].holder} grasps and lifts it"
-            confidence = _SURE * thing.grasps[-1].probability
+            confidence = thing.grasps[-1].probability
         elif thing.seen is not None:
             by = self._attribution.nearest(thing, thing.seen, snapshot.now)
             if by != UNKNOWN:
@@ -249,7 +249,7 @@ class AttributedPolicy:
         if current is None:
             return None
         if track.how == Handling.DROPPED:
-            return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"it fell when {track.by} let go of it")
+            return self._let_go(thing, track, RELEASE, let_go_at, 1.0, f"it fell when {track.by} let go of it")
         lowered = let_go.bottom - current.bottom
         if seen is not None and seen.time > let_go_at and track.seen.speed() < _FASTER_THAN_PUT:
             track.hidden = None
@@ -258,7 +258,7 @@ class AttributedPolicy:
         elif self._rests(thing, track, snapshot) and thing.plausible:
             settled = track.believed.settled() if track.believed.last is not None else let_go_at
             time = settled if lowered > config.lifted else min(settled, let_go_at)  # the hand may have held on unseen
-            inference = self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
+            inference = self._let_go(thing, track, PLACE, time, 1.0, f"{track.by} let go of it where it rests")
         else:
             inference = None
         if inference is None and now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
@@ -282,7 +282,7 @@ class AttributedPolicy:
         if unseen is None and goes_on_down:  # it may hold on, although its fingertips seem apart
             unseen = self._lowered_out_of_sight(thing, track, current)
         if unseen is None and (rests or track.hidden is None):
-            return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
+            return self._let_go(thing, track, RELEASE, let_go_at, 1.0, f"{track.by} let go of it, and it came down")
         if unseen is not None and self._rests(thing, track, snapshot, FOUND_OUT) and thing.plausible:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
