@@ -22,8 +22,9 @@ from agents.scenario.options import parse_seeds
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import learn_circumstances, learn_parameters, load_episodes
 from benchmarks.learning.recorded import record_episode
+from dsr.believing.absence import LEARNED
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES
-from simulation_handler.worlds.parameters import FILE, learned_parameters
+from simulation_handler.worlds.parameters import learned_parameters
 
 TUNING = [name for name, family in FAMILIES.items() if family.purpose == "tuning"]
 
@@ -41,7 +42,7 @@ def main() -> None:
     else:
         tell = Console(stderr=True).print
         text = (
-            learn_circumstances(options.folder, options.only, FILE, tell)
+            learn_circumstances(options.folder, options.only, LEARNED, tell)
             if options.only
             else learn_parameters(options.folder, tell)
         )
@@ -66,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
     fitting = commands.add_parser("fit", help="learn by what was recorded")
-    fitting.add_argument("--output", type=Path, default=FILE, help=f"default: {FILE.name} of the package")
+    fitting.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     fitting.add_argument(
         "--only", nargs="+", choices=CIRCUMSTANCES, metavar="CIRCUMSTANCE",
         help="learn the noise of these alone, and keep all other values of the package",

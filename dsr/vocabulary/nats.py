@@ -6,6 +6,8 @@ that moved, the calibrator for a camera that moved. ARCHITECTURE.md, "Explaining
 
 from __future__ import annotations
 
+import math
+
 MOVED = 3.0
 """nats: an object that is seen was moved; about one displacement in twenty."""
 MOVED_ALONG = 1.0
@@ -48,5 +50,9 @@ MOST_MISFIT = 20.0
 """nats, at most, of a percept that is off: beyond, it is as good as false."""
 AS_GOOD = 1.0
 """nats between two explanations that explain the same as well: what noise makes of the same score."""
-SURPRISING = 8.0
-"""nats of misfit above which an object is displaced: four standard deviations of one coordinate."""
+ACCEPTED = 3600.0
+"""s in which one false alarm of an object, a hand or a camera is accepted"""
+SURPRISING = math.log(ACCEPTED / 1.0)
+"""nats from which something is surprising: by chance this happens once in `ACCEPTED`, as what is seen in 1 s is one
+evidence.
+"""
