@@ -128,7 +128,7 @@ def _belief(shapes: dict[str, Shape]) -> Belief:
     belief = Belief()
     belief.set_fixture("table", (2.0, 1.4, 0.04), Pose((0.0, 0.0, -0.02)))
     for name, shape in shapes.items():
-        belief.add_object(name, _BOX if shape else _CUBE, mass=0.1, shape=shape, drivable=bool(shape))
+        belief.add_object(name, _BOX if shape else _CUBE, mass=0.1, shape=shape)
     return belief
 
 

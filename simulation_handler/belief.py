@@ -57,8 +57,8 @@ class Belief:
         self._correction = Correction(self._bodies, self.config)
         self._relations = ContactRelations(self.config.relation_delay)
         self._containment = Containment(self.config.relation_delay)
-        self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
         self._touching = Touching(self._bodies, self._containment)
+        self._driving = Driving(self._bodies, self._relations, self._containment, self._touching.hands, self.config)
         self._fingers = Fingers(self._bodies, self._touching, self._containment)
         self._lifting = Lifting(self._bodies)
         self._holding = HeldObjects(self._bodies)
@@ -109,7 +109,6 @@ class Belief:
         friction: float | None = None,
         rolling_friction: float | None = None,
         shape: Shape = (),
-        drivable: bool = False,
     ) -> None:
         """Let an object exist; it takes part in the simulation once it has a place.
 
@@ -117,8 +116,6 @@ class Belief:
             name: not in use yet.
             size: (3,) edge lengths of its bounding box, m.
             shape: its pieces; none for a solid box.
-            drivable: where it is seen to move, it takes along by contact what is in it, on it, or in its way. Without
-                this, what moves is put where it is seen, and the rest is for explanations.
             mass: kg.
             friction: Coulomb coefficient.
             rolling_friction: m, lever arm of the resistance to rolling.
@@ -126,7 +123,7 @@ class Belief:
         Raises:
             SimulationError: for a name in use.
         """
-        self._bodies.add_object(name, size, mass, friction, shape, drivable=drivable, rolling_friction=rolling_friction)
+        self._bodies.add_object(name, size, mass, friction, shape, rolling_friction=rolling_friction)
 
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""

@@ -46,7 +46,6 @@ class Reasoner(Protocol):
         friction: float | None = None,
         rolling_friction: float | None = None,
         shape: Shape = (),
-        drivable: bool = False,
     ) -> None:
         """Let an object exist, without a place yet."""
 

@@ -20,6 +20,7 @@ from surprise.config import SurpriseConfig
 from surprise.evidence import KEPT
 from surprise.misfit import DECIDE
 
+_NEWS = 0.5  # 1, share of a frame that tells anything new: what is wrong in one is so in the next, 0.1 s later
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
 
 
@@ -58,7 +59,7 @@ class _Outlook:
         if stamp > self.anew:
             before = max((time for time, _ in self.tells if time < stamp), default=-math.inf)
             tells = min(share for time, share in self.tells if time >= before)
-            self.missed = max(self.missed, min(self.missed + MISSED_FRAME * tells, MOST_MISSED * tells))
+            self.missed = max(self.missed, min(self.missed + _NEWS * MISSED_FRAME * tells, MOST_MISSED * tells))
 
     def start_anew(self, now: float) -> None:
         """Whatever holds has only held since `now`."""
@@ -139,7 +140,7 @@ class Expectations:
             outlook = camera.outlook(name)
             if outlook.hidden_since is not None:
                 start = outlook.hidden_since + _LATENCY
-                cost = FALSE_FRAME * sum(stamp >= start for stamp in outlook.stamps)
+                cost = _NEWS * FALSE_FRAME * sum(stamp >= start for stamp in outlook.stamps)
                 found.append((min(cost, SEEN_THOUGH_HIDDEN), camera_name, outlook.covered_by))
         return max(found)
 

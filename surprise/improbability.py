@@ -152,17 +152,17 @@ class ImprobabilityWriter:
 def _cost(one: Alternative, best: Alternative, seen: LatelySeen, config: SurpriseConfig) -> float:
     """What is seen costs so much under one alternative, nats.
 
-    Of several cameras the one counts that tells most: errors of the belief are the same for all.
+    Of several cameras and kinds of evidence the one counts that tells most. They are no independent evidence: errors of
+    the belief are the same for all, and what moved a thing makes it both seen elsewhere and missing.
     """
     if one.pose is None:
         return seen.false * max(seen.while_gone, *(len(track.span()) for track in seen.tracks), 0)
     is_best = are_at_one_place(one, best)
-    nats = seen.missed + seen.though_hidden if is_best else 0.0
-    found = [0.0]
+    found = [seen.missed, seen.though_hidden] if is_best else [0.0]
     for track in seen.tracks:
         if is_best:
             found.append(track.misfit(seen.false).nats)
         else:
             there = [compare(sighting.pose, sighting.eye, one.pose, config) for sighting in track.span()]
             found.append(misfit(there, track.bias, seen.false).nats)
-    return nats + max(found)
+    return max(found)

@@ -18,6 +18,8 @@ from dsr.vocabulary.intrinsics import Intrinsics
 _INSET = 0.95  # of the tag's half diagonals, so that no pixel straddles its edge
 _MAX_PIXELS = 2000
 _MIN_PIXELS = 40
+_THINNED_PIXELS = 4 * _MIN_PIXELS
+"""Pixels around a tag that are left at least where neighbours are left out that are alike: half may be outside of it"""
 _MIN_VALID = 0.5  # of the pixels within the tag
 _ITERATIONS = 5
 _CAUCHY = 2.385  # scales, for 95 % efficiency on Gaussian errors
@@ -63,7 +65,7 @@ def fit_depth_planes(
         correlation: px, over which neighbouring depth errors are alike.
     """
     planes = DepthPlanes(np.full((len(corners), 3), np.nan), np.full((len(corners), 3, 3), np.nan))
-    tag, u, v, stride = _pixels_within(corners, depth.shape)
+    tag, u, v, stride = _pixels_within(corners, depth.shape, correlation)
     within = np.bincount(tag, minlength=len(corners))
     z = depth[v, u].astype(np.float64)
     valid = np.isfinite(z) & (z > 0.0)
@@ -125,16 +127,21 @@ class _Pixels(NamedTuple):
 
 
 def _pixels_within(
-    corners: Array, shape: tuple[int, ...]
+    corners: Array, shape: tuple[int, ...], correlation: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag."""
+    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag.
+
+    Of pixels nearer to each other than half the `correlation` (px) of their errors, one tells as much as all.
+    """
     centre = corners.mean(axis=1, keepdims=True)
     outline = centre + _INSET * (corners - centre)
     last = np.array([shape[1] - 1, shape[0] - 1])
     low = np.clip(np.ceil(outline.min(axis=1)), 0, last + 1).astype(np.int64)
     high = np.clip(np.floor(outline.max(axis=1)), -1, last).astype(np.int64)
     extent = np.maximum(high - low + 1, 0)
-    stride = np.maximum(1, np.ceil(np.sqrt(extent.prod(axis=1) / _MAX_PIXELS)).astype(np.int64))
+    area = extent.prod(axis=1)
+    alike = np.floor(np.minimum(0.5 * correlation, np.sqrt(area / _THINNED_PIXELS)))
+    stride = np.maximum(np.maximum(1, alike), np.ceil(np.sqrt(area / _MAX_PIXELS))).astype(np.int64)
     columns, rows = (-(-extent // stride[:, None])).T
     number = np.arange((columns * rows).max(initial=0))
     row, column = np.divmod(number, np.maximum(columns, 1)[:, None])
@@ -142,8 +149,7 @@ def _pixels_within(
     edges = np.roll(outline, -1, axis=1) - outline
     left = right = number < (columns * rows)[:, None]
     for corner in range(4):
-        x, y = outline[:, corner, :, None].swapaxes(0, 1)
-        along_x, along_y = edges[:, corner, :, None].swapaxes(0, 1)
+        x, y, along_x, along_y = np.hstack([outline[:, corner], edges[:, corner]]).T[:, :, None]
         side = along_x * v - along_y * u + (along_y * x - along_x * y)
         left, right = left & (side >= 0.0), right & (side <= 0.0)
     inside = left | right

@@ -36,8 +36,6 @@ FIXTURES = (*SURFACES, MODELLED)
 """Node types of static bodies."""
 OBJECTS = THINGS
 """Node types of the objects that the belief follows."""
-EXPLAINED = ("cube",)
-"""Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
 FARTHEST = 100.0
 """m from the world's origin that anything may be: farther is an error, not a tabletop"""
 
@@ -167,9 +165,8 @@ class GraphReader:
         if known:
             self._belief.remove(name)
         size, mass, friction, rolling_friction, shape = properties
-        drivable = node.type not in EXPLAINED
         self._belief.add_object(
-            name, size, mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape, drivable=drivable
+            name, size, mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape
         )
         self._known[name] = properties
         if pose is not None:

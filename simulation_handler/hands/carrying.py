@@ -1,4 +1,7 @@
-"""Finds objects that hover and move rigidly with a palm: that hand holds them, whatever the visible fingertips show."""
+"""Finds objects that hands must be moving, whatever their visible fingertips show, because nothing else can.
+
+They hover and move rigidly with a palm; or they are moved while the only hand that had them within reach is hidden.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.state import FINGERS, PALM_GOES, UNSEEN, Hand
+from simulation_handler.motion.movers import coasts, may_push
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -36,6 +40,51 @@ class Carrying:
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
         self._starts: dict[Relation, _Start] = {}
+        self._hidden: dict[Relation, _Start] = {}  # since the hand is out of sight
+
+    def moved_unseen(self, hands: Mapping[str, Hand], held: Collection[str], now: float) -> dict[Relation, _Start]:
+        """Objects that are seen to move, and were last within reach of one hand, which nobody sees any more.
+
+        Nothing moves by itself: that hand does, unless another one may, or another object pushes it, or it coasts.
+
+        Args:
+            hands: all that are known.
+            held: objects that something is known to hold or contain.
+            now: s.
+        """
+        hidden: dict[Relation, _Start] = {}
+        by_hand: dict[str, list[Relation]] = {}
+        for item in self._bodies.objects.values():
+            if item.name in held or item.holder or item.name not in self._bodies.sim:
+                continue
+            if now - item.track.last_stamp > UNSEEN or coasts(item, self._seen(item)):
+                continue
+            for name, hand in hands.items():
+                relation, palm = (name, item.name), hand.path
+                start = self._hidden.get(relation)
+                if palm.newest == -math.inf or (start is None and not is_within_reach(palm.last, self._seen(item))):
+                    continue
+                by_hand.setdefault(item.name, []).append(relation)
+                if not hand.perceived:
+                    before = item.path.at(palm.newest)
+                    hidden[relation] = start or _Start(palm.newest, before.t, palm.last.inverse() @ before)
+        self._hidden = hidden
+        return {
+            relation: start
+            for (relation,) in (found for found in by_hand.values() if len(found) == 1)
+            if (start := hidden.get(relation)) is not None and self._is_moved(relation[1], start)
+        }
+
+    def _is_moved(self, name: str, start: _Start) -> bool:
+        """Whether an object is seen on its way, on which no other one can have pushed it."""
+        item, objects = self._bodies.objects[name], self._bodies.objects.values()
+        seen = self._seen(item)
+        others = (other for other in objects if other.driven and other is not item)
+        is_away = item.path.strays_from(Pose.unchecked(start.position, seen.rotation), PALM_GOES)
+        return item.driven and is_away and not any(may_push(other, seen) for other in others)
+
+    def _seen(self, item: BelievedObject) -> Solid:
+        return item.solid(item.path.last.t, item.path.last.q)
 
     def update(
         self, hands: Mapping[str, Hand], held: Collection[str], now: float

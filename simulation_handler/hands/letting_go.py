@@ -99,10 +99,16 @@ class LettingGo:
 
 
 def _has_fallen(hand: Hand, item: BelievedObject, holds: Sequence[_Hold], now: float) -> bool:
-    """Whether an object has come down since then, by more than the hand: one that is not seen may have gone with it."""
+    """Whether an object has come down since then, by more than the hand: one that is not seen may have gone with it.
+
+    Both are compared when the object came to where it is now: a hand that has put it down may rise at once.
+    """
     if not holds or not _is_known(hand, now) or item.path.newest <= holds[-1].time:
         return False
-    with_hand = median(hold.height_with(hand.path.last) for hold in holds)  # palms are noisy, and it may fall already
+    low = item.path.last.t[2] + 0.5 * FALLEN
+    down = next(pose for pose in item.path.since(holds[0].time) if pose.t[2] <= low)
+    palm = hand.path.at(down.stamp)
+    with_hand = median(hold.height_with(palm) for hold in holds)  # palms are noisy, and it may fall already
     return _is_lower(item, holds) and with_hand > item.path.last.t[2] + FALLEN
 
 

@@ -220,10 +220,13 @@ class Touching:
                 grasp.note(Sign.TAKEN)
 
     def _update_carried(self, now: float) -> None:
-        """Begin grasps of what hovers and moves with a hand whose fingertips are not all seen."""
+        """Begin grasps of what only a hand can be moving whose fingertips are not all seen, or that is hidden."""
         held = {thing for _, thing in self._grasps} | {thing for thing, _ in self._containment.current()}
         for relation, (since, hand_from_object) in self._carrying.update(self._hands, held, now).items():
             self._grasps[relation] = grasp = HandGrasp(since, hand_from_object, aloft=now)
+            grasp.note(Sign.TOUCHES)
+        for relation, start in self._carrying.moved_unseen(self._hands, held, now).items():
+            self._grasps[relation] = grasp = HandGrasp(start.time, start.hand_from_object)
             grasp.note(Sign.TOUCHES)
 
     def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:

@@ -51,7 +51,7 @@ class Correction:
                 item.placement = item.put = None
 
     def _is_let_go(self, item: BelievedObject, let_go: Collection[str]) -> bool:
-        if item.drivable:
+        if item.was_followed:
             return item.name in let_go or item.path.is_falling or (not item.hand and item.vanished_when_let_go)
         return self._was_on_its_way(item)
 
@@ -141,11 +141,13 @@ class Correction:
 
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""
+        if placement.rests:
+            item.was_followed = False
         if placement.rests or item.track.moving:
             item.hovering_since = None
         elif item.hovering_since is None:
             item.hovering_since = now
-        if item.drivable:  # somebody lifted it: that was seen
+        if item.was_followed:  # somebody lifted it: that was seen
             return False
         return item.hovering_since is not None and now - item.hovering_since >= self._config.explain_after
 

@@ -27,7 +27,7 @@ from simulation_handler.contact.stances import likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
-from simulation_handler.hands.state import UNSEEN
+from simulation_handler.hands.state import UNSEEN, Hand
 from simulation_handler.motion.bumps import seem_bumped
 from simulation_handler.motion.drives import (
     ASTRAY_BOTH,
@@ -40,6 +40,7 @@ from simulation_handler.motion.drives import (
     towards,
     velocity_of,
 )
+from simulation_handler.motion.movers import Movers
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, only_base
 from simulation_handler.perception.percepts import Array
@@ -71,9 +72,15 @@ class Driving:
     """Decides which bodies are driven, and drives them."""
 
     def __init__(
-        self, bodies: Bodies, relations: ContactRelations, containment: Containment, config: BeliefConfig
+        self,
+        bodies: Bodies,
+        relations: ContactRelations,
+        containment: Containment,
+        hands: Mapping[str, Hand],
+        config: BeliefConfig,
     ) -> None:
         self._bodies = bodies
+        self._movers = Movers(bodies.objects, hands)
         self._supported = SupportedObjects(bodies, relations, containment)
         self._config = config
         self._lifted = msgspec.structs.replace(config, hover_tolerance=min(ASTRAY_BOTH, config.hover_tolerance))
@@ -147,7 +154,7 @@ class Driving:
             load, start = self._bodies.objects[name], self._drives[name].played
             for base in sorted(beneath[name] & self._bodies.objects.keys() - self._drives.keys()):
                 item = self._bodies.objects[base]
-                if not item.drivable or item.holder or load.hand or item.estimate_at(now) is None:
+                if item.holder or load.hand or item.estimate_at(now) is None:
                     continue
                 way, other = self._way(item), self._way(load)
                 if float(np.linalg.norm(way - other)) < _OTHER_MOTION * float(np.linalg.norm(other)):
@@ -170,7 +177,7 @@ class Driving:
         Their thin walls would get into each other by the noise of that, and not out again without a kick.
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
-        seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
+        seen = [item.name for item in objects if now - item.track.last_stamp <= UNSEEN]
         led = {name for name, drive in self._drives.items() if not drive.runs}
         names = sorted(led | {name for name in seen if name in sim})
         supported = {name: self._supported.supported([name]) for name in names}
@@ -237,7 +244,7 @@ class Driving:
 
     def _start(self, item: BelievedObject, now: float) -> float | None:
         """From when (s) on an object is seen on its way from where it is believed to be; None if it is not."""
-        if not (item.drivable or item.hand) or item.holder or item.name not in self._bodies.sim:
+        if item.holder or item.name not in self._bodies.sim:
             return None
         if item.estimate_at(now) is None:
             return item.path.newest if item.hand else None
@@ -247,9 +254,10 @@ class Driving:
             return item.path.newest
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
-        start = item.path.start(solid.pose, GONE_FROM)
+        is_explained = self._movers.explain_way(item, solid, self._drives.keys())
+        start = item.path.start(solid.pose, GONE_FROM) if is_explained else None
         if start is None and not item.hand:
-            return self._start_in_sight(item)
+            return self._start_in_sight(item) if is_explained else None
         return item.path.newest if start is None else start
 
     def _start_in_sight(self, item: BelievedObject) -> float | None:
@@ -271,6 +279,7 @@ class Driving:
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_static(item, False)
+        item.was_followed = True
         here = self._bodies.pose(item.name)
         self._drives[item.name] = Drive(self._now, start, here, here, here)
 

@@ -48,6 +48,10 @@ class Path:
         """The last percept."""
         return self._poses[-1]
 
+    def since(self, stamp: float) -> list[Pose]:
+        """The percepts that are kept since a time (s), at least the last one."""
+        return [pose for pose in self._poses if pose.stamp >= stamp] or [self.last]
+
     @property
     def is_falling(self) -> bool:
         """Whether the object was falling when it was last seen."""
@@ -107,7 +111,9 @@ class Path:
         """Whether the object was farther than `metres` from `pose` in several of the last percepts, not just in one."""
         if len(self._poses) < 3:  # count: a single wrong percept shows no motion
             return False
-        return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres
+        before, last = self._poses[-2], self._poses[-1]
+        smoothed = self._smooth(len(self._poses) - 2)  # of that the last one is a part: alone it would drag it along
+        return min(math.dist(one.t, pose.t) for one in (before, smoothed, last)) > metres
 
     def goes_away(self, pose: Pose, metres: float) -> bool:
         """Whether the last three percepts are farther than `metres` from `pose`, each farther than the one before."""

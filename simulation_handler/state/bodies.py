@@ -62,7 +62,6 @@ class Bodies:
         friction: float | None,
         shape: Shape = (),
         *,
-        drivable: bool = False,
         rolling_friction: float | None = None,
     ) -> BelievedObject:
         """Let an object exist, without a place yet."""
@@ -71,7 +70,7 @@ class Bodies:
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
         self.objects[name] = BelievedObject(
-            name, size, mass, friction, PerceptTrack(self._config), shape, drivable, rolling_friction
+            name, size, mass, friction, PerceptTrack(self._config), shape, rolling_friction=rolling_friction
         )
         return self.objects[name]
 

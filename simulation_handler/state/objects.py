@@ -42,9 +42,8 @@ class BelievedObject:
     track: PerceptTrack
     shape: Shape = ()
     """Pieces of the object's shape; none for a solid box."""
-    drivable: bool = False
-    """Whether the object is driven along its seen path, and takes along by contact the things in it, on it, or in its
-    way.
+    was_followed: bool = False
+    """Whether its way from where it rested last to where it was seen last was followed: what hovers there was lifted.
     """
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""

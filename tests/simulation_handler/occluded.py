@@ -27,12 +27,11 @@ class Thing(NamedTuple):
     size: Vector3
     shape: Shape = ()
     mass: float = 0.05
-    drivable: bool = True
     rolling_friction: float | None = None
 
 
 KINDS = {
-    "cube": Thing(CUBE, drivable=False),
+    "cube": Thing(CUBE),
     "ball": Thing(BALL, ROUND),
     "pearl": Thing(BALL, ROUND, rolling_friction=0.002),
     "marble": Thing((0.04, 0.04, 0.04), (ROUND[0]._replace(size=(0.04, 0.04, 0.04)),)),

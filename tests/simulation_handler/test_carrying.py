@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from dsr.math3d.transforms import Pose
 from simulation_handler.hands.relation import TOUCHING
 from tests.simulation_handler.occluded import SMALL, Occlusion, standing
 
@@ -73,3 +74,35 @@ def test_what_is_seen_in_a_hand_though_believed_gone_is_held_by_nobody_until_it_
     item.hovering_since = item.track.last_stamp
     hands = world.belief._touching._hands
     assert world.belief._touching._carrying.update(hands, (), item.track.last_stamp) == {}
+
+
+def hidden_behind(name: str, gap: float) -> Occlusion:
+    """A hand beside an object, by that much (m) more than if it held that; then it is out of sight."""
+    world = Occlusion({name: standing(0.3, 0.0, SMALL), "cup_other": standing(0.3, 0.4, SMALL)})
+    world.run(2.0)
+    world.hand(name)
+    assert world.palm is not None
+    world.palm = Pose((-gap, 0.0, 0.0)) @ world.palm
+    world.tips_from_object = {}
+    world.run(0.5)
+    world.hand_seen, world.held = False, ""
+    world.run(0.3)
+    assert world.belief.grasps() == {}
+    return world
+
+
+def test_what_moves_beside_a_hand_that_nobody_sees_is_moved_by_that() -> None:
+    world = hidden_behind("cup", 0.0)
+    world.move("cup", standing(0.45, 0.0, SMALL))
+    assert world.belief.grasps().keys() == {HELD}
+    world.hand("cup", opened=0.1)
+    world.hand_seen = True
+    world.run(1.0)
+    assert world.belief.grasps() == {}
+
+
+def test_what_moves_far_from_a_hand_that_nobody_sees_is_not_moved_by_that() -> None:
+    world = hidden_behind("cup", 0.2)
+    world.move("cup", standing(0.45, 0.0, SMALL))
+    world.move("cup_other", standing(0.45, 0.4, SMALL))
+    assert world.belief.grasps() == {}

@@ -136,3 +136,19 @@ def test_nothing_is_told_of_a_hand_that_is_no_more() -> None:
     world.belief.touch({})
     world.run(0.5)
     assert world.belief.let_go() == {}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_a_hand_lowers_and_quickly_rises_from_was_not_dropped(seed: int) -> None:
+    world = lifted_and_lowered(seed, 0.1)
+    world.move("cup", standing(0.3, 0.0, SMALL), speed=0.2)
+    world.held, places, palm = "", world.tips_from_object, world.palm
+    assert palm is not None
+    for k in range(1, 9):
+        wider = min(0.2 * k * PERIOD, 0.025)
+        world.tips_from_object = {name: (x, y + math.copysign(wider, y), z) for name, (x, y, z) in places.items()}
+        world.palm = Pose((0.0, 0.0, 0.15 * k * PERIOD)) @ palm
+        world.tick()
+    world.run(0.5)
+    assert world.belief.grasps() == {}
+    assert world.belief.let_go()[HELD].state is not DROPPED

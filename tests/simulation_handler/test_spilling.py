@@ -27,7 +27,7 @@ class Pouring:
         self.bodies = Bodies(BeliefConfig())
         self.bodies.set_fixture("table", (1.0, 1.0, 0.04), Pose((0.0, 0.0, -0.02)))
         self.bodies.set_fixture("box", BOX, Pose((0.0, 0.0, 0.06)), container(BOX))
-        pourer = self.bodies.add_object("pourer", BOX, 0.2, None, container(BOX), drivable=True)
+        pourer = self.bodies.add_object("pourer", BOX, 0.2, None, container(BOX))
         pourer.driven = True
         self.bodies.put(pourer, (-0.3, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
         self.bodies.set_static(pourer, True)

@@ -41,7 +41,7 @@ class World:
 
     def add(self, name: str, size: Vector3, at: Vector3, shape: Shape = (), **more: float) -> None:
         """Let a thing be there, with its centre `at` (m)."""
-        self.belief.add_object(name, size, mass=0.2, friction=0.7, shape=shape, drivable=True, **more)
+        self.belief.add_object(name, size, mass=0.2, friction=0.7, shape=shape, **more)
         self.truths[name] = at
 
     def run(self, seconds: float, velocity: Vector3 = (0.0, 0.0, 0.0), moves: str = "") -> None:

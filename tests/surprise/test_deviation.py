@@ -9,8 +9,8 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from surprise.config import SurpriseConfig
-from surprise.deviation import compare
-from surprise.misfit import DepthBias, Misfit, Offset, are_alike, describe, disagrees, misfit, offset
+from surprise.deviation import Offset, compare
+from surprise.misfit import DepthBias, Misfit, are_alike, describe, disagrees, misfit, offset
 
 CONFIG = SurpriseConfig()
 UNKNOWN, KNOWN = DepthBias(0.0, CONFIG.depth_bias), CONFIG.learned_bias

@@ -103,7 +103,6 @@ class PublishedReasoner:
         friction: float | None = None,
         rolling_friction: float | None = None,
         shape: Shape = (),
-        drivable: bool = False,
     ) -> None:
         """Let an object exist; it takes part in the simulation once it was seen."""
         if name in self._objects or name in self._fixtures:
