@@ -1,4 +1,4 @@
-"""Every number that is set by hand in the packages that reason, with its meaning and unit, read off the sources.
+"""Every number that is set by hand in what reasons, with its meaning and unit, read off the sources.
 
     python -m benchmarks.hand_set_numbers
     python -m benchmarks.hand_set_numbers surprise planner --unexplained
@@ -27,8 +27,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-PACKAGES = ("simulation_handler", "surprise", "planner", "agents/action_inference")
-"""Those that reason."""
+PACKAGES = (
+    *("simulation_handler", "surprise", "planner", "agents/action_inference"),
+    *("dsr/vocabulary/nats.py", "dsr/perception/noise.py"),
+)
+"""Those that reason, and the files with the numbers that these share."""
 _ROOT = Path(__file__).parents[1]
 _TITLE = """# Numbers set by hand
 
@@ -97,12 +100,13 @@ def numbers_in(file: Path) -> Iterator[Number]:
 
 
 def hand_set_numbers(packages: tuple[str, ...] = PACKAGES) -> list[Number]:
-    """Those of these packages, by file and line. Raises `FileNotFoundError` for a package that is not there."""
+    """Those of these packages or files, by file and line. Raises `FileNotFoundError` for one that is not there."""
     found = []
     for package in packages:
-        if not (_ROOT / package).is_dir():
+        path = _ROOT / package
+        if not path.exists():
             raise FileNotFoundError(f"{package}: no such package")
-        for file in sorted((_ROOT / package).rglob("*.py")):
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
             found += sorted(numbers_in(file), key=lambda number: number.line)
     return found
 

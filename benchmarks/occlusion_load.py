@@ -3,7 +3,7 @@
     python -m benchmarks.occlusion_load
     python -m benchmarks.occlusion_load --seconds 20 --json load.json
 
-`carried`: 20 objects, three of them containers with contents, two of which two hands carry about, on one core.
+`carried`: 20 objects, four of them containers with unseen contents; two hands carry two containers about.
 `pushed`: the same objects; two hands push two of the containers, which nobody sees, with five fingertips each.
 `resting`: 100 cubes in sight. CPU time of `Belief.step`, without reading and writing the graph; the first 3 s (placing)
 are not counted.
@@ -33,8 +33,8 @@ from simulation_handler.hands.state import HandPercept
 
 TICK = 0.05
 """s, between two steps"""
-LIMIT = 0.05
-"""s of CPU, for one step"""
+LIMIT = 0.04
+"""s of CPU, for 95 % of the steps: the graph is read and written in the rest of a tick"""
 _CUBE: Vector3 = (0.04, 0.04, 0.04)
 _BOX: Vector3 = (0.17, 0.17, 0.15)
 _WALL = 0.003
@@ -42,10 +42,10 @@ _CAMERA: Vector3 = (0.0, -0.9, 0.9)
 _SETTLING = 3.0  # s
 _NOISE = 0.002  # m
 _PUSHED = 0.025  # m/s
-_HOMES = {f"box_{k}": (0.45 * (k - 1), 0.0) for k in range(3)}
+_HOMES = {f"box_{k}": (0.45 * (k - 1.5), 0.0) for k in range(4)}
 _HANDLED = ("box_0", "box_1")
-_INSIDE = {f"cube_{k}": _HOMES[f"box_{k}"] for k in range(3)}
-_CUBES = {f"cube_{3 + k}": (0.09 * (k - 6.5), 0.4) for k in range(14)}
+_INSIDE = {f"cube_{k}": _HOMES[f"box_{k}"] for k in range(4)}
+_CUBES = {f"cube_{4 + k}": (0.09 * (k - 5.5), 0.4) for k in range(12)}
 
 Truths = Callable[[float], dict[str, Pose]]
 """world_from_object of what is seen, by the time (s)."""
@@ -54,24 +54,21 @@ Hands = Callable[[float], list[tuple[Pose, list[Pose]]]]
 
 
 def main() -> None:
-    """Run both loads and print a row for each; exit 1 if the 99th percentile of one is over the limit."""
+    """Run both loads and print a row for each; exit 1 if the 95th percentile of one is over the limit."""
     parser = argparse.ArgumentParser("python -m benchmarks.occlusion_load", description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated, of each load (default: 10)")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
     loads = {"carried": _carried, "pushed": _pushed, "resting": _resting}
     rows = [_row(name, load(options.seconds)) for name, load in loads.items()]
-    table = Table(
-        "load", "steps", "median ms", "99 % ms", "worst ms", title=f"CPU of a step; limit {LIMIT * 1e3:.0f} ms"
-    )
+    columns = {"median ms": "median_ms", "95 % ms": "p95_ms", "99 % ms": "p99_ms", "worst ms": "worst_ms"}
+    table = Table("load", "steps", *columns, title=f"CPU of a step; limit {LIMIT * 1e3:.0f} ms")
     for row in rows:
-        table.add_row(
-            row["load"], str(row["steps"]), *(f"{row[key]:.1f}" for key in ("median_ms", "p99_ms", "worst_ms"))
-        )
+        table.add_row(row["load"], str(row["steps"]), *(f"{row[key]:.1f}" for key in columns.values()))
     Console().print(table)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    raise SystemExit(0 if all(row["p99_ms"] <= LIMIT * 1e3 for row in rows) else 1)
+    raise SystemExit(0 if all(row["p95_ms"] <= LIMIT * 1e3 for row in rows) else 1)
 
 
 def _row(load: str, seconds: list[float]) -> dict[str, Any]:
@@ -79,18 +76,19 @@ def _row(load: str, seconds: list[float]) -> dict[str, Any]:
         "load": load,
         "steps": len(seconds),
         "median_ms": 1e3 * statistics.median(seconds),
+        "p95_ms": 1e3 * float(np.quantile(seconds, 0.95)),
         "p99_ms": 1e3 * float(np.quantile(seconds, 0.99)),
         "worst_ms": 1e3 * max(seconds),
     }
 
 
 def _carried(seconds: float) -> list[float]:
-    """Two boxes with cubes in them go round, each in a hand; a third one and 14 cubes stand."""
+    """Two boxes with cubes in them go round, each in a hand; two others and twelve cubes stand."""
 
     def truths(now: float) -> dict[str, Pose]:
         found = _standing(now)
         for name, (x, y) in _HOMES.items():
-            angle = 0.0 if name == "box_2" else max(now - _SETTLING, 0.0)
+            angle = 0.0 if name not in _HANDLED else max(now - _SETTLING, 0.0)
             lift = 0.1 * (1.0 - math.cos(angle))
             found[name] = Pose((x + 0.08 * math.sin(angle), y, 0.5 * _BOX[2] + lift))
         return found

@@ -3,10 +3,12 @@
     python -m benchmarks.rollouts
     python -m benchmarks.rollouts --objects 10 --seconds 0.5 --json rollouts.json
 
-A rollout is half a second of a tabletop with stacks of two cubes, of which one cube was moved: as an explanation of a
+A rollout is 0.4 s of a tabletop with stacks of two cubes, of which one cube was moved: as an explanation of a
 surprise. Peers, in this process: a new physics client for each rollout; and one client that goes back to a snapshot
 (saveState, restoreState) and puts the one cube elsewhere; both as Bullet is by default, with sleeping, and to the
-end. The rate is by the wall clock, which needs a quiet machine; the CPU time of a rollout is that of all processes.
+end; and MuJoCo with one or two threads, to the end, if it is installed. Ours ends a rollout when all is at rest. The
+rate is by the wall clock, which needs a quiet machine; the CPU time of a rollout is that of all processes. `128 with 2`
+is how long 128 rollouts take two workers, which may be 0.5 s.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import argparse
 import json
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,7 @@ from simulation_handler.physics.rollouts import Placing, Pool, RolloutBody, Roll
 from simulation_handler.physics.simulator import TIME_STEP, Simulator
 
 _PATIENCE = 600.0  # s
+_WORLDS = 128  # of which a belief may want to know at once how they go on
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 _FLOOR = RolloutBody("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)
 _TABLE = RolloutBody("table", (1.2, 1.2, 0.04), (0.0, 0.0, -0.02), fixed=True)
@@ -43,9 +47,9 @@ def main() -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.rollouts", description=__doc__.partition("\n")[0])
-    parser.add_argument("--objects", type=int, nargs="+", default=[4, 10, 20], help="cubes (default: 4 10 20)")
-    parser.add_argument("--rollouts", type=int, default=60, help="of each kind (default: 60)")
-    parser.add_argument("--seconds", type=float, default=0.5, help="simulated in each (default: 0.5)")
+    parser.add_argument("--objects", type=int, nargs="+", default=[4, 6, 10, 20], help="cubes (default: 4 6 10 20)")
+    parser.add_argument("--rollouts", type=int, default=128, help="of each kind (default: 128)")
+    parser.add_argument("--seconds", type=float, default=0.4, help="simulated in each (default: 0.4)")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     return parser
 
@@ -63,7 +67,20 @@ def measured(objects: int, rollouts: int, seconds: float) -> dict[str, Any]:
         _load(sim, settled(objects))
         snapshot = sim.snapshot()
         row["snapshot"] = _rate(lambda: [_from_snapshot(sim, snapshot, scene, seconds) for scene in scenes], rollouts)
-    return row
+    return row | _by_mujoco(settled(objects), scenes, seconds)
+
+
+def _by_mujoco(scene: RolloutScene, scenes: Sequence[RolloutScene], seconds: float) -> dict[str, dict[str, float]]:
+    """The same by MuJoCo, by the number of threads; empty if it is not installed."""
+    if not find_spec("mujoco"):
+        return {}
+    from benchmarks.peers.mujoco_rollouts import MujocoRollouts
+
+    rates = {}
+    for threads in (1, 2):
+        with MujocoRollouts(scene, threads) as peer:
+            rates[f"MuJoCo, {threads}"] = _rate(partial(peer.run, scenes, seconds), len(scenes))
+    return rates
 
 
 def settled(objects: int) -> RolloutScene:
@@ -127,11 +144,13 @@ def _stepped(sim: Simulator, seconds: float) -> list[Placing]:
 
 def _table(rows: list[dict[str, Any]]) -> Table:
     table = Table(title="rollouts a second (ms of CPU for each)")
-    for heading in rows[0]:
+    for heading in (*rows[0], f"{_WORLDS} with 2"):
         table.add_column(heading, justify="right")
     for row in rows:
         objects, *kinds = row.values()
-        table.add_row(str(objects), *(f"{kind['per_s']:.0f} ({kind['cpu_ms']:.1f})" for kind in kinds))
+        together = _WORLDS / row["2 workers"]["per_s"]
+        told = (f"{kind['per_s']:.0f} ({kind['cpu_ms']:.1f})" for kind in kinds)
+        table.add_row(str(objects), *told, f"{together:.2f} s")
     return table
 
 

@@ -170,7 +170,7 @@ class SurpriseScene:
                 self._written[name] = (belief, metres, now)
 
     def _record(self) -> None:
-        for name in (*self.truths, CAMERA):
+        for name in (*self.truths, CAMERA, *(hand.name for hand in self.memory.nodes("hand"))):
             flag = self.is_surprising(name)
             if flag != self._flags.get(name, False):
                 self._flags[name] = flag

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 from dsr.believing.worlds import MOST_WORLDS
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 from dsr.perception.noise import PerceptNoise
+from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
 from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE, SURE_SIGMAS
 
 
@@ -21,19 +24,15 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """m that a percept may be above or below its support by noise alone; beyond, something else holds it."""
     tilt_tolerance: float = 0.44
     """rad that a percept may be tilted by noise alone."""
-    default_depth_noise: float = 0.004
-    """m along the viewing ray, of a percept without covariance."""
-    default_lateral_noise: float = 0.001
-    """m across the viewing ray, of a percept without covariance."""
 
-    gate: float = 4.0
-    """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track."""
+    gate: float = math.sqrt(2.0 * SURPRISING)
+    """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track: it is surprising there."""
     recent_gate: float = 5.0
     """Standard deviations beyond which the mean of the last ten percepts disagrees with the track.
     The test is made at each percept, so the gate is wider than that of a single one.
     """
-    confirm_frames: int = 3
-    """Percepts in a row that must disagree before the object has moved."""
+    confirm_frames: int = math.ceil(SURPRISING / FALSE_FRAME)
+    """Percepts in a row that must disagree before the object has moved: fewer may be false."""
     window: int = 100
     """Percepts over which a resting object is averaged."""
     perceived_max_age: float = 0.7
@@ -51,7 +50,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """m that physics may move a body from where perception put it; beyond, they disagree."""
     divergence_angle: float = 0.05
     """rad that physics may turn a body from where perception put it; beyond, they disagree."""
-    strikes: int = 3
+    strikes: int = confirm_frames
     """Disagreements between physics and steady perception after which the object is held where it is seen."""
     explain_after: float = 1.0
     """s that an object must hover before something unseen is put beneath it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import partial
 
 from dsr.agent import Access, Agent
@@ -13,31 +13,40 @@ from dsr.errors import DsrError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.tolerance import PoseTolerance
-from dsr.math3d.transforms import Pose
 from dsr.perception.percepts import Percept, PerceptReader
+from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs, PastWhereabouts
 from surprise.config import SurpriseConfig
 from surprise.evidence import EvidenceTrack, Reason
 from surprise.expectation import Expectations
-from surprise.improbability import ATTRIBUTE, ImprobabilityWriter, LatelySeen, improbability, jump, silence
+from surprise.improbability import (
+    ATTRIBUTE,
+    HandTrack,
+    ImprobabilityWriter,
+    LatelySeen,
+    at_most,
+    improbability,
+    silence,
+)
+from surprise.misfit import WAYS
 from surprise.suspicion import Suspicion
 
 
 class SurpriseDetector(Agent):
     """Compares percepts of each object with its belief, and says where they disagree.
 
-    Writes `surprising` and `surprise` (why, with figures) on objects and cameras. Writes `nats` on objects, hands and
-    cameras, and for all together at the root: how improbable what is seen is under the whole belief. An object is
-    surprising when
+    Writes `nats` on objects, hands and cameras, and for all together at the root: how improbable what is seen is under
+    the whole belief. From `SURPRISING` of `dsr.vocabulary.nats` on, writes `surprising` and `surprise` (why, with
+    figures). An object is improbable as far as
 
-    - several percepts disagree alike with its Virtual_RT, beyond noise and beyond a least extent,
+    - percepts disagree alike with where it is believed to be,
     - a camera that delivers should see it (edge `sees`) and does not,
     - a camera sees it although another object should hide it,
     - it is seen, although it is believed to be gone (`present` is False).
 
-    A camera is surprising that sees nothing at all although it should. Everything is derived from the graph: after a
-    restart, flags stay until percept and belief agree.
+    A camera is improbable that sees nothing at all although it should, a hand that jumps. Everything is derived from
+    the graph: after a restart, flags stay until percept and belief agree.
     """
 
     name = "surprise"
@@ -71,7 +80,7 @@ class SurpriseDetector(Agent):
         self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}
         self._gone_since: dict[str, float] = {}
-        self._hands: dict[str, Pose] = {}
+        self._hands: dict[str, HandTrack] = {}
         self._nats = ImprobabilityWriter(self.memory, WORLD)
         self._nats_due = -math.inf
         self._now: float | None = None
@@ -91,41 +100,17 @@ class SurpriseDetector(Agent):
         self._take_in(new)
         self._expectations.update(now, new, jumped | held)
         with self.memory.batch():
-            for node in objects:
-                self._judge_object(node, now, held)
-            for camera in self.memory.nodes("camera"):
-                self._judge_camera(camera, now)
-            if not self._nats_due - self.config.nats_period <= now < self._nats_due:
+            is_due = not self._nats_due - self.config.nats_period <= now < self._nats_due
+            if is_due:
                 self._nats_due = now + self.config.nats_period
                 self._whereabouts.note(now, names)
-                self._nats.update(self._improbabilities(objects, now, held))
+            nats = {node.name: self._judge_object(node, now, held, in_full=is_due) for node in objects}
+            nats |= {camera.name: self._judge_camera(camera, now) for camera in self.memory.nodes("camera")}
+            nats |= {hand.name: self._judge_hand(hand, now) for hand in self.memory.nodes("hand")}
+            if is_due:
+                self._nats.update((name, known) for name, known in nats.items() if known is not None)
         self._suspicions = {name: found for name, found in self._suspicions.items() if name in self.memory}
-
-    def _improbabilities(self, objects: list[Node], now: float, held: set[str]) -> Iterator[tuple[str, float]]:
-        """How improbable what is seen is, nats, of each thing, hand and camera."""
-        for node in objects:
-            tracks = [track for (_, name), track in self._tracks.items() if name == node.name and track.is_fresh(now)]
-            start = min((track.start(track.last_stamp) for track in tracks), default=now - self.config.fresh)
-            where = self._whereabouts.before(node.name, start, self._beliefs.since(node.name))
-            if where is not None:
-                expected = 0 if node.name in held else self._expectations.missed(node.name)
-                hidden = node.name not in held and self._expectations.impossible(node.name) is not None
-                yield node.name, improbability(where, LatelySeen(tracks, expected, hidden), self.config)
-        for camera in self.memory.nodes("camera"):
-            yield camera.name, silence(*self._expectations.silence(camera.name, now))
-        for hand in self.memory.nodes("hand"):
-            yield hand.name, self._of_hand(hand.name)
-
-    def _of_hand(self, name: str) -> float:
-        """How improbable the last motion of a hand is, nats."""
-        edge = self.memory.get_edge(WORLD, name, "RT")
-        pose = None if edge is None else edge.get("pose")
-        before = self._hands.get(name)
-        if pose is not None:
-            self._hands[name] = pose
-        if before is None or pose is None or before.stamp >= pose.stamp:
-            return 0.0
-        return jump(before, pose, self.config.hand_speed, self.config.hand_noise)
+        self._hands = {name: track for name, track in self._hands.items() if name in self.memory}
 
     @property
     def skipped(self) -> Counter[str]:
@@ -143,7 +128,6 @@ class SurpriseDetector(Agent):
         """See earlier percepts in the light of what is believed now; forget those of what is gone."""
         self._tracks = {key: track for key, track in self._tracks.items() if key[1] in objects}
         for (_, name), track in self._tracks.items():
-            track.forget_old(now)
             belief = self._beliefs.now(name)
             if belief is not None and name in jumped:
                 track.belief_jumped(belief)
@@ -160,49 +144,81 @@ class SurpriseDetector(Agent):
                 before = partial(self._beliefs.before, percept.name)
                 track.add(percept.stamp, percept.pose, percept.eye, known, before)
 
-    def _judge_object(self, node: Node, now: float, held: set[str]) -> None:
-        name = node.name
-        tracks = [track for (_, other), track in self._tracks.items() if other == name]
-        reasons = self._reasons(node, tracks, now, held)
-        fresh = [track for track in tracks if track.is_fresh(now)]
-        is_believed = self._beliefs.now(name) is not None
+    def _judge_object(self, node: Node, now: float, held: set[str], *, in_full: bool) -> float | None:
+        """Raise or clear its flag; how improbable what is seen of it is, nats, or None if nothing is believed of it.
+
+        Unless `in_full`, what is sure to be no surprise is told by its upper bound.
+        """
+        tracks = [track for (_, name), track in self._tracks.items() if name == node.name and track.is_fresh(now)]
+        start = min((track.start(track.last_stamp) for track in tracks), default=now - self.config.fresh)
+        where = self._whereabouts.before(node.name, start, self._beliefs.since(node.name))
+        seen = self._lately_seen(node, tracks, now, is_held=node.name in held)
+        nats = None if where is None else at_most(where, seen, self.config)
+        if where is not None and nats is not None and (in_full or nats >= SURPRISING):
+            nats = improbability(where, seen, self.config)
+        is_believed, is_surprising = self._beliefs.now(node.name) is not None, (nats or 0.0) >= SURPRISING
+        reasons = self._reasons(node.name, seen) if is_surprising else []
         suspicion = self._suspicion(node)
-        agrees = suspicion.raised and bool(fresh) and all(track.agrees(now) for track in fresh)
-        changed = suspicion.update(now, reasons, agrees=agrees or not is_believed, undecided=bool(fresh))
+        agrees = suspicion.raised and bool(tracks) and all(track.agrees(now) for track in tracks)
+        changed = suspicion.update(now, reasons, agrees=agrees or not is_believed, undecided=bool(tracks))
         if changed or (is_believed and "surprising" not in node):
             self._write(node, suspicion)
+        return nats
 
-    def _reasons(self, node: Node, tracks: list[EvidenceTrack], now: float, held: set[str]) -> list[Reason]:
-        """All that makes an object surprising."""
-        name = node.name
-        gone = self._seen_though_gone(node, now)
-        if gone is not None or self._beliefs.now(name) is None:
-            return [gone] if gone else []
-        worst = max((track.contradictions(held=name in held) for track in tracks), key=len, default=[])
-        reasons = list(worst)
-        if name not in held:
-            expectations = (self._expectations.unseen(name), self._expectations.impossible(name))
-            reasons += [reason for reason in expectations if reason is not None]
-        return reasons
+    def _lately_seen(self, node: Node, tracks: list[EvidenceTrack], now: float, *, is_held: bool) -> LatelySeen:
+        """What cameras tell of an object.
 
-    def _seen_though_gone(self, node: Node, now: float) -> Reason | None:
-        """Whether an object is seen that is believed to be gone."""
+        Nobody expects to see what the gripper holds or has just released. It is covered in part, and moves while it is
+        seen: each percept of it tells half as much.
+        """
         if is_present(node):
             self._gone_since.pop(node.name, None)
-            return None
-        since = self._gone_since.setdefault(node.name, now)
-        if self._expectations.times_seen(node.name, since) >= self.config.needed:
-            return Reason("gone", "seen, though believed gone")
-        return None
+            while_gone = 0
+        else:
+            since = self._gone_since.setdefault(node.name, now)
+            while_gone = self._expectations.times_seen(node.name, since)
+        if is_held:
+            return LatelySeen(tracks, while_gone=while_gone, false=0.5 * FALSE_FRAME)
+        missed, hidden = self._expectations.missed(node.name)[0], self._expectations.impossible(node.name)[0]
+        return LatelySeen(tracks, missed, hidden, while_gone)
 
-    def _judge_camera(self, node: Node, now: float) -> None:
+    def _reasons(self, name: str, seen: LatelySeen) -> list[Reason]:
+        """Why what is seen of an object is improbable, the greatest cost first; all that would be enough alone."""
+        found = [(FALSE_FRAME * seen.while_gone, Reason("gone", "seen, though believed gone"))]
+        for track in seen.tracks:
+            found.append((track.misfit(seen.false).nats, track.reason(seen.false)))
+        _, camera = self._expectations.missed(name)
+        found.append((seen.missed, Reason("unseen", f"should be seen by {camera}, and is not")))
+        _, camera, hides = self._expectations.impossible(name)
+        found.append((seen.though_hidden, Reason("impossible", f"seen by {camera}, though {hides} should hide it")))
+        found.sort(key=lambda pair: -pair[0])
+        return [reason for nats, reason in found if nats >= min(SURPRISING, found[0][0])][: len(WAYS)]
+
+    def _judge_camera(self, node: Node, now: float) -> float:
         """A camera that sees nothing is surprising until it delivers again, or nothing is expected of it any more."""
-        reason = self._expectations.silent(node.name, now)
+        nats, expected = silence(self._expectations.silence(node.name, now), self.config.pause), self._expectations
+        names = expected.expected(node.name)
+        text = f"sees nothing; expected {', '.join(names)} (covered, turned away or dead)"
+        reasons = [Reason("silent", text)] if nats >= SURPRISING else []
         suspicion = self._suspicion(node)
-        delivers = self._expectations.delivers(node.name, now)
-        waits = self._expectations.expects(node.name)
-        if suspicion.update(now, [reason] if reason else [], agrees=delivers, undecided=waits):
+        delivers = expected.delivers(node.name, now)
+        if suspicion.update(now, reasons, agrees=delivers, undecided=bool(names)):
             self._write(node, suspicion)
+        return nats
+
+    def _judge_hand(self, node: Node, now: float) -> float:
+        """A hand is surprising that jumps, until that is not of lately any more."""
+        edge = self.memory.get_edge(WORLD, node.name, "RT")
+        pose = None if edge is None else edge.get("pose")
+        track = self._hands.setdefault(node.name, HandTrack(self.config))
+        if pose is not None:
+            track.add(pose)
+        nats = track.improbability(now)
+        reasons = [Reason("jump", "moves faster than hands do")] if nats >= SURPRISING else []
+        suspicion = self._suspicion(node)
+        if suspicion.update(now, reasons, agrees=False, undecided=False):
+            self._write(node, suspicion)
+        return nats
 
     def _suspicion(self, node: Node) -> Suspicion:
         """What is known of the flag, or what the graph says of it."""

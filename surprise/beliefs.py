@@ -100,15 +100,15 @@ class PastWhereabouts:
                 told.append((now, where))
 
     def before(self, name: str, stamp: float, since: float) -> Whereabouts | None:
-        """Where an object might be before a time (s), by what was told from `since` (s) on; None if nothing was."""
+        """Where an object might be before a time (s), by what was told from `since` (s) on; None if nothing is."""
         found = None
         for time, where in reversed(self._told.get(name, ())):
-            if found is not None and time < since:
+            if time < since:
                 break
             found = where
             if time < stamp:
                 break
-        return found
+        return found or self._memory.belief(name)
 
 
 def _between(old: tuple[float, Pose], new: tuple[float, Pose] | None, stamp: float) -> Pose:

@@ -1,4 +1,4 @@
-"""How far one percept is from the belief: across and along the viewing ray, and in rotation; how sure that is."""
+"""How far one percept is from the belief: across and along the viewing ray, and in rotation; how much noise may do."""
 
 from __future__ import annotations
 
@@ -21,34 +21,35 @@ _NOTHING = math.sqrt(sys.float_info.epsilon)  # m or rad
 
 
 @dataclass(frozen=True)
+class Offset:
+    """From where an object is believed to be to where it is perceived, in one way."""
+
+    vector: Vector3
+    """m, or rad as a rotation vector, in the world frame"""
+    noise: float
+    """m or rad along `vector`, standard deviation of what differs from percept to percept"""
+    common: float
+    """m or rad along `vector`, standard deviation of what percepts share: errors of the belief, and systematic ones"""
+
+    @property
+    def length(self) -> float:
+        """M or rad."""
+        return math.hypot(*self.vector)
+
+
+@dataclass(frozen=True)
 class Deviation:
-    """From where an object is believed to be to where it is perceived, in the world frame."""
+    """From where an object is believed to be to where it is perceived."""
 
-    beside: Vector3
+    beside: Offset
     """m, across the viewing ray"""
-    beside_sigmas: float
-    """Length of `beside` in standard deviations."""
-    depth: float
-    """m along the viewing ray, positive if it is perceived farther away; holds the sensor's systematic error"""
-    depth_std: float
-    """m, standard deviation of `depth` without the systematic error"""
-    turn: Vector3
-    """rad, rotation vector"""
-    turn_sigmas: float
-    """Length of `turn` in standard deviations."""
+    depth: Offset
+    """m along the viewing ray as (depth, 0, 0), positive if it is perceived farther away.
 
-    def extent(self, config: SurpriseConfig) -> float:
-        """Measure the deviation in units of the least extents that count: below 1 it does not count."""
-        return max(
-            math.hypot(*self.beside) / config.shift,
-            abs(self.depth) / config.depth_bound,
-            self.turning(config),
-        )
-
-    def turning(self, config: SurpriseConfig) -> float:
-        """Measure the rotation in units of the least that counts."""
-        x, y, z = self.turn
-        return max(abs(z) / config.turn, math.hypot(x, y) / config.tilt)
+    The systematic error of the sensor is in it; `common` is without that.
+    """
+    turn: Offset
+    """rad"""
 
 
 def compare(
@@ -63,36 +64,29 @@ def compare(
         percept: with covariance, if it is known.
         eye: of the camera.
         belief: where the object is believed to be.
-        config: noise and limits.
+        config: noise.
         prior: the belief before the percept, whose covariance counts; None: `belief` is of before.
     """
     difference = np.subtract(percept.t, belief.t)
     ray = _unit(np.subtract(percept.t, eye))
     depth = float(difference @ ray)
-    across = difference - depth * ray
     turn = np.array(quaternions.to_rotvec(quaternions.product(percept.q, quaternions.conjugate(belief.q))))
     place, rotation = _percept_noise(percept, ray, config)
     believed_place, believed_rotation = _belief_noise(belief if prior is None else prior, config)
     along = float(ray @ place @ ray)
-    along = max(along - config.depth_bias**2, float(np.trace(place) - along) / 2)
-    variance = along + config.depth_noise**2 + float(ray @ believed_place @ ray)
+    along = max(along - config.depth_bias**2, float(np.trace(place) - along) / 2) + config.depth_noise**2
     return Deviation(
-        _vector(across),
-        _sigmas(across, place + believed_place),
-        depth,
-        math.sqrt(max(variance, _NOTHING**2)),
-        _vector(turn),
-        _sigmas(turn, rotation + believed_rotation),
+        _offset(difference - depth * ray, place, believed_place + config.position_noise**2 * _EYE),
+        Offset((depth, 0.0, 0.0), _std(along), _std(float(ray @ believed_place @ ray))),
+        _offset(turn, rotation, believed_rotation + config.rotation_covariance(np.zeros((3, 3)))),
     )
 
 
 def _percept_noise(percept: Pose, ray: Array, config: SurpriseConfig) -> tuple[Array, Array]:
-    """Covariances (3, 3) of its position (m^2) and rotation (rad^2) in the world frame."""
+    """Covariances (3, 3) of its position (m^2) and rotation (rad^2) in the world frame, by the percept itself."""
     if percept.cov is None:
-        own, rotation = config.depth_bias**2 * np.outer(ray, ray), None
-    else:
-        own, rotation = percept.parent_covariances()
-    return config.position_covariance(own), config.rotation_covariance(rotation)
+        return config.depth_bias**2 * np.outer(ray, ray), config.default_rotation_noise**2 * _EYE
+    return percept.parent_covariances()
 
 
 def _belief_noise(belief: Pose, config: SurpriseConfig) -> tuple[Array, Array]:
@@ -101,20 +95,17 @@ def _belief_noise(belief: Pose, config: SurpriseConfig) -> tuple[Array, Array]:
     return belief.parent_covariances()
 
 
-def _sigmas(vector: Array, covariance: Array) -> float:
-    """Length of a vector in standard deviations along it; a covariance that is none counts as no noise."""
-    length = float(np.linalg.norm(vector))
-    if length < _NOTHING:
-        return 0.0
-    direction = vector / length
-    return length / max(math.sqrt(max(float(direction @ covariance @ direction), 0.0)), _NOTHING)
+def _offset(vector: Array, noise: Array, common: Array) -> Offset:
+    """An offset with the standard deviations along it; a covariance that is none counts as no noise."""
+    direction = _unit(vector)
+    x, y, z = vector.tolist()
+    return Offset((x, y, z), _std(float(direction @ noise @ direction)), _std(float(direction @ common @ direction)))
+
+
+def _std(variance: float) -> float:
+    return max(math.sqrt(max(variance, 0.0)), _NOTHING)
 
 
 def _unit(vector: Array) -> Array:
     length = float(np.linalg.norm(vector))
     return vector / length if length > _NOTHING else np.array((0.0, 0.0, -1.0))
-
-
-def _vector(array: Array) -> Vector3:
-    x, y, z = array.tolist()
-    return x, y, z

@@ -1,22 +1,25 @@
-"""Combines the last percepts of an object from one camera: they contradict the belief, or agree with it.
+"""The last percepts of an object from one camera: one piece of evidence about its belief.
 
-Single wrong percepts never count: several of the last few must disagree in the same direction, the newest among them.
-They are one piece of evidence. How sure the belief was before all of it counts: a belief that contradictions have made
-unsure would excuse them.
+How sure the belief was before all of it counts: a belief that contradictions have made unsure would excuse them.
 """
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.nats import FALSE_FRAME, MOST_MISFIT
 from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation, compare
-from surprise.limits import WAYS, Way, are_alike, describe, disagrees, exceeds, extent, vector
+from surprise.misfit import DECIDE, DepthBias, Misfit, describe, disagreement, disagrees, misfit
+
+KEPT = math.ceil(MOST_MISFIT / FALSE_FRAME)
+"""count of percepts that are one evidence: more could not make it less probable"""
 
 
 @dataclass(frozen=True)
@@ -48,25 +51,21 @@ class EvidenceTrack:
     """The last percepts of one object from one camera, against the belief."""
 
     def __init__(self, camera: str, config: SurpriseConfig) -> None:
-        self._camera = camera
+        self.camera = camera
         self._config = config
-        self._sightings: deque[DeviationSighting] = deque(maxlen=max(config.window, config.held_window))
+        self._sightings: deque[DeviationSighting] = deque(maxlen=KEPT)
         self._offset = 0.0  # m along the viewing ray, mean of the percepts that agree
         self._learned = 0  # percepts of which that is made
-        self._contradictions: dict[bool, list[Reason]] = {}  # by whether it is held, until something changes
 
     @property
     def last_stamp(self) -> float:
         """s, of the newest percept."""
         return self._sightings[-1].stamp if self._sightings else -math.inf
 
-    def stamps(self) -> list[float]:
-        """Stamps (s) of the last percepts, the oldest first."""
-        return [sighting.stamp for sighting in self._sightings]
-
-    def last(self, count: int) -> list[DeviationSighting]:
-        """The newest percepts, at most so many."""
-        return list(self._sightings)[-count:]
+    def span(self) -> list[DeviationSighting]:
+        """The newest percepts without a pause, the oldest first."""
+        start = self.start(self.last_stamp)
+        return [sighting for sighting in self._sightings if sighting.stamp >= start]
 
     def start(self, stamp: float) -> float:
         """When the evidence begins that a percept of time `stamp` (s) belongs to, s: the first of these percepts.
@@ -91,13 +90,12 @@ class EvidenceTrack:
             beliefs: world_from_object as believed now and then; the one it fits best counts.
             before: gives what was believed before a time (s): how sure that was counts.
         """
-        self._contradictions.clear()
         prior = self._prior(stamp, before) or beliefs[0]
         deviation = self._least([compare(pose, eye, belief, self._config, prior=prior) for belief in beliefs])
         self._sightings.append(DeviationSighting(stamp, pose, eye, deviation, prior))
-        if not disagrees(deviation, self.bias, self._config):
+        if not disagrees(deviation, self.bias):
             self._learned = min(self._learned + 1, self._config.learn_window)
-            self._offset += (deviation.depth - self._offset) / self._learned
+            self._offset += (deviation.depth.vector[0] - self._offset) / self._learned
 
     def belief_jumped(self, belief: Pose) -> None:
         """The belief was changed on purpose: earlier percepts count only if they agree with the new one or the old."""
@@ -105,65 +103,44 @@ class EvidenceTrack:
         self.belief_changed(belief)
         for sighting in list(self._sightings):
             sighting.prior = belief
-            if disagrees(sighting.deviation, None, self._config):
+            if disagrees(sighting.deviation, self.bias):
                 self._sightings.remove(sighting)
 
     def belief_changed(self, belief: Pose) -> None:
         """Compare the last percepts with a newer belief as well; the one that they fit best counts."""
-        self._contradictions.clear()
         for sighting in self._sightings:
             new = compare(sighting.pose, sighting.eye, belief, self._config)
             sighting.deviation = self._least([sighting.deviation, new])
-
-    def forget_old(self, now: float) -> None:
-        """Drop percepts that are too old to say anything."""
-        while self._sightings and now - self._sightings[0].stamp > self._config.forget_after:
-            self._sightings.popleft()
-            self._contradictions.clear()
 
     def is_fresh(self, now: float) -> bool:
         """Whether the camera saw the object lately."""
         return now - self.last_stamp <= self._config.fresh
 
     def agrees(self, now: float) -> bool:
-        """Whether the newest percepts are well within the limits."""
-        last = list(self._sightings)[-self._config.needed :]
-        if len(last) < self._config.needed or not self.is_fresh(now):
+        """Whether the newest percepts agree with the belief well, as many as could be surprising."""
+        last = self.span()[-DECIDE:]
+        if len(last) < DECIDE or not self.is_fresh(now):
             return False
-        share = self._config.hysteresis
-        return not any(disagrees(sighting.deviation, self.bias, self._config, share) for sighting in last)
+        return not any(disagrees(sighting.deviation, self.bias, 0.5) for sighting in last)
 
-    def contradictions(self, *, held: bool = False) -> list[Reason]:
-        """In which ways the last percepts contradict the belief; more of them must, of an object that is held."""
-        if held not in self._contradictions:
-            self._contradictions[held] = self._find_contradictions(held)
-        return self._contradictions[held]
+    def misfit(self, false: float = FALSE_FRAME) -> Misfit:
+        """How badly the belief explains the newest percepts, of which one is false at a cost of `false` (nats)."""
+        return misfit([sighting.deviation for sighting in self.span()], self.bias, false)
 
-    def _find_contradictions(self, held: bool) -> list[Reason]:
-        config = self._config
-        needed, window = (config.held_needed, config.held_window) if held else (config.needed, config.window)
-        last = [sighting.deviation for sighting in self._sightings][-window:]
-        found = []
-        for way in WAYS:
-            alike = self._alike(way, last)
-            if len(alike) >= needed:
-                text = describe(way, alike, self.bias, self._camera)
-                found.append(Reason(way, text, extent(way, alike, self.bias)))
-        return _essential(found)
-
-    def _alike(self, way: Way, last: Sequence[Deviation]) -> list[Deviation]:
-        """Those that disagree as the newest does; none if that one agrees."""
-        config, bias = self._config, self.bias
-        if not last or not exceeds(way, last[-1], bias, config):
-            return []
-        newest = vector(way, last[-1], bias)
-        beyond = [deviation for deviation in last if exceeds(way, deviation, bias, config)]
-        return [deviation for deviation in beyond if are_alike(vector(way, deviation, bias), newest, config)]
+    def reason(self, false: float) -> Reason:
+        """In which way the newest percepts contradict the belief most."""
+        found = self.misfit(false)
+        amount = statistics.median(one.length for one in found.alike)
+        return Reason(found.way, describe(found, self.camera), amount)
 
     @property
-    def bias(self) -> float | None:
-        """m, the systematic error along the viewing ray; None until it is known."""
-        return self._offset if self._learned >= self._config.learn_after else None
+    def bias(self) -> DepthBias:
+        """The systematic error along the viewing ray, as far as it is known: a Gaussian, by the percepts that agree."""
+        prior, noise, left = self._config.depth_bias**2, self._config.depth_noise**2, self._config.learned_bias**2
+        if not self._learned or prior + noise == 0.0:
+            return DepthBias(0.0, math.sqrt(prior + left))
+        share = prior / (prior + noise / self._learned)
+        return DepthBias(share * self._offset, math.sqrt((1.0 - share) * prior + left))
 
     def _prior(self, stamp: float, before: Callable[[float], Pose | None]) -> Pose | None:
         """What was believed before the evidence that a percept of time `stamp` (s) belongs to.
@@ -172,15 +149,9 @@ class EvidenceTrack:
         """
         start = self.start(stamp)
         first = next((sighting for sighting in self._sightings if sighting.stamp == start), None)
-        if first is not None and disagrees(first.deviation, self.bias, self._config):
+        if first is not None and disagrees(first.deviation, self.bias):
             return first.prior
         return before(start)
 
     def _least(self, deviations: Sequence[Deviation]) -> Deviation:
-        return min(deviations, key=lambda deviation: deviation.extent(self._config))
-
-
-def _essential(reasons: list[Reason]) -> list[Reason]:
-    """Without the change of depth that a larger move across the viewing ray entails."""
-    across = max((reason.extent for reason in reasons if reason.kind == "beside"), default=0.0)
-    return [reason for reason in reasons if reason.kind != "depth" or reason.extent > across]
+        return min(deviations, key=lambda deviation: disagreement(deviation, self.bias))

@@ -7,18 +7,20 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
+from dsr.believing.absence import learned_absence
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept
+from dsr.vocabulary.nats import FALSE_FRAME, MISSED_FRAME, MOST_MISSED, SEEN_THOUGH_HIDDEN, SURPRISING
 from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
-from surprise.evidence import Reason
+from surprise.evidence import KEPT
+from surprise.misfit import DECIDE
 
-_KEPT_STAMPS = 64  # stamps
-_LEAST_INTERVAL = 0.01  # s, between frames of the fastest camera
+_NEWS = 0.5  # 1, share of a frame that tells anything new: what is wrong in one is so in the next, 0.1 s later
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
 
 
@@ -26,27 +28,44 @@ _LATENCY = 0.15  # s after a change of the belief during which percepts may stil
 class _Outlook:
     """What one camera should see of one object."""
 
-    seen_since: float | None = None
-    """s, since when it should be seen"""
+    tells: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    """s, and how much (0 to 1) it tells then that the object is missing: by the learned rate of its recognition"""
+    anew: float = -math.inf
+    """s, since when what holds has held"""
+    since: float | None = None
+    """s, since when it would be surprising if it were missing for good; None: it would not be"""
     hidden_since: float | None = None
     """s, since when it cannot be seen"""
     covered_by: str = ""
-    stamps: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_STAMPS))
+    missed: float = 0.0
+    """nats, of the frames in which it should have been seen, and was not"""
+    stamps: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
     """s, of its percepts"""
 
     def expect(self, edge: Edge | None, now: float, config: SurpriseConfig, *, hidden: bool) -> None:
         """Take note of what should be seen at `now`; `hidden` says that what hides it surely does."""
         share = None if edge is None else edge.get("detectable")
-        seen = share is not None and share >= config.all_seen
+        most = MOST_MISSED * (0.0 if share is None else share ** learned_absence().power)
+        self.tells.append((now, most / MOST_MISSED))
+        is_due = most >= SURPRISING
+        self.since = (now if self.since is None else self.since) if is_due else None
         hidden = hidden and share is not None and share <= config.nothing_seen
-        self.seen_since = (now if self.seen_since is None else self.seen_since) if seen else None
         self.hidden_since = (now if self.hidden_since is None else self.hidden_since) if hidden else None
         self.covered_by = "" if edge is None else edge.get("covered_by", "")
+        self.missed = min(self.missed, most)
+
+    def miss(self, stamp: float) -> None:
+        """A frame of time `stamp` (s) shows other things only."""
+        if stamp > self.anew:
+            before = max((time for time, _ in self.tells if time < stamp), default=-math.inf)
+            tells = min(share for time, share in self.tells if time >= before)
+            self.missed = max(self.missed, min(self.missed + _NEWS * MISSED_FRAME * tells, MOST_MISSED * tells))
 
     def start_anew(self, now: float) -> None:
         """Whatever holds has only held since `now`."""
-        self.seen_since = None if self.seen_since is None else now
+        self.since = None if self.since is None else now
         self.hidden_since = None if self.hidden_since is None else now
+        self.anew, self.missed = now, 0.0
 
 
 class _Camera:
@@ -54,7 +73,7 @@ class _Camera:
 
     def __init__(self) -> None:
         self.outlooks: dict[str, _Outlook] = {}
-        self.frames: deque[float] = deque(maxlen=_KEPT_STAMPS)
+        self.frames: deque[float] = deque(maxlen=KEPT)
         """s, stamps of the frames that showed anything"""
         self.pose: Pose | None = None
         """world_from_camera at the last look"""
@@ -91,8 +110,7 @@ class Expectations:
         names = {node.name for node in self._memory.nodes(THINGS)}
         self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in self._memory.nodes("camera")}
         self._last_percept = {name: stamp for name, stamp in self._last_percept.items() if name in names}
-        for percept in percepts:
-            self._note(percept)
+        new = self._new_frames(percepts)
         elapsed = None if self._now is None else now - self._now
         self._now = now
         for name, camera in self._cameras.items():
@@ -100,92 +118,84 @@ class Expectations:
             for key in names:
                 edge = edges.get((name, key))
                 camera.outlook(key).expect(edge, now, self._config, hidden=self._is_hidden_by_an_object(edge))
-            if elapsed is None or not 0.0 < elapsed < self._config.unexpected_after or self._moved(name, elapsed):
+            if elapsed is None or not 0.0 < elapsed < self._config.fresh or self._moved(name, elapsed):
                 camera.start_anew(now)
             for key in changed:
                 camera.outlook(key).start_anew(now)
+            for key, outlook in camera.outlooks.items():
+                self._miss(key, outlook, new.get(name, ()))
 
-    def unseen(self, name: str) -> Reason | None:
-        """Why it is surprising that no camera sees an object, if one should."""
-        config, last = self._config, self._last_percept.get(name, -math.inf)
-        for camera_name, camera in self._cameras.items():
-            since = camera.outlook(name).seen_since
-            if since is None:
-                continue
-            start = max(since, last)
-            frames = [stamp for stamp in camera.frames if stamp > start]
-            if len(frames) >= config.frames and frames[-1] - start >= config.unexpected_after:
-                return Reason("unseen", f"should be seen by {camera_name}, and is not")
-        return None
+    def missed(self, name: str) -> tuple[float, str]:
+        """What the frames cost in which a camera should have seen an object, and did not, nats; and the camera.
 
-    def missed(self, name: str) -> int:
-        """Frames since its last percept in which a camera should have seen an object; of several, the most."""
-        last = self._last_percept.get(name, -math.inf)
-        counts = [
-            sum(stamp > max(since, last) for stamp in camera.frames)
-            for camera in self._cameras.values()
-            if (since := camera.outlook(name).seen_since) is not None
-        ]
-        return max(counts, default=0)
+        Of several cameras, the one that tells most.
+        """
+        found = ((camera.outlook(name).missed, camera_name) for camera_name, camera in self._cameras.items())
+        return max(found, default=(0.0, ""))
 
-    def silence(self, camera_name: str, now: float) -> tuple[float, float]:
-        """For how long (s) a camera that should see something shows nothing, and the time (s) between frames."""
-        camera = self._cameras.get(camera_name)
-        if camera is None or len(camera.frames) < self._config.frames:
-            return 0.0, 1.0
-        since = [outlook.seen_since for outlook in camera.outlooks.values() if outlook.seen_since is not None]
-        frames = list(camera.frames)
-        interval = (frames[-1] - frames[0]) / (len(frames) - 1)
-        return (now - max(min(since), camera.newest) if since else 0.0), max(interval, _LEAST_INTERVAL)
-
-    def impossible(self, name: str) -> Reason | None:
-        """Why it is surprising that a camera sees an object, if it cannot."""
-        config = self._config
+    def impossible(self, name: str) -> tuple[float, str, str]:
+        """What it costs that a camera sees an object that something hides, nats; the camera, and what hides it."""
+        found = [(0.0, "", "")]
         for camera_name, camera in self._cameras.items():
             outlook = camera.outlook(name)
-            if outlook.hidden_since is None:
-                continue
-            start = outlook.hidden_since + _LATENCY
-            stamps = [stamp for stamp in outlook.stamps if stamp >= start]
-            if len(stamps) >= config.frames and stamps[-1] - outlook.hidden_since >= config.unexpected_after:
-                text = f"seen by {camera_name}, though {outlook.covered_by} should hide it"
-                return Reason("impossible", text)
-        return None
+            if outlook.hidden_since is not None:
+                start = outlook.hidden_since + _LATENCY
+                cost = _NEWS * FALSE_FRAME * sum(stamp >= start for stamp in outlook.stamps)
+                found.append((min(cost, SEEN_THOUGH_HIDDEN), camera_name, outlook.covered_by))
+        return max(found)
 
-    def silent(self, camera_name: str, now: float) -> Reason | None:
-        """Why a camera is surprising that sees nothing at all, if it should see something."""
+    def silence(self, camera_name: str, now: float) -> float:
+        """For how long (s) a camera that should see something shows nothing, beyond the time between its frames."""
         camera = self._cameras.get(camera_name)
-        if camera is None:
-            return None
-        expected = {name: outlook.seen_since for name, outlook in camera.outlooks.items()}
-        since = {name: start for name, start in expected.items() if start is not None}
-        if not since or now - max(min(since.values()), camera.newest) < self._config.silent_after:
-            return None
-        return Reason("silent", f"sees nothing; expected {', '.join(sorted(since))} (covered, turned away or dead)")
+        since = self._due(camera)
+        if camera is None or not since:
+            return 0.0
+        frames = list(camera.frames)
+        interval = (frames[-1] - frames[0]) / (len(frames) - 1) if len(frames) > 1 else 0.0
+        return max(now - max(min(since.values()), camera.newest) - interval, 0.0)
+
+    def expected(self, camera_name: str) -> list[str]:
+        """Names of the objects that a camera should see, sorted."""
+        return sorted(self._due(self._cameras.get(camera_name)))
 
     def delivers(self, camera_name: str, now: float) -> bool:
         """Whether a camera lately showed several frames with anything in them."""
         camera = self._cameras.get(camera_name)
         stamps = [] if camera is None else [stamp for stamp in camera.frames if now - stamp <= self._config.fresh]
-        return len(stamps) >= self._config.needed
+        return len(stamps) >= DECIDE
 
     def times_seen(self, name: str, since: float) -> int:
         """Percepts of an object with stamps from `since` (s) on, as far as is remembered."""
         stamps = (stamp for camera in self._cameras.values() for stamp in camera.outlook(name).stamps)
         return sum(stamp >= since for stamp in stamps)
 
-    def expects(self, camera_name: str) -> bool:
-        """Whether a camera should see anything."""
-        camera = self._cameras.get(camera_name)
-        return camera is not None and any(outlook.seen_since is not None for outlook in camera.outlooks.values())
+    def _due(self, camera: _Camera | None) -> dict[str, float]:
+        """Since when (s) objects should be seen, by name."""
+        outlooks = {} if camera is None else camera.outlooks
+        return {name: outlook.since for name, outlook in outlooks.items() if outlook.since is not None}
 
-    def _note(self, percept: Percept) -> None:
-        camera = self._cameras.get(percept.camera)
-        if camera is not None:
+    def _new_frames(self, percepts: Iterable[Percept]) -> dict[str, list[float]]:
+        """Take note of percepts; the stamps (s) of new frames that show anything, by camera."""
+        found: dict[str, list[float]] = {}
+        for percept in percepts:
+            camera = self._cameras.get(percept.camera)
+            self._last_percept[percept.name] = max(percept.stamp, self._last_percept.get(percept.name, -math.inf))
+            if camera is None:
+                continue
             camera.outlook(percept.name).stamps.append(percept.stamp)
             if percept.stamp > camera.newest:
                 camera.frames.append(percept.stamp)
-        self._last_percept[percept.name] = max(percept.stamp, self._last_percept.get(percept.name, -math.inf))
+                found.setdefault(percept.camera, []).append(percept.stamp)
+        return found
+
+    def _miss(self, name: str, outlook: _Outlook, frames: Iterable[float]) -> None:
+        """Count new frames of a camera in which an object is missing that no camera has seen since."""
+        last = self._last_percept.get(name, -math.inf)
+        for stamp in frames:
+            if stamp > last:
+                outlook.miss(stamp)
+            else:
+                outlook.missed = 0.0
 
     def _is_hidden_by_an_object(self, edge: Edge | None) -> bool:
         """Boxes around parts of the arm are larger than these, and may be seen past."""

@@ -2,25 +2,26 @@
 
 The belief about a thing is a set of alternatives with weights (`Memory.belief`). What is seen is as probable as it is
 under each, weighed. The belief of before counts: alternatives that percepts propose explain these percepts always.
-Nothing counts as less probable than that something nobody thought of has happened.
+Nothing counts as less probable than that something nobody thought of has happened. What ordinary percepts cost is 0.
+From `SURPRISING` of `dsr.vocabulary.nats` it is surprising.
 """
 
 from __future__ import annotations
 
 import math
-import sys
+from collections import deque
 from collections.abc import Iterable, Sequence
-from statistics import fmean
 from typing import NamedTuple
 
 from dsr.believing.distribution import Alternative, Whereabouts, are_at_one_place
 from dsr.errors import DsrError
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.vocabulary.nats import CAMERA_MOVED, MISSED_FRAME, MOST_MISFIT, MOST_MISSED, SEEN_THOUGH_HIDDEN
+from dsr.vocabulary.nats import FALSE_FRAME, MOST_MISFIT
 from surprise.config import SurpriseConfig
-from surprise.deviation import Deviation, compare
-from surprise.evidence import EvidenceTrack
+from surprise.deviation import compare
+from surprise.evidence import KEPT, EvidenceTrack
+from surprise.misfit import log_tail_of_three, misfit
 
 ATTRIBUTE = "nats"
 """Of things, hands and cameras, and for all together of the root node `world`."""
@@ -32,10 +33,14 @@ class LatelySeen(NamedTuple):
 
     tracks: Sequence[EvidenceTrack] = ()
     """Of each camera that recognised the thing lately"""
-    missed: int = 0
-    """Frames of a camera that should see the thing where it is believed most, and did not, since the last percept"""
-    though_hidden: bool = False
-    """Whether it is seen although another thing should hide it where it is believed most"""
+    missed: float = 0.0
+    """nats, of frames in which a camera should have seen the thing where it is believed most, and did not"""
+    though_hidden: float = 0.0
+    """nats, of percepts of the thing though another one should hide it where it is believed most"""
+    while_gone: int = 0
+    """Percepts since the thing is believed to be gone."""
+    false: float = FALSE_FRAME
+    """nats, that a percept is false"""
 
 
 def improbability(where: Whereabouts, seen: LatelySeen, config: SurpriseConfig) -> float:
@@ -43,23 +48,62 @@ def improbability(where: Whereabouts, seen: LatelySeen, config: SurpriseConfig) 
 
     `where` is the belief before the evidence that `seen` tells of.
     """
-    whole = sum(one.weight * math.exp(-_misfit(one, where.best, seen, config)) for one in where.alternatives)
+    whole = sum(one.weight * math.exp(-_cost(one, where.best, seen, config)) for one in where.alternatives)
     return max(-math.log(whole + math.exp(-MOST_MISFIT)), 0.0)
 
 
-def silence(seconds: float, interval: float) -> float:
+def at_most(where: Whereabouts, seen: LatelySeen, config: SurpriseConfig) -> float:
+    """What `improbability` is at most, nats, by the most probable alternative alone: this takes much less time."""
+    return _cost(where.best, where.best, seen, config) - math.log(max(where.best.weight, math.exp(-MOST_MISFIT)))
+
+
+def silence(seconds: float, pause: float) -> float:
     """How improbable it is that a camera that should see something shows nothing for so long, nats.
 
     Args:
-        seconds: s since its last frame, or since it should see something.
-        interval: s between its frames.
+        seconds: s for which it shows nothing, beyond the time between its frames.
+        pause: s, mean of such times of a camera with which nothing is wrong.
     """
-    missed = MISSED_FRAME * max(seconds / interval - 1.0, 0.0)
-    return max(-math.log(math.exp(-missed) + math.exp(-CAMERA_MOVED)), 0.0)
+    return min(seconds / pause, MOST_MISFIT)
+
+
+class HandTrack:
+    """The last percepts of one hand: how improbable they are as those of one motion.
+
+    Hands are seen anywhere, and nothing is believed of where they go. So the motion itself must be improbable, and the
+    belief about a hand is that it is somewhere about where it was last.
+    """
+
+    def __init__(self, config: SurpriseConfig) -> None:
+        self._config = config
+        self._poses: deque[Pose] = deque(maxlen=KEPT)
+
+    def add(self, pose: Pose) -> None:
+        """Take in world_from_hand, with its stamp."""
+        if self._poses and pose.stamp <= self._poses[-1].stamp:
+            if pose.stamp < self._poses[-1].stamp - self._config.fresh:
+                self._poses.clear()  # the clock was set back
+            else:
+                return
+        self._poses.append(pose)
+
+    def improbability(self, now: float) -> float:
+        """Nats at time `now` (s), by the most probable choice of those percepts that are false."""
+        poses, speed, noise = list(self._poses), self._config.hand_speed, self._config.hand_noise
+        if not poses or now - poses[-1].stamp > self._config.fresh:
+            return 0.0
+        costs: list[float] = []  # of all percepts up to each one, if that one is true
+        for place, pose in enumerate(poses):
+            skipping = [
+                costs[before] + FALSE_FRAME * (place - before - 1) + jump(poses[before], pose, speed, noise)
+                for before in range(place)
+            ]
+            costs.append(min([FALSE_FRAME * place, *skipping]))
+        return min(cost + FALSE_FRAME * (len(poses) - 1 - place) for place, cost in enumerate(costs))
 
 
 def jump(before: Pose, after: Pose, speed: float, noise: float) -> float:
-    """How improbable it is that a hand moved so far in that time, nats.
+    """How improbable it is that a hand moved so far in that time, nats beyond what ordinary motions cost.
 
     Args:
         before: world_from_hand, with stamp.
@@ -69,8 +113,9 @@ def jump(before: Pose, after: Pose, speed: float, noise: float) -> float:
     """
     seconds = max(after.stamp - before.stamp, 0.0)
     variance = (speed * seconds) ** 2 + 2.0 * noise**2
-    squared = math.dist(before.t, after.t) ** 2 / variance
-    return min(-_log_tail_of_three(squared), MOST_MISFIT)
+    half = 0.5 * math.dist(before.t, after.t) ** 2 / variance
+    ordinary = 1.0  # nats: minus the logarithm of a tail probability has this mean
+    return min(max(-log_tail_of_three(half) - ordinary, 0.0), MOST_MISFIT)
 
 
 class ImprobabilityWriter:
@@ -104,39 +149,20 @@ class ImprobabilityWriter:
             return
 
 
-def _misfit(one: Alternative, best: Alternative, seen: LatelySeen, config: SurpriseConfig) -> float:
-    """How badly an alternative explains what is seen, nats."""
+def _cost(one: Alternative, best: Alternative, seen: LatelySeen, config: SurpriseConfig) -> float:
+    """What is seen costs so much under one alternative, nats.
+
+    Of several cameras and kinds of evidence the one counts that tells most. They are no independent evidence: errors of
+    the belief are the same for all, and what moved a thing makes it both seen elsewhere and missing.
+    """
+    if one.pose is None:
+        return seen.false * max(seen.while_gone, *(len(track.span()) for track in seen.tracks), 0)
     is_best = are_at_one_place(one, best)
-    nats = min(seen.missed * MISSED_FRAME, MOST_MISSED) if is_best and one.pose is not None else 0.0
+    found = [seen.missed, seen.though_hidden] if is_best else [0.0]
     for track in seen.tracks:
-        if one.pose is None:
-            nats += MOST_MISFIT
-            continue
-        last = track.last(config.needed)
-        known = [sighting.deviation for sighting in last]
-        if not is_best:
-            known = [compare(sighting.pose, sighting.eye, one.pose, config) for sighting in last]
-        if known:
-            nats -= _log_tail_of_six(fmean(_squared(deviation, track.bias) for deviation in known))
-    if seen.though_hidden and is_best:
-        nats += SEEN_THOUGH_HIDDEN
-    return nats
-
-
-def _squared(deviation: Deviation, bias: float | None) -> float:
-    """Squared Mahalanobis distance of a percept, of six coordinates."""
-    depth = (deviation.depth - (bias or 0.0)) / deviation.depth_std
-    return deviation.beside_sigmas**2 + depth**2 + deviation.turn_sigmas**2
-
-
-def _log_tail_of_six(squared: float) -> float:
-    """Logarithm of the probability that a squared Mahalanobis distance of six coordinates is at least that great."""
-    half = 0.5 * squared
-    return -half + math.log1p(half + 0.5 * half**2)
-
-
-def _log_tail_of_three(squared: float) -> float:
-    """Likewise of three coordinates."""
-    half = 0.5 * squared
-    tail = math.erfc(math.sqrt(half)) + 2.0 * math.sqrt(half / math.pi) * math.exp(-half)
-    return math.log(max(tail, sys.float_info.min))
+        if is_best:
+            found.append(track.misfit(seen.false).nats)
+        else:
+            there = [compare(sighting.pose, sighting.eye, one.pose, config) for sighting in track.span()]
+            found.append(misfit(there, track.bias, seen.false).nats)
+    return max(found)

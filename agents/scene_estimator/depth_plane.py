@@ -1,4 +1,4 @@
-"""The plane of a tag from the depth image: a robust fit in inverse depth.
+"""The planes of tags from the depth image: robust fits in inverse depth, of all tags at once.
 
 On a plane n . X = d (camera frame), a pixel with ray r = (x, y, 1) has depth z with 1/z = (n / d) . r: linear
 in the ray, and a stereo camera's error in 1/z is the same at all distances. So p = n / d is found by
@@ -7,17 +7,19 @@ reweighted linear least squares (Cauchy weights against wrong depths).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.math3d.transforms import Array
+from dsr.math3d.batches import Array, matrix_inverses
 from dsr.vocabulary.intrinsics import Intrinsics
 
 _INSET = 0.95  # of the tag's half diagonals, so that no pixel straddles its edge
 _MAX_PIXELS = 2000
 _MIN_PIXELS = 40
+_THINNED_PIXELS = 4 * _MIN_PIXELS
+"""Pixels around a tag that are left at least where neighbours are left out that are alike: half may be outside of it"""
 _MIN_VALID = 0.5  # of the pixels within the tag
 _ITERATIONS = 5
 _CAUCHY = 2.385  # scales, for 95 % efficiency on Gaussian errors
@@ -25,87 +27,147 @@ _NO_PLANE = 0.05  # residual scale, of the inverse depth, above which this is no
 _MIN_COSINE = 0.1  # between normal and viewing ray
 
 
-@dataclass(frozen=True)
-class DepthPlane:
-    """A plane p . X = 1 in the camera frame."""
+class DepthPlanes(NamedTuple):
+    """Planes p . X = 1 in the camera frame; NaN where there is none."""
 
     p: Array
-    """(3,) normal away from the camera over distance, 1/m."""
+    """(n, 3) normal away from the camera over distance, 1/m."""
     covariance: Array
-    """(3, 3) of p, from the residuals, 1/m^2."""
+    """(n, 3, 3) of p, from the residuals, 1/m^2."""
 
     @property
-    def normal(self) -> Array:
-        """(3,) unit normal towards the camera."""
-        return np.asarray(-self.p / np.linalg.norm(self.p))
+    def exist(self) -> NDArray[np.bool_]:
+        """(n,) which of them there are."""
+        return np.asarray(np.isfinite(self.p).all(axis=1) & np.isfinite(self.covariance).all(axis=(1, 2)))
+
+    @property
+    def normals(self) -> Array:
+        """(n, 3) unit normals towards the camera."""
+        return np.asarray(-self.p / np.linalg.norm(self.p, axis=1, keepdims=True))
 
     def points(self, rays: Array) -> Array:
-        """(n, 3) where rays (n, 3) meet the plane, m."""
-        return np.asarray(rays / (rays @ self.p)[:, None])
+        """(n, k, 3) m, where rays (n, k, 3) meet their planes."""
+        return np.asarray(rays / (rays @ self.p[:, :, None]))
 
 
-def fit_depth_plane(
+def fit_depth_planes(
     corners: Array, depth: NDArray[np.float32], intrinsics: Intrinsics, *, noise_floor: float, correlation: float
-) -> DepthPlane | None:
-    """Fit the plane within a tag's outline.
+) -> DepthPlanes:
+    """Fit the planes within the outlines of tags.
+
+    There is none where too little depth is known, and none where it is no plane that is seen from its front.
 
     Args:
-        corners: (4, 2) px, in order around the tag.
+        corners: (n, 4, 2) px, finite, in order around each tag.
         depth: (h, w) m along the optical axis; 0 or not finite where unknown.
         intrinsics: of the depth image, px.
         noise_floor: 1/m, least standard deviation of the inverse depth (hides quantisation).
         correlation: px, over which neighbouring depth errors are alike.
-
-    Returns:
-        None if too little depth is known there, or it is no plane seen from its front.
     """
-    pixels, stride = _pixels_within(corners, depth.shape)
-    if len(pixels) < _MIN_PIXELS:
-        return None
-    z = depth[pixels[:, 1], pixels[:, 0]].astype(np.float64)
+    planes = DepthPlanes(np.full((len(corners), 3), np.nan), np.full((len(corners), 3, 3), np.nan))
+    tag, u, v, stride = _pixels_within(corners, depth.shape, correlation)
+    within = np.bincount(tag, minlength=len(corners))
+    z = depth[v, u].astype(np.float64)
     valid = np.isfinite(z) & (z > 0.0)
-    if valid.sum() < max(_MIN_PIXELS, _MIN_VALID * len(z)):
-        return None
-    rays = intrinsics.rays(pixels[valid].astype(np.float64))
-    p, precision, scale = _robust_fit(rays, 1.0 / z[valid], noise_floor)
-    alike = max(1.0, correlation / stride) ** 2
-    plane = DepthPlane(p, np.asarray(scale**2 * alike * np.linalg.inv(precision)))
-    inverse_depths = rays @ p
-    cosines = inverse_depths / np.linalg.norm(p) / np.linalg.norm(rays, axis=1)
-    well_seen = cosines.min() > _MIN_COSINE and scale < _NO_PLANE * float(np.median(inverse_depths))
-    return plane if well_seen else None
+    known = np.bincount(tag[valid], minlength=len(corners))
+    enough = (within >= _MIN_PIXELS) & (known >= np.maximum(_MIN_PIXELS, _MIN_VALID * within))
+    valid &= enough[tag]
+    if not valid.any():
+        return planes
+    rays = intrinsics.rays(np.column_stack([u[valid], v[valid]]).astype(np.float64))
+    cloud = _Pixels.of((np.cumsum(enough) - 1)[tag[valid]], rays, 1.0 / z[valid], known[enough])
+    p, precision, scale = _robust_fit(cloud, noise_floor)
+    inverse_depths = cloud.along(p)
+    lengths = np.linalg.norm(p, axis=1)[:, None] * np.sqrt(np.maximum((cloud.rays**2).sum(axis=1), 1.0))
+    flattest = np.where(cloud.used, inverse_depths / lengths, np.inf).min(axis=1)
+    is_plane = scale < _NO_PLANE * cloud.medians(inverse_depths)
+    alike = np.maximum(1.0, correlation / stride[enough]) ** 2
+    good = (flattest > _MIN_COSINE) & is_plane
+    planes.p[np.flatnonzero(enough)[good]] = p[good]
+    covariance = (scale**2 * alike)[:, None, None] * matrix_inverses(precision)
+    planes.covariance[np.flatnonzero(enough)[good]] = covariance[good]
+    return planes
 
 
-def _pixels_within(corners: Array, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], int]:
-    """(n, 2) pixels (u, v) inside the inset outline, and the stride at which they were taken."""
-    centre = corners.mean(axis=0)
-    outline = centre + _INSET * (corners - centre)
-    low = np.maximum(np.ceil(outline.min(axis=0)), 0).astype(int)
-    high = np.minimum(np.floor(outline.max(axis=0)), [shape[1] - 1, shape[0] - 1]).astype(int)
-    area = float(np.prod(np.maximum(high - low + 1, 0)))
-    stride = max(1, int(np.ceil(np.sqrt(area / _MAX_PIXELS))))
-    u, v = np.meshgrid(np.arange(low[0], high[0] + 1, stride), np.arange(low[1], high[1] + 1, stride))
-    pixels = np.column_stack([u.ravel(), v.ravel()])
-    edges = np.roll(outline, -1, axis=0) - outline
-    offsets = pixels[:, None, :] - outline
-    sides = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
-    return pixels[(sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)], stride
+class _Pixels(NamedTuple):
+    """Pixels with depth of n tags, each with at most m; what a tag has less is not used."""
+
+    rays: Array
+    """(n, 3, m), 0 where not used"""
+    inverse_depth: Array
+    """(n, m) 1/m, 0 where not used"""
+    used: NDArray[np.bool_]
+    """(n, m)"""
+    known: NDArray[np.int64]
+    """(n,) how many are used"""
+
+    @staticmethod
+    def of(tag: NDArray[np.int64], rays: Array, inverse_depth: Array, known: NDArray[np.int64]) -> _Pixels:
+        """Those of pixels sorted by `tag` (k,), with rays (k, 3) and inverse depths (k,), `known` (n,) of each tag."""
+        column = np.arange(len(tag)) - (np.cumsum(known) - known)[tag]
+        used = np.arange(known.max()) < known[:, None]
+        found = _Pixels(np.zeros((len(known), 3, used.shape[1])), np.zeros(used.shape), used, known)
+        for axis in range(3):
+            found.rays[tag, axis, column] = rays[:, axis]
+        found.inverse_depth[tag, column] = inverse_depth
+        return found
+
+    def along(self, p: Array) -> Array:
+        """(n, m) 1/m, inverse depths where the rays meet planes p (n, 3)."""
+        return np.asarray((p[:, None] @ self.rays)[:, 0])
+
+    def medians(self, values: Array) -> Array:
+        """(n,) the medians over the pixels that are used, of values (n, m)."""
+        ordered, rows = np.sort(np.where(self.used, values, np.inf), axis=1), np.arange(len(values))
+        return np.asarray(0.5 * (ordered[rows, (self.known - 1) // 2] + ordered[rows, self.known // 2]))
+
+    def scales(self, residuals: Array, noise_floor: float) -> Array:
+        """(n,) standard deviations of residuals (n, m), from the medians so that outliers do not matter."""
+        return np.maximum(1.4826 * self.medians(np.abs(residuals)), noise_floor)
 
 
-def _robust_fit(rays: Array, inverse_depth: Array, noise_floor: float) -> tuple[Array, Array, float]:
-    """Plane p (3,), its precision matrix for unit noise (3, 3), and the noise's scale, 1/m.
+def _pixels_within(
+    corners: Array, shape: tuple[int, ...], correlation: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag.
 
-    It starts at the plane across the view at the median depth, which wrong depths at an edge cannot tilt.
+    Of pixels nearer to each other than half the `correlation` (px) of their errors, one tells as much as all.
     """
-    residuals = inverse_depth - np.median(inverse_depth)
+    centre = corners.mean(axis=1, keepdims=True)
+    outline = centre + _INSET * (corners - centre)
+    last = np.array([shape[1] - 1, shape[0] - 1])
+    low = np.clip(np.ceil(outline.min(axis=1)), 0, last + 1).astype(np.int64)
+    high = np.clip(np.floor(outline.max(axis=1)), -1, last).astype(np.int64)
+    extent = np.maximum(high - low + 1, 0)
+    area = extent.prod(axis=1)
+    alike = np.floor(np.minimum(0.5 * correlation, np.sqrt(area / _THINNED_PIXELS)))
+    stride = np.maximum(np.maximum(1, alike), np.ceil(np.sqrt(area / _MAX_PIXELS))).astype(np.int64)
+    columns, rows = (-(-extent // stride[:, None])).T
+    number = np.arange((columns * rows).max(initial=0))
+    row, column = np.divmod(number, np.maximum(columns, 1)[:, None])
+    u, v = (low[:, axis, None] + stride[:, None] * step for axis, step in ((0, column), (1, row)))
+    edges = np.roll(outline, -1, axis=1) - outline
+    left = right = number < (columns * rows)[:, None]
+    for corner in range(4):
+        x, y, along_x, along_y = np.hstack([outline[:, corner], edges[:, corner]]).T[:, :, None]
+        side = along_x * v - along_y * u + (along_y * x - along_x * y)
+        left, right = left & (side >= 0.0), right & (side <= 0.0)
+    inside = left | right
+    return np.nonzero(inside)[0], u[inside], v[inside], stride
+
+
+def _robust_fit(pixels: _Pixels, noise_floor: float) -> tuple[Array, Array, Array]:
+    """Planes p (n, 3), their precision matrices for unit noise (n, 3, 3), and the noise's scales (n,), 1/m.
+
+    Each starts at the plane across the view at the median depth, which wrong depths at an edge cannot tilt.
+    `noise_floor` is the least scale.
+    """
+    residuals = pixels.inverse_depth - pixels.medians(pixels.inverse_depth)[:, None]
+    by_pixel = np.swapaxes(pixels.rays, 1, 2)
     for _ in range(_ITERATIONS):
-        weights = 1.0 / (1.0 + (residuals / (_CAUCHY * _scale(residuals, noise_floor))) ** 2)
-        precision = (rays * weights[:, None]).T @ rays
-        p = np.linalg.solve(precision, rays.T @ (weights * inverse_depth))
-        residuals = inverse_depth - rays @ p
-    return np.asarray(p, np.float64), precision, _scale(residuals, noise_floor)
-
-
-def _scale(residuals: Array, noise_floor: float) -> float:
-    """Their standard deviation, from the median so that outliers do not matter."""
-    return max(1.4826 * float(np.median(np.abs(residuals))), noise_floor)
+        spread = _CAUCHY * pixels.scales(residuals, noise_floor)
+        weighted = pixels.rays / (1.0 + (residuals / spread[:, None]) ** 2)[:, None]
+        precision = weighted @ by_pixel
+        p = (matrix_inverses(precision) @ (weighted @ pixels.inverse_depth[..., None]))[..., 0]
+        residuals = pixels.inverse_depth - pixels.along(p)
+    return p, precision, pixels.scales(residuals, noise_floor)

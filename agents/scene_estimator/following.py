@@ -7,6 +7,7 @@ A square seen from afar fits two poses; which of them is right is decided by the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.detection import Tag
 from agents.scene_estimator.pose import NoiseModel, TagFit, most_likely, possible_tag_poses
-from dsr.math3d.transforms import Array, Pose, log
+from dsr.math3d.batches import Array, inverses, logs
+from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
 _LOST_AFTER = 0.5
@@ -70,39 +72,63 @@ class TagFollower:
         self._sharpener = Sharpener(noise.blur)
         self._seen: dict[int, _Seen] = {}
 
-    def pose(
-        self, tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, stamp: float
-    ) -> Pose | None:
-        """`camera_from_tag` with covariance, as `estimate_tag_pose` gives it, in view of earlier frames.
+    def poses(
+        self,
+        tags: Sequence[Tag],
+        depth: NDArray[np.float32] | None,
+        intrinsics: Intrinsics,
+        tag_sizes: Sequence[float],
+        stamp: float,
+    ) -> list[Pose | None]:
+        """Each `camera_from_tag` with covariance, as `estimate_tag_pose` gives it, in view of earlier frames.
 
         Args:
-            tag: its corners, px.
+            tags: their corners, px; no two with one id.
             depth: (h, w) m, of the same exposure and intrinsics; None without a depth camera.
             intrinsics: px, and the distortion of the lens.
-            tag_size: side of the black square, m.
+            tag_sizes: side of each black square, m.
             stamp: s, of the exposure; a frame that is older than the last one is judged by itself.
         """
-        tag = self._sharpener.sharpened(tag, stamp)
-        fits = possible_tag_poses(tag, depth, intrinsics, tag_size, self._noise)
-        last = self._seen.get(tag.marker_id)
-        if last is not None and 0.0 < stamp - last.stamp <= _LOST_AFTER:
-            fits = [fit._replace(cost=_cost(fit, last, stamp)) for fit in fits]
-        best = min((fit.cost for fit in fits), default=0.0)
-        fits = [fit._replace(cost=fit.cost - best) for fit in fits if fit.cost - best < _UNLIKELY]
-        if fits:
-            self._seen[tag.marker_id] = _Seen(stamp, fits)
-        return most_likely(fits)
+        tags = [self._sharpener.sharpened(tag, stamp) for tag in tags]
+        found = possible_tag_poses(tags, depth, intrinsics, tag_sizes, self._noise)
+        return [most_likely(fits) for fits in self._in_view_of_the_last(tags, found, stamp)]
+
+    def _in_view_of_the_last(self, tags: list[Tag], found: list[list[TagFit]], stamp: float) -> list[list[TagFit]]:
+        """The fits of each tag that are likely enough after the frames before, with the cost of all of them."""
+        lasts = [self._seen.get(tag.marker_id) for tag in tags]
+        pairs = [
+            (fit, last, stamp - last.stamp)
+            for fits, last in zip(found, lasts, strict=True)
+            if last is not None and 0.0 < stamp - last.stamp <= _LOST_AFTER
+            for fit in fits
+        ]
+        costs = {id(fit): cost for (fit, _, _), cost in zip(pairs, _costs(pairs), strict=True)}
+        told = [[fit._replace(cost=costs.get(id(fit), fit.cost)) for fit in fits] for fits in found]
+        likely = []
+        for tag, fits in zip(tags, told, strict=True):
+            best = min((fit.cost for fit in fits), default=0.0)
+            kept = [fit._replace(cost=fit.cost - best) for fit in fits if fit.cost - best < _UNLIKELY]
+            if kept:
+                self._seen[tag.marker_id] = _Seen(stamp, kept)
+            likely.append(kept)
+        return likely
 
 
-def _cost(fit: TagFit, last: _Seen, stamp: float) -> float:
-    """Twice the negative log likelihood of a pose now and of the way to it from one of the last frame."""
-    seconds = stamp - last.stamp
-    moved = np.diag(np.repeat([_SPEED * seconds, _TURNING * seconds], 3) ** 2)
-    costs = [_UNLIKELY]  # at most: whatever was seen, it may have been wrong
-    for before in last.fits:
-        apart = log(before.pose.inverse() @ fit.pose)
-        costs.append(before.cost + float(apart @ np.linalg.solve(moved + before.covariance + fit.covariance, apart)))
-    return min(1.0, seconds / _ALIKE) * fit.cost + min(costs)
+def _costs(pairs: list[tuple[TagFit, _Seen, float]]) -> list[float]:
+    """Twice the negative log likelihoods of poses now and of the ways to them from the last frame, so many s ago."""
+    ways = [(place, before) for place, (_, last, _) in enumerate(pairs) for before in last.fits]
+    if not ways:
+        return []
+    froms = np.array([before.pose for _, before in ways])
+    aparts = logs(inverses(froms) @ np.array([pairs[place][0].pose for place, _ in ways]))
+    seconds = np.array([pairs[place][2] for place, _ in ways])
+    moved = np.eye(6) * (np.repeat([_SPEED, _TURNING], 3) * seconds[:, None])[:, None] ** 2
+    spread = moved + np.array([before.covariance + pairs[place][0].covariance for place, before in ways])
+    squares = (aparts * np.linalg.solve(spread, aparts[:, :, None])[..., 0]).sum(axis=1)
+    least = [_UNLIKELY] * len(pairs)  # at most: whatever was seen, it may have been wrong
+    for (place, before), square in zip(ways, squares.tolist(), strict=True):
+        least[place] = min(least[place], before.cost + square)
+    return [min(1.0, ago / _ALIKE) * fit.cost + way for (fit, _, ago), way in zip(pairs, least, strict=True)]
 
 
 def _drawn_out(tag: Tag, shifts: Array) -> Tag:

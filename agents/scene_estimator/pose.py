@@ -1,14 +1,15 @@
-"""Pose of a tag with its covariance: corners, depth and the tag's size, weighed together.
+"""Poses of the tags of an image with their covariances: corners, depth and the tags' sizes, weighed together.
 
 Four things tell where a tag is: its corners in the image, the plane of the depth within it, the side that it
-should have, and how wrong each may be. Gauss-Newton steps from several starts find the most likely pose; its
-covariance is the inverse of the Fisher information. Corners alone fit two poses where perspective is weak
-(Schweighofer and Pinz 2006); depth decides.
+should have, and how wrong each may be. Gauss-Newton steps from several starts find the most likely pose. All
+starts of all tags take their steps at once. The covariance of a pose is the inverse of the Fisher information.
+Corners alone fit two poses where perspective is weak (Schweighofer and Pinz 2006); depth decides.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import cv2
@@ -16,11 +17,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
+from agents.scene_estimator.depth_plane import DepthPlanes, fit_depth_planes
 from agents.scene_estimator.detection import Tag, tag_corners
 from dsr.math3d import quaternions
-from dsr.math3d.batches import skew
-from dsr.math3d.transforms import Array, Pose, exp, log
+from dsr.math3d.batches import Array, exps, inverses, logs, matrix_inverses, skew
+from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -39,6 +40,7 @@ _CERTAIN = 50.0  # log odds
 _STEPS = 20  # of Gauss-Newton; four or five do
 _SETTLED = 1e-2  # standard deviations of the result, of the last step
 _SAME = 0.1  # standard deviations, between starts that end at one pose
+_STARTS, _BY_DEPTH = 3, 2  # of each tag; the one from the plane of its depth
 _ABOUT_NORMAL = skew(np.array([0.0, 0.0, 1.0]))
 
 
@@ -77,18 +79,12 @@ class _Plane(NamedTuple):
 class TagFit(NamedTuple):
     """A most likely pose."""
 
-    pose: Pose
+    pose: Array
+    """(4, 4) camera_from_tag"""
     covariance: Array
     """(6, 6) of a right perturbation"""
     cost: float
     """Twice the negative logarithm of the likelihood, up to a constant"""
-    missed: float
-    """Sum of the squares over their variances by which the corners miss the pose"""
-
-    def is_apart(self, other: TagFit) -> bool:
-        """Whether it is another pose than the other one."""
-        apart = log(self.pose.inverse() @ other.pose)
-        return bool(apart @ np.linalg.solve(self.covariance, apart) > _SAME**2)
 
 
 def estimate_tag_pose(
@@ -105,32 +101,48 @@ def estimate_tag_pose(
         tag_size: side of the black square, m.
         noise: error model of the sensor.
     """
-    return most_likely(possible_tag_poses(tag, depth, intrinsics, tag_size, noise))
+    return most_likely(possible_tag_poses([tag], depth, intrinsics, [tag_size], noise)[0])
 
 
 def possible_tag_poses(
-    tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
-) -> list[TagFit]:
-    """All poses that fit best among their neighbours, the most likely one first; arguments as above.
+    tags: Sequence[Tag],
+    depth: NDArray[np.float32] | None,
+    intrinsics: Intrinsics,
+    tag_sizes: Sequence[float],
+    noise: NoiseModel,
+) -> list[list[TagFit]]:
+    """Of each tag of an image all poses that fit best among their neighbours, the most likely one first.
 
     There is none for corners that no square could have: part of the tag is hidden, or a motion blurred it.
+
+    Args:
+        tags: their corners, px.
+        depth: (h, w) m, of the same exposure and intrinsics; None without a depth camera.
+        intrinsics: px, and the distortion of the lens.
+        tag_sizes: side of each black square, m.
+        noise: error model of the sensor.
     """
-    rays = intrinsics.rays(tag.corners)
-    if not np.isfinite(rays).all():
-        return []
-    plane = None if depth is None else _plane(tag, rays, depth, intrinsics, tag_size, noise)
-    starts = [(start, 0.0) for start in _perspective_starts(rays, tag_size)]
-    told, far = None, False
-    if plane is not None:
-        starts.append((_pose_on_plane(rays, plane, tag_size), math.log(_side(plane, rays) / tag_size)))
-        told = _Plane(plane.p, np.asarray(np.linalg.inv(_plane_covariance(plane, rays, tag_size, noise)), np.float64))
-        far = float(plane.points(rays)[:, 2].mean()) > noise.size_below
-    problem = _TagProblem(tag, intrinsics, tag_size, None if far else noise.size_std, told)
-    solved = (fit for start in starts if (fit := problem.solve(*start)) is not None)
-    found: list[TagFit] = []
-    for fit in sorted((fit for fit in solved if fit.missed < _NO_SQUARE), key=lambda fit: fit.cost):
-        if all(fit.is_apart(other) for other in found):
-            found.append(fit)
+    found: list[list[TagFit]] = [[] for _ in tags]
+    corners = np.array([tag.corners for tag in tags], np.float64).reshape(-1, 4, 2)
+    rays = intrinsics.rays(corners)
+    usable = np.flatnonzero(np.isfinite(rays).all(axis=(1, 2)))
+    if len(usable) == 0:
+        return found
+    corners, rays = corners[usable], rays[usable]
+    sizes, stds = np.array(tag_sizes)[usable], np.array([tag.corner_std for tag in tags])[usable]
+    starts, scales = _perspective_starts(rays, sizes), np.zeros((len(usable), _STARTS))
+    planes, size_stds = _no_planes(len(usable)), np.full(len(usable), noise.size_std)
+    if depth is not None:
+        planes = _planes(corners, rays, depth, intrinsics, sizes, noise)
+        known, told = np.flatnonzero(planes.exist), DepthPlanes(*(values[planes.exist] for values in planes))
+        starts[known, _BY_DEPTH] = _poses_on_planes(rays[known], told, sizes[known])
+        scales[known, _BY_DEPTH] = np.log(_sides(told, rays[known]) / sizes[known])
+        size_stds[known[told.points(rays[known])[..., 2].mean(axis=1) > noise.size_below]] = np.inf
+        planes.covariance[known] = _plane_covariances(told, rays[known], sizes[known], noise)
+    information = np.where(planes.exist[:, None, None], matrix_inverses(planes.covariance), 0.0)
+    problem = _TagProblem(corners, stds, intrinsics, sizes, size_stds, np.nan_to_num(planes.p), information)
+    for place, fits in zip(usable.tolist(), _different(problem.solve(starts, scales)), strict=True):
+        found[place] = fits
     return found
 
 
@@ -140,148 +152,233 @@ def most_likely(fits: list[TagFit]) -> Pose | None:
         return None
     best = min(fits, key=lambda fit: fit.cost)
     covariance = best.covariance.copy()
-    for other in fits:
-        if other is not best:
+    others = [fit for fit in fits if fit is not best]
+    if others:
+        aparts = logs(inverses(best.pose) @ np.array([other.pose for other in others]))
+        for other, apart in zip(others, aparts, strict=True):
             doubt = 1.0 / (1.0 + math.exp(min(0.5 * (other.cost - best.cost), _CERTAIN)))
-            apart = log(best.pose.inverse() @ other.pose)
             covariance += doubt * np.outer(apart, apart)
-    return best.pose.with_covariance(covariance)
+    rotation = quaternions.from_matrix(best.pose[:3, :3].tolist())
+    return Pose(best.pose[:3, 3], rotation, covariance=covariance)
 
 
-class _TagProblem:
-    """Corners, depth and size of one tag as a least squares problem in the pose and the logarithm of the scale."""
+class _Fits(NamedTuple):
+    """What came of the starts of n tags."""
 
-    def __init__(
-        self, tag: Tag, intrinsics: Intrinsics, tag_size: float, size_std: float | None, plane: _Plane | None
-    ) -> None:
-        self._tag, self._intrinsics, self._plane = tag, intrinsics, plane
-        self._square = square = tag_corners(tag_size)
-        self._size_std = size_std
-        self._by_twist = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), -skew(square), square[:, :, None]], axis=-1)
-        """(4, 3, 7) derivative of the corners in the tag's frame by a twist and the scale, at a scale of 1"""
+    poses: Array
+    """(n, starts, 4, 4)"""
+    covariances: Array
+    """(n, starts, 6, 6)"""
+    costs: Array
+    """(n, starts); infinite where there is no pose before the camera, or none of a square"""
 
-    def solve(self, pose: Pose, scale: float) -> TagFit | None:
-        """The most likely pose near a start (and a logarithm of the scale); None if there is none before the camera."""
+
+def _different(fits: _Fits) -> list[list[TagFit]]:
+    """Of each tag the fits without repetitions, the most likely one first."""
+    order = np.argsort(fits.costs, axis=1, kind="stable")
+    poses, covariances, costs = (np.take_along_axis(values, _as_index(order, values), axis=1) for values in fits)
+    new = np.isfinite(costs)
+    inverse = inverses(poses)
+    for later in range(1, _STARTS):
+        for earlier in range(later):
+            both = np.flatnonzero(new[:, later] & new[:, earlier])
+            apart = logs(inverse[both, later] @ poses[both, earlier])
+            information = np.linalg.solve(covariances[both, later], apart[:, :, None])[..., 0]
+            new[both[(apart * information).sum(axis=1) <= _SAME**2], later] = False
+    return [
+        [TagFit(poses[tag, start], covariances[tag, start], float(costs[tag, start])) for start in np.flatnonzero(kept)]
+        for tag, kept in enumerate(new)
+    ]
+
+
+def _as_index(order: NDArray[np.int64], values: Array) -> NDArray[np.int64]:
+    return order.reshape(*order.shape, *[1] * (values.ndim - 2))
+
+
+class _TagProblem(NamedTuple):
+    """Corners, depth and sizes of n tags as least squares problems in the poses and the logarithms of the scales."""
+
+    corners: Array
+    """(n, 4, 2) px"""
+    corner_stds: Array
+    """(n,) px"""
+    intrinsics: Intrinsics
+    sizes: Array
+    """(n,) m, sides"""
+    size_stds: Array
+    """(n,) of the logarithm of the scale; infinite where the size tells nothing"""
+    planes: Array
+    """(n, 3) 1/m, p of the depth"""
+    plane_information: Array
+    """(n, 3, 3) m^2, 0 without depth"""
+
+    def solve(self, starts: Array, scales: Array) -> _Fits:
+        """The most likely poses near starts (n, k, 4, 4) with logarithms of scales (n, k); NaN where there is none."""
+        shape = scales.shape
+        poses, scales = starts.reshape(-1, 4, 4).copy(), scales.reshape(-1).copy()
+        costs, missed = np.full(len(poses), np.inf), np.full(len(poses), np.inf)
+        covariances = np.full((len(poses), 7, 7), np.nan)
+        moving = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         for _ in range(_STEPS):
-            linear = self._linear(pose, scale)
-            if linear is None:
-                return None
-            information, gradient, cost, missed = linear
-            try:
-                covariance = np.linalg.inv(information)
-            except np.linalg.LinAlgError:
-                return None
-            step = covariance @ gradient
-            pose, scale = pose @ exp(step[:6]), scale + float(step[6])
-            if gradient @ step < _SETTLED**2:
+            if len(moving) == 0:
                 break
-        return TagFit(pose, np.asarray(covariance[:6, :6], np.float64), cost, missed)
+            information, gradient, cost, off = self._linear(moving // shape[1], poses[moving], scales[moving])
+            covariance = matrix_inverses(information)
+            costs[moving], missed[moving], covariances[moving] = cost, off, covariance
+            step = (covariance @ gradient[:, :, None])[..., 0]
+            poses[moving] = poses[moving] @ exps(step[:, :6])
+            scales[moving] += step[:, 6]
+            moving = moving[(gradient * step).sum(axis=1) >= _SETTLED**2]  # without those that have no step
+        failed = ~(missed < _NO_SQUARE) | ~np.isfinite(poses).all(axis=(1, 2))
+        costs[failed] = np.inf
+        return _Fits(poses.reshape(*shape, 4, 4), covariances[:, :6, :6].reshape(*shape, 6, 6), costs.reshape(shape))
 
-    def _linear(self, pose: Pose, scale: float) -> tuple[Array, Array, float, float] | None:
-        """Information (7, 7), gradient (7,), cost and what the corners miss, at a pose and a scale."""
-        size, rotation = math.exp(scale), pose.rotation_matrix
-        points = (size * self._square) @ rotation.T + pose.t
-        if not (np.isfinite(points).all() and points[:, 2].min() > 0.0):
-            return None
-        pixels, by_point = self._intrinsics.project_with_derivative(points)
-        by_twist = self._by_twist.copy()
-        by_twist[:, :, 3:] *= size
-        jacobian = (by_point @ (rotation @ by_twist)) / self._tag.corner_std
-        residual = (self._tag.corners - pixels) / self._tag.corner_std
-        if not np.isfinite(residual).all():
-            return None
-        off = np.sqrt((residual * residual).sum(axis=1))
-        weights = np.minimum(1.0, _LONG_TAIL / np.maximum(off, 1e-12))
-        information = np.einsum("n,nki,nkj->ij", weights, jacobian, jacobian)
-        gradient = np.einsum("n,nki,nk->i", weights, jacobian, residual)
-        cost = float(np.where(off < _LONG_TAIL, off**2, _LONG_TAIL * (2.0 * off - _LONG_TAIL)).sum())
-        missed = cost * (self._tag.corner_std / max(self._tag.corner_std, _FINEST)) ** 2
-        if self._plane is not None:
-            p, by_pose = _plane_of(rotation, pose.translation)
-            apart = self._plane.p - p
-            weighted = by_pose.T @ self._plane.information
-            information[:6, :6] += weighted @ by_pose
-            gradient[:6] += weighted @ apart
-            cost += float(apart @ self._plane.information @ apart)
-        if self._size_std is not None:
-            wrong = _WRONG_SIZE * self._size_std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
-            right = math.exp(-0.5 * (scale / self._size_std) ** 2)
-            weight = right / (right + wrong) / self._size_std**2  # none if the size that was told is plainly wrong
-            information[6, 6] += weight
-            gradient[6] -= weight * scale
-            cost -= 2.0 * math.log(right + wrong)
-        return information, gradient, cost, missed
+    def _linear(self, tags: NDArray[np.int64], poses: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
+        """Information (m, 7, 7), gradient (m, 7), costs (m,) and what corners miss (m,), at poses and scales of tags.
+
+        NaN where a corner is not before the camera, or nowhere in its image.
+        """
+        square, rotations = np.exp(scales)[:, None, None] * self._squares(tags), poses[:, :3, :3]
+        points = square @ np.swapaxes(rotations, 1, 2) + poses[:, None, :3, 3]
+        points[~(points[..., 2].min(axis=1) > 0.0)] = np.nan
+        pixels, by_point = self.intrinsics.project_with_derivative(points)
+        by_twist = np.zeros((*square.shape, 7))
+        by_twist[..., :3], by_twist[..., 3:6], by_twist[..., 6] = np.eye(3), -skew(square), square
+        stds = self.corner_stds[tags]
+        jacobian = (by_point @ (rotations[:, None] @ by_twist)) / stds[:, None, None, None]
+        residual = (self.corners[tags] - pixels) / stds[:, None, None]
+        off = np.sqrt((residual**2).sum(axis=2))
+        weights = np.repeat(np.minimum(1.0, _LONG_TAIL / np.maximum(off, 1e-12)), 2, axis=1)
+        rows = jacobian.reshape(-1, 8, 7)
+        weighted = np.swapaxes(rows * weights[..., None], 1, 2)
+        information = weighted @ rows
+        gradient = (weighted @ residual.reshape(-1, 8, 1))[..., 0]
+        cost = np.where(off < _LONG_TAIL, off**2, _LONG_TAIL * (2.0 * off - _LONG_TAIL)).sum(axis=1)
+        missed = cost * (stds / np.maximum(stds, _FINEST)) ** 2
+        cost = cost + self._add_depth(tags, poses, information, gradient)
+        return information, gradient, cost + self._add_size(tags, scales, information, gradient), missed
+
+    def _squares(self, tags: NDArray[np.int64]) -> Array:
+        """(m, 4, 3) m, corners in the frames of tags."""
+        return self.sizes[tags][:, None, None] * tag_corners(1.0)
+
+    def _add_depth(self, tags: NDArray[np.int64], poses: Array, information: Array, gradient: Array) -> Array:
+        """The costs (m,) of what depth tells of tags; its information and gradient are added in place."""
+        p, by_pose = _planes_of(poses)
+        apart = self.planes[tags] - p
+        weighted = np.swapaxes(by_pose, 1, 2) @ self.plane_information[tags]
+        information[:, :6, :6] += weighted @ by_pose
+        gradient[:, :6] += (weighted @ apart[:, :, None])[..., 0]
+        return np.asarray(np.einsum("ni,nij,nj->n", apart, self.plane_information[tags], apart))
+
+    def _add_size(self, tags: NDArray[np.int64], scales: Array, information: Array, gradient: Array) -> Array:
+        """The costs (m,) of what sizes tell of tags; none if the size that was told is plainly wrong."""
+        std = self.size_stds[tags]
+        is_told = np.isfinite(std)
+        std = np.where(is_told, std, 1.0)
+        wrong = _WRONG_SIZE * std * math.sqrt(2.0 * math.pi) / (2.0 * math.log(_SIZE_RATIO))
+        right = np.exp(-0.5 * (scales / std) ** 2)
+        weight = np.where(is_told, right / (right + wrong) / std**2, 0.0)
+        information[:, 6, 6] += weight
+        gradient[:, 6] -= weight * scales
+        return np.where(is_told, -2.0 * np.log(right + wrong), 0.0)
 
 
-def _plane_of(rotation: Array, centre: Array) -> tuple[Array, Array]:
-    """The p (3,) of a tag's plane p . X = 1, and its derivative (3, 6) by a right perturbation of the tag's pose."""
-    normal = rotation[:, 2]
-    distance = float(normal @ centre)
-    turned = np.concatenate([np.zeros((3, 3)), -rotation @ _ABOUT_NORMAL], axis=1)
-    moved = np.concatenate([normal @ rotation, np.zeros(3)]) + centre @ turned
-    return normal / distance, turned / distance - np.outer(normal, moved) / distance**2
+def _planes_of(poses: Array) -> tuple[Array, Array]:
+    """The p (n, 3) of tags' planes p . X = 1, and their derivatives (n, 3, 6) by right perturbations of poses."""
+    rotations, centres = poses[:, :3, :3], poses[:, :3, 3]
+    normals = rotations[:, :, 2]
+    distances = (normals * centres).sum(axis=1)[:, None]
+    turned = np.zeros((len(poses), 3, 6))
+    turned[:, :, 3:] = -rotations @ _ABOUT_NORMAL
+    moved = (centres[:, None] @ turned)[:, 0]
+    moved[:, :3] += (normals[:, None] @ rotations)[:, 0]
+    by_pose = turned / distances[..., None] - normals[:, :, None] * (moved / distances**2)[:, None]
+    return normals / distances, np.asarray(by_pose)
 
 
-def _perspective_starts(rays: Array, tag_size: float) -> list[Pose]:
-    """The two poses (one, or none) from which a square looks like that (IPPE, Collins and Bartoli 2014)."""
-    try:
-        _, rotations, translations, _ = cv2.solvePnPGeneric(
-            tag_corners(tag_size), np.ascontiguousarray(rays[:, :2]), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-        )
-    except cv2.error:
-        return []
-    found = zip(translations, rotations, strict=True)
-    vectors = [(t.ravel(), r.ravel()) for t, r in found if np.isfinite(t).all() and np.isfinite(r).all()]
-    return [Pose.from_rotvec(t, r) for t, r in vectors if t[2] > 0.0]
+def _perspective_starts(rays: Array, sizes: Array) -> Array:
+    """(n, starts, 4, 4) the two poses from which squares look like that (IPPE, Collins and Bartoli 2014).
+
+    NaN where there are less, and for the start that depth gives.
+    """
+    twists = np.full((len(rays), _STARTS, 6), np.nan)
+    for tag, (four, size) in enumerate(zip(rays, sizes, strict=True)):
+        try:
+            _, rotations, translations, _ = cv2.solvePnPGeneric(
+                tag_corners(size), np.ascontiguousarray(four[:, :2]), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+            )
+        except cv2.error:
+            continue
+        twists[tag, : len(rotations), :3] = np.reshape(translations, (-1, 3))
+        twists[tag, : len(rotations), 3:] = np.reshape(rotations, (-1, 3))
+    twists[~(np.isfinite(twists).all(axis=2) & (twists[..., 2] > 0.0))] = np.nan
+    starts = exps(np.concatenate([np.zeros((len(rays) * _STARTS, 3)), twists[..., 3:].reshape(-1, 3)], axis=1))
+    starts[:, :3, 3] = twists[..., :3].reshape(-1, 3)
+    return starts.reshape(len(rays), _STARTS, 4, 4)
 
 
-def _plane(
-    tag: Tag, rays: Array, depth: NDArray[np.float32], intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
-) -> DepthPlane | None:
-    """The tag's plane, unless the depth there contradicts the tag's size."""
-    plane = fit_depth_plane(
-        tag.corners,
+def _no_planes(count: int) -> DepthPlanes:
+    return DepthPlanes(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
+
+
+def _planes(
+    corners: Array, rays: Array, depth: NDArray[np.float32], intrinsics: Intrinsics, sizes: Array, noise: NoiseModel
+) -> DepthPlanes:
+    """The tags' planes, unless the depth there contradicts their sizes."""
+    planes = fit_depth_planes(
+        corners,
         depth,
         intrinsics,
         noise_floor=noise.inverse_depth_floor,
         correlation=noise.depth_correlation,
     )
-    if plane is None:
-        return None
-    return plane if 1.0 / _SIZE_RATIO < _side(plane, rays) / tag_size < _SIZE_RATIO else None
+    ratios = _sides(planes, rays) / sizes
+    planes.p[~((ratios > 1.0 / _SIZE_RATIO) & (ratios < _SIZE_RATIO))] = np.nan
+    return planes
 
 
-def _side(plane: DepthPlane, rays: Array) -> float:
-    """m, mean side of what has its corners on rays (4, 3) in a plane."""
-    points = plane.points(rays)
-    return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).mean())
+def _sides(planes: DepthPlanes, rays: Array) -> Array:
+    """(n,) m, mean sides of what has its corners on rays (n, 4, 3) in planes."""
+    points = planes.points(rays)
+    return np.asarray(np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2).mean(axis=1))
 
 
-def _plane_covariance(plane: DepthPlane, rays: Array, tag_size: float, noise: NoiseModel) -> Array:
-    """(3, 3) of p, with the systematic errors of depth, for a tag whose corners are on rays (4, 3).
+def _plane_covariances(planes: DepthPlanes, rays: Array, sizes: Array, noise: NoiseModel) -> Array:
+    """(n, 3, 3) of p, with the systematic errors of depth, for tags whose corners are on rays (n, 4, 3).
 
     A bias b of the depth z scales p by b / z: the tag moves along its ray. If b is the same for the whole tag, or
     grows with z^2 (a shift of disparity), the ends of a tilted tag move unequally: that adds or takes
     (p - e_z / z) b / z. A ripple tilts the plane about the middle of the tag, along x and y of the image.
     """
-    centre = plane.points(rays).mean(axis=0)
-    distance = float(centre[2])
-    covariance = plane.covariance.copy()
-    for direction in (plane.p, plane.p - (0.0, 0.0, 1.0 / distance)):
-        covariance += (noise.depth_bias_std / distance) ** 2 * np.outer(direction, direction)
-    slope = noise.depth_ripple_std / (0.5 * tag_size * distance)  # 1/m, of inverse depth over a unit of the ray
-    for direction in (np.array([1.0, 0.0, -centre[0] / distance]), np.array([0.0, 1.0, -centre[1] / distance])):
-        covariance += slope**2 * np.outer(direction, direction)
-    return covariance
+    centres = planes.points(rays).mean(axis=1)
+    distances = centres[:, 2:]
+    bias = noise.depth_bias_std / distances
+    slope = noise.depth_ripple_std / (0.5 * sizes[:, None] * distances)  # 1/m, of inverse depth over a unit of the ray
+    across = np.eye(3)[None] - np.eye(3)[2] * (centres / distances)[..., None]
+    directions = np.stack(
+        [
+            bias * planes.p,
+            bias * (planes.p - np.eye(3)[2] / distances),
+            slope * across[:, 0],
+            slope * across[:, 1],
+        ],
+        axis=2,
+    )
+    return np.asarray(planes.covariance + directions @ np.swapaxes(directions, 1, 2))
 
 
-def _pose_on_plane(rays: Array, plane: DepthPlane, tag_size: float) -> Pose:
-    """The pose that the plane and the corners' rays (4, 3) give: axes by Procrustes (Schonemann 1966)."""
-    points = plane.points(rays)
-    centre = points.mean(axis=0)
-    offsets, square, normal = points - centre, tag_corners(tag_size), plane.normal
-    x = square[:, 0] @ offsets + square[:, 1] @ np.cross(offsets, normal)
-    x -= normal * (normal @ x)
-    x /= np.linalg.norm(x)
-    rotation = np.column_stack([x, np.cross(normal, x), normal])
-    return Pose(centre, quaternions.from_matrix(rotation.tolist()))
+def _poses_on_planes(rays: Array, planes: DepthPlanes, sizes: Array) -> Array:
+    """(n, 4, 4) the poses that planes and the corners' rays (n, 4, 3) give: axes by Procrustes (Schonemann 1966)."""
+    points = planes.points(rays)
+    centres = points.mean(axis=1)
+    offsets, normals = points - centres[:, None], planes.normals
+    square = sizes[:, None, None] * tag_corners(1.0)
+    by_x, by_y = (np.einsum("nk,nki->ni", square[..., axis], offsets) for axis in (0, 1))
+    x = by_x + np.cross(by_y, normals)
+    x -= normals * (normals * x).sum(axis=1, keepdims=True)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    poses = np.tile(np.eye(4), (len(rays), 1, 1))
+    poses[:, :3, :3] = np.stack([x, np.cross(normals, x), normals], axis=2)
+    poses[:, :3, 3] = centres
+    return poses

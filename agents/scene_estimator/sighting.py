@@ -80,11 +80,11 @@ class FrameSource:
     def _sightings(
         self, tags: list[Tag], depth: NDArray[np.float32] | None, intrinsics: Intrinsics, stamp: float
     ) -> list[Sighting]:
+        objects = [self._object_size(tag.marker_id) for tag in tags]
+        sides = [self._tag_ratio * min(width, length) for width, length, _ in objects]
+        poses = self._follower.poses(tags, depth, intrinsics, sides, stamp)
         sightings = []
-        for tag in tags:
-            width, length, height = self._object_size(tag.marker_id)
-            tag_size = self._tag_ratio * min(width, length)
-            camera_from_tag = self._follower.pose(tag, depth, intrinsics, tag_size, stamp)
+        for tag, (_, _, height), camera_from_tag in zip(tags, objects, poses, strict=True):
             if camera_from_tag is not None:
                 camera_from_object = camera_from_tag @ Pose((0.0, 0.0, -0.5 * height))
                 sightings.append(Sighting(tag.marker_id, camera_from_object.with_stamp(stamp)))

@@ -62,6 +62,8 @@ class Answers(msgspec.Struct, frozen=True):
     answers: list[Answer]
     questions: int
     """Things that it was told of, at all moments; of actions: actions."""
+    never_seen: list[Answer] = []
+    """Of what no camera had seen yet: in neither of those above."""
 
 
 class RunScores(msgspec.Struct, frozen=True):
@@ -154,19 +156,31 @@ def _told(speaker: str, said: Statement, spec: ObjectSpec, truth: Pose | None) -
 
 
 def _relations(history: History, window: Sequence[Sample], worlds: Mapping[float, ToldWorlds]) -> list[Answers]:
-    """Of each kind, of all pairs that were told or are so: the weight of the worlds in which they hold."""
+    """Of each kind, of all pairs that were told or are so: the weight of the worlds in which they hold.
+
+    A pair is a statement of the thing that is held, inside or on something.
+    """
     truths = TrueRelations(history.scenario)
     kinds = {"on": truths.on, "in": truths.inside, "grasping": true_holders}
+    ever_seen = _ever_seen(history, window)
     found = []
     for kind, true_of in kinds.items():
-        answers: list[Answer] = []
-        for sample in window:
+        answers: dict[bool, list[Answer]] = {True: [], False: []}
+        for sample, seen in zip(window, ever_seen, strict=True):
             true, ignored = true_of(sample)
             said = {pair: told for pair, told in worlds[sample.time].relations[kind].items() if pair not in ignored}
-            answers += [Answer(said.get(pair, 0.0), pair in true) for pair in sorted(said.keys() | true)]
-        questions = sum(len(sample.truth) for sample in window)
-        found.append(Answers(kind, answers, questions))
+            for pair in sorted(said.keys() | true):
+                name = pair[1] if kind == "grasping" else pair[0]
+                answers[name in seen].append(Answer(said.get(pair, 0.0), pair in true))
+        questions = sum(len(sample.truth.keys() & seen) for sample, seen in zip(window, ever_seen, strict=True))
+        found.append(Answers(kind, answers[True], questions, answers[False]))
     return found
+
+
+def _ever_seen(history: History, window: Sequence[Sample]) -> list[frozenset[str]]:
+    """Names of the things that the camera has seen up to each sample of the window."""
+    seen = frozenset[str]().union(*(sample.in_view for sample in history.window(0.0, history.scenario.settle)))
+    return [seen := seen | sample.in_view for sample in window]
 
 
 def _actions(history: History) -> Answers:

@@ -65,7 +65,9 @@ class NearScores(msgspec.Struct, frozen=True, kw_only=True):
     untouched: float | None
     """Share of those at which it rests unseen, untouched since it was seen at rest, believed within `NEAR_UNSEEN`."""
     contained: float | None
-    """Share of the true relations `in` that are told."""
+    """Share of the true relations `in` that are told, of what was seen before."""
+    contained_never_seen: float | None
+    """The same of what no camera had seen yet."""
 
 
 class Failures(msgspec.Struct, frozen=True, kw_only=True):
@@ -114,9 +116,10 @@ def regions(runs: Iterable[RunScores], speaker: str, seen: Seen) -> list[float]:
     return [region for region in found if region is not None]
 
 
-def answers_of(runs: Iterable[RunScores], kind: str) -> list[Answer]:
-    """All answers of one kind."""
-    return [answer for run in runs for told in run.answers if told.kind == kind for answer in told.answers]
+def answers_of(runs: Iterable[RunScores], kind: str, *, never_seen: bool = False) -> list[Answer]:
+    """All answers of one kind: of what was seen before, or of what no camera had seen yet."""
+    chosen = (told for run in runs for told in run.answers if told.kind == kind)
+    return [answer for told in chosen for answer in (told.never_seen if never_seen else told.answers)]
 
 
 def _places(family: str, runs: Sequence[RunScores]) -> list[PlaceScores]:
@@ -181,13 +184,17 @@ def _near(family: str, runs: Sequence[RunScores]) -> NearScores:
     moments = [moment for run in runs for moment in run.moments]
     seen = [told_by(one, "belief") for one in moments if one.seen == "seen" and one.doing == "rests"]
     untouched = [told_by(one, "belief") for one in moments if one.untouched]
-    contents = [answer for answer in answers_of(runs, "in") if answer.is_so]
     return NearScores(
         family=family,
         seen_at_rest=_share([_is_near(told, NEAR_SEEN) for told in seen]),
         untouched=_share([_is_near(told, NEAR_UNSEEN) for told in untouched]),
-        contained=_share([answer.probability > 0.5 for answer in contents]),
+        contained=_told_share(answers_of(runs, "in")),
+        contained_never_seen=_told_share(answers_of(runs, "in", never_seen=True)),
     )
+
+
+def _told_share(answers: Sequence[Answer]) -> float | None:
+    return _share([answer.probability > 0.5 for answer in answers if answer.is_so])
 
 
 def _is_near(told: Told, limit: float) -> bool:

@@ -106,11 +106,12 @@ def _relation_row(scores: RelationScores) -> list[str]:
     return [scores.family, scores.kind, f"{scores.brier:.4f}", f"{scores.silent:.4f}", wrong]
 
 
-_NEAR_HEADINGS = ["family", "rests in view: 5 mm", "untouched unseen: 20 mm", "in the right thing"]
+_NEAR_HEADINGS = ["family", "rests in view: 5 mm", "untouched unseen: 20 mm", "in the right thing", "never seen"]
 
 
 def _near_row(scores: NearScores) -> list[str]:
-    return [scores.family, _percent(scores.seen_at_rest), _percent(scores.untouched), _percent(scores.contained)]
+    inside = (scores.contained, scores.contained_never_seen)
+    return [scores.family, *map(_percent, (scores.seen_at_rest, scores.untouched, *inside))]
 
 
 _FAILURE_HEADINGS = ["family", "misses", "of these", "worst"]

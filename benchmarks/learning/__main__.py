@@ -20,9 +20,11 @@ from rich.progress import track
 from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED
 from agents.scenario.options import parse_seeds
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import learn_parameters, load_episodes
+from benchmarks.learning.learn import learn_circumstances, learn_parameters, load_episodes
 from benchmarks.learning.recorded import record_episode
-from simulation_handler.worlds.parameters import FILE, learned_parameters
+from dsr.believing.absence import LEARNED
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES
+from simulation_handler.worlds.parameters import learned_parameters
 
 TUNING = [name for name, family in FAMILIES.items() if family.purpose == "tuning"]
 
@@ -38,7 +40,13 @@ def main() -> None:
     elif options.command == "judge":
         Console(width=_WIDTH).print(table_of(judge_episodes(load_episodes(options.folder), learned_parameters())))
     else:
-        options.output.write_text(learn_parameters(options.folder, Console(stderr=True).print), encoding="utf-8")
+        tell = Console(stderr=True).print
+        text = (
+            learn_circumstances(options.folder, options.only, LEARNED, tell)
+            if options.only
+            else learn_parameters(options.folder, tell)
+        )
+        options.output.write_text(text, encoding="utf-8")
 
 
 def record(folder: Path, families: list[str], seeds: list[int]) -> None:
@@ -59,7 +67,11 @@ def _parser() -> argparse.ArgumentParser:
     recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
     fitting = commands.add_parser("fit", help="learn by what was recorded")
-    fitting.add_argument("--output", type=Path, default=FILE, help=f"default: {FILE.name} of the package")
+    fitting.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
+    fitting.add_argument(
+        "--only", nargs="+", choices=CIRCUMSTANCES, metavar="CIRCUMSTANCE",
+        help="learn the noise of these alone, and keep all other values of the package",
+    )  # fmt: skip
     judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
     for command in (recording, fitting, judging):
         command.add_argument("--folder", type=Path, required=True, help="of the recorded episodes")

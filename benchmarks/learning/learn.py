@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -15,13 +16,15 @@ from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, IN_VIEW
-from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
+from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
 _RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
 
 Deviations = Mapping[str, Mapping[str, float]]
+Sources = Mapping[str, Sequence[str]]
+"""Names of the episodes, by `episodes` and by circumstances that were learned by others"""
 
 
 def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
@@ -29,11 +32,29 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
     tell(f"{len(episodes)} episodes")
     begun = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, ELSEWHERE, WITHIN)
-    noise, deviations = _learn_noise(episodes, begun, tell)
+    noise, deviations = _learn_noise(episodes, begun, CIRCUMSTANCES, tell)
     holding = learn_holding((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
     known = msgspec.structs.replace(begun, noise=noise, holding=holding)
     parameters, errors = learn_rates(episodes, known, tell)
-    return toml_of(parameters, deviations, errors, [episode.name for episode in episodes])
+    return toml_of(parameters, deviations, errors, {"episodes": [episode.name for episode in episodes]})
+
+
+def learn_circumstances(folder: Path, circumstances: Sequence[str], file: Path, tell: Callable[[str], None]) -> str:
+    """Learn the noise of some circumstances alone, and keep all other values of `file`; the TOML file.
+
+    Raises:
+        ConfigError: for a file whose values do not fit.
+    """
+    episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
+    tell(f"{len(episodes)} episodes")
+    known, told = learned_parameters(file), tomllib.loads(file.read_text(encoding="utf-8"))
+    noise, deviations = _learn_noise(episodes, known, circumstances, tell)
+    parameters = msgspec.structs.replace(known, noise={**known.noise, **noise})
+    errors = {
+        (group, name): error for group, of in told["errors"].items() if group != "noise" for name, error in of.items()
+    }
+    anew = {circumstance: [episode.name for episode in episodes] for circumstance in noise}
+    return toml_of(parameters, {**told["errors"]["noise"], **deviations}, errors, {**told["source"], **anew})
 
 
 def load_episodes(folder: Path) -> Iterator[Episode]:
@@ -49,13 +70,13 @@ def _is_for_tuning(episode: Episode) -> bool:
 
 
 def _learn_noise(
-    episodes: Sequence[Episode], begun: WorldParameters, tell: Callable[[str], None]
+    episodes: Sequence[Episode], begun: WorldParameters, circumstances: Sequence[str], tell: Callable[[str], None]
 ) -> tuple[dict[str, PlaceNoise], dict[str, dict[str, float]]]:
-    """The noise of each circumstance, and standard errors of the logarithms of its values."""
+    """The noise of each of some circumstances, and standard errors of the logarithms of its values."""
     errors = errors_of((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
     noise, deviations = {}, {}
     rng = np.random.default_rng(0)
-    for circumstance in CIRCUMSTANCES:
+    for circumstance in circumstances:
         found = errors.get(circumstance)
         seen = circumstance in IN_VIEW
         noise[circumstance] = START if found is None else learn_noise(_thinned(found), is_in_view=seen)
@@ -86,7 +107,7 @@ def _resampled(errors: Errors, rng: np.random.Generator) -> Errors:
     return errors.of(np.concatenate([np.flatnonzero(errors.episode == number) for number in drawn]))
 
 
-def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector, episodes: Sequence[str]) -> str:
+def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector, sources: Sources) -> str:
     """The file: parameters, and below them the standard errors of their logarithms (or logits)."""
     lines = [
         "# Learned parameters of the weighted worlds: `python -m benchmarks.learning fit` writes this file.",
@@ -103,7 +124,9 @@ def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector,
         lines += _table(f'errors.noise."{circumstance}"', told)
     for group in ("rates", "absence", "elsewhere", "within"):
         lines += _table(f"errors.{group}", {name: error for (of, name), error in errors.items() if of == group})
-    lines += ["[source]", f"episodes = {msgspec.json.encode(list(episodes)).decode()}", ""]
+    lines += ["# The episodes that were learned by; of circumstances that were learned later, those.", "", "[source]"]
+    lines += [f'"{name}" = {msgspec.json.encode(list(episodes)).decode()}' for name, episodes in sources.items()]
+    lines.append("")
     return "\n".join(lines)
 
 

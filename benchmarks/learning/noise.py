@@ -49,7 +49,8 @@ class Errors:
     age: Array
     moved: Array
     velocity: Array
-    """(n,) s, (n,) m and (n, 3) m/s, as of `position_covariance`"""
+    reach: Array
+    """(n,) s, (n,) m, (n, 3) m/s and (n,) m, as of `position_covariance`"""
     places: Array
     """(n, 3) m, from the simulated to the true place, world frame"""
     turns: Array
@@ -84,7 +85,8 @@ def errors_of(episodes: Iterable[tuple[Sequence[Recorded], WeightedWorlds]]) -> 
                 own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
                 turn = _turn(pose, truth) if name in moment.tagged else _UNKNOWN
                 found[followed.circumstance].append(
-                    (*own, followed.age, followed.moved, followed.velocity, np.subtract(truth.t, pose.t), turn,
+                    (*own, followed.age, followed.moved, followed.velocity, followed.reach,
+                     np.subtract(truth.t, pose.t), turn,
                      *_seen(followed, truth, is_tagged=name in moment.tagged), number)
                 )  # fmt: skip
     return {key: Errors(*map(np.array, zip(*rows, strict=True))) for key, rows in found.items()}
@@ -135,7 +137,9 @@ def log_densities(errors: Errors, noise: PlaceNoise, astray: float) -> Array:
     `astray` is the logit of the probability of something else than the simulation has: alternatives tell of it.
     """
     known = np.isfinite(errors.turns[:, 0])
-    covariance = position_covariance(noise, errors.own_places, errors.age, errors.moved, errors.velocity)
+    covariance = position_covariance(
+        noise, errors.own_places, errors.age, errors.moved, errors.velocity, errors.reach
+    )
     turning = rotation_covariance(noise, errors.own_turns, errors.moved)
     distances, scale = _fit(errors.places, covariance, errors.turns, turning)
     levels = [

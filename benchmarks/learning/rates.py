@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.learning.judged import Episode, log_scores
-from simulation_handler.worlds.parameters import Absence, Elsewhere, Rates, Within, WorldParameters
+from dsr.believing.absence import Absence
+from simulation_handler.worlds.parameters import Elsewhere, Rates, Within, WorldParameters
 
 Array = NDArray[np.float64]
 

@@ -65,8 +65,8 @@ def run(folder: Path) -> Outcome:
     noise = changed(NoiseModel(size_std=1e-3), blur=_BLUR)  # the sizes of these tags are right to 0.1 %
     follower, still = TagFollower(noise), TagFollower(changed(noise, blur=0.0))
     methods: dict[str, Callable[[float, Tag], Pose | None]] = {
-        "ours": lambda stamp, tag: follower.pose(tag, None, block.lens, block.side, stamp),
-        "as if sharp": lambda stamp, tag: still.pose(tag, None, block.lens, block.side, stamp),
+        "ours": lambda stamp, tag: follower.poses([tag], None, block.lens, [block.side], stamp)[0],
+        "as if sharp": lambda stamp, tag: still.poses([tag], None, block.lens, [block.side], stamp)[0],
         "each by itself": lambda _, tag: estimate_tag_pose(tag, None, block.lens, block.side, noise),
         "OpenCV, IPPE": lambda _, tag: _ippe(block, tag),
     }

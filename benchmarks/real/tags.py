@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
+from agents.scene_estimator.depth_plane import DepthPlanes, fit_depth_planes
 from agents.scene_estimator.detection import Tag, TagDetector, tag_corners
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
 from benchmarks.real.drawing import closeup, draw_tag
@@ -160,8 +160,9 @@ def _plane(shot: _Shot, noise: NoiseModel) -> Pose | None:
     plane = _plane_of(shot, noise)
     if plane is None:
         return None
-    turn = np.cross((0.0, 0.0, 1.0), plane.normal)
-    angle = math.acos(float(np.clip(plane.normal[2], -1.0, 1.0)))
+    (normal,) = plane.normals
+    turn = np.cross((0.0, 0.0, 1.0), normal)
+    angle = math.acos(float(np.clip(normal[2], -1.0, 1.0)))
     return Pose.from_rotvec((0.0, 0.0, 1.0), turn / max(float(np.linalg.norm(turn)), 1e-12) * angle)
 
 
@@ -170,13 +171,15 @@ def _farther(shot: _Shot, noise: NoiseModel) -> float | None:
     plane, sized = _plane_of(shot, noise), _ours(shot, noise, depth=False)
     if plane is None or sized is None:
         return None
-    return float((plane.points(LENS.rays(shot.tag.corners))[:, 2].mean()) - sized.translation[2])
+    return float(plane.points(LENS.rays(shot.tag.corners)[None])[..., 2].mean() - sized.translation[2])
 
 
-def _plane_of(shot: _Shot, noise: NoiseModel) -> DepthPlane | None:
-    return fit_depth_plane(
-        shot.tag.corners, shot.depth, LENS, noise_floor=noise.inverse_depth_floor, correlation=noise.depth_correlation
-    )
+def _plane_of(shot: _Shot, noise: NoiseModel) -> DepthPlanes | None:
+    """One plane; None without depth there."""
+    floor, correlation = noise.inverse_depth_floor, noise.depth_correlation
+    corners = shot.tag.corners[None]
+    planes = fit_depth_planes(corners, shot.depth, LENS, noise_floor=floor, correlation=correlation)
+    return planes if planes.exist.all() else None
 
 
 def _ippe(shot: _Shot) -> Pose | None:

@@ -148,10 +148,18 @@ class Store:
         return [dot for dots in examined for dot in self.order.between(*dots) if dot not in live]
 
     def _to_be_kept(self, delta: Delta) -> Delta:
-        """As an ordinary change: in the encoding of deltas a piece of a reply would stand for a whole one."""
-        if delta.examined is None:
+        """As an ordinary change: in the encoding of deltas a piece of a reply would stand for a whole one.
+
+        Additions of what was seen before are left out. Changes are kept in bundles, of which one may tell that a thing
+        was seen and is gone. An addition of this thing that came later would bring it back from there.
+        """
+        if delta.examined is None and delta.live is not None:
             return delta
-        return Delta(delta.adds, delta.writes, [*delta.removed, *self._absent(delta)], delta.context)
+        adds = [add for add in delta.adds if add.dot not in self.context]
+        if delta.live is None and len(adds) == len(delta.adds):
+            return delta
+        removed = [*delta.removed, *self._absent(delta)] if delta.live is not None else delta.removed
+        return Delta(adds, delta.writes, removed, delta.context)
 
     def _remove(self, dot: Dot) -> None:
         """A removal is final for its dot, also when it arrives before the addition."""

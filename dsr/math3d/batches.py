@@ -44,6 +44,34 @@ def adjoints(matrices: Array) -> Array:
     return result
 
 
+def exps(twists: Array) -> Array:
+    """The transforms (n, 4, 4) whose logarithms are the twists (n, 6); Barfoot and Furgale 2014."""
+    phi = twists[:, 3:]
+    squared = (phi**2).sum(axis=1)
+    is_small = squared < _SMALL_ANGLE**2
+    safe = np.where(is_small, 1.0, squared)
+    angle = np.sqrt(safe)
+    first = np.where(is_small, 1.0 - squared / 6.0, np.sin(angle) / angle)[:, None, None]
+    second = np.where(is_small, 0.5 - squared / 24.0, (1.0 - np.cos(angle)) / safe)[:, None, None]
+    third = np.where(is_small, 1.0 / 6.0 - squared / 120.0, (1.0 - first[:, 0, 0]) / safe)[:, None, None]
+    turns = skew(phi)
+    twice = turns @ turns
+    result = np.zeros((len(twists), 4, 4))
+    result[:, :3, :3] = np.eye(3) + first * turns + second * twice
+    result[:, :3, 3] = ((np.eye(3) + second * turns + third * twice) @ twists[:, :3, None])[..., 0]
+    result[:, 3, 3] = 1.0
+    return result
+
+
+def matrix_inverses(matrices: Array) -> Array:
+    """The inverses of any square matrices (n, k, k); NaN of those that have none."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        regular = np.isfinite(matrices).all(axis=(1, 2)) & (np.linalg.det(matrices) != 0.0)
+    result = np.full_like(matrices, np.nan)
+    result[regular] = np.linalg.inv(matrices[regular])
+    return result
+
+
 def logs(matrices: Array) -> Array:
     """Twists (n, 6) of transforms (n, 4, 4), with angles of at most pi; Barfoot and Furgale 2014."""
     phi = rotvecs(matrices[:, :3, :3])

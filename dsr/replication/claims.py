@@ -127,7 +127,7 @@ class Claims:
         strangers = [rid for rid in ranges if not context.knows(rid)]
         if len(strangers) <= room:
             return reply
-        named = {dot[0] for dot in dots_of(reply, ranges=False)}
+        named = {dot[0] for dot in dots_of(reply)}
         left_out = set([rid for rid in sorted(strangers) if rid not in named][max(room, 0) :])
         self.passed_over += len(left_out)
         kept = [dots for dots in reply.context if dots[0] not in left_out]
@@ -169,12 +169,10 @@ class Claims:
             del self._early[sender]
 
 
-def dots_of(delta: Delta, *, ranges: bool = True) -> Iterable[Dot]:
-    """The dots of additions and durable writes, and the last ones of the ranges that a delta accounts for."""
+def dots_of(delta: Delta) -> Iterable[Dot]:
+    """The dots of additions and durable writes."""
     yield from (add.dot for add in delta.adds)
     yield from (write.dot for write in delta.writes if write.dot)
-    if ranges:
-        yield from ((rid, last) for rid, _, last in delta.context)
 
 
 def _other_than(sender: str, delta: Delta) -> str | None:
@@ -211,7 +209,7 @@ def _unaccounted(delta: Delta) -> int:
 
 def accounted_for(sender: str, delta: Delta, put_off: Iterable[Dot] = ()) -> list[DotRange]:
     """The sender's dots whose additions and writes are here, but those put off; those of removals are not known."""
-    return list(to_ranges({dot for dot in dots_of(delta, ranges=False) if dot[0] == sender}.difference(put_off)))
+    return list(to_ranges({dot for dot in dots_of(delta) if dot[0] == sender}.difference(put_off)))
 
 
 def without_word_of(rid: str, reply: Delta) -> Delta:
@@ -228,6 +226,9 @@ def without_word_of(rid: str, reply: Delta) -> Delta:
 
 def goes_beyond(rid: str, counter: int, delta: Delta, *, removals_only: bool = False) -> bool:
     """Whether somebody claims to have seen more of replica `rid` than the `counter` changes that it has made."""
-    if any(owner == rid and number > counter for owner, number in delta.removed):
-        return True
-    return not removals_only and any(owner == rid and last > counter for owner, last in dots_of(delta))
+    claimed = [dot for dot in delta.removed if dot[0] == rid]
+    if not removals_only:
+        claimed += [add.dot for add in delta.adds if add.dot[0] == rid]
+        claimed += [dot for write in delta.writes if (dot := write.dot) is not None and dot[0] == rid]
+        claimed += [(rid, last) for owner, _, last in delta.context if owner == rid]
+    return any(number > counter for _, number in claimed)

@@ -26,21 +26,15 @@ def portion(delta: Delta, part: str) -> Delta:
 
 
 def parts_in(delta: Delta) -> list[str]:
-    """Names of the parts that a delta is about, in the order of their first mention."""
-    return list(dict.fromkeys(part_of(rid) for rid in _named(delta)))
+    """Names of the parts that a delta is about: those of additions first."""
+    return list(dict.fromkeys(map(part_of, _named(delta))))
 
 
 def _named(delta: Delta) -> Iterable[str]:
-    """Replica ids of all dots that a delta changes or accounts for."""
-    for add in delta.adds:
-        yield add.dot[0]
-    for write in delta.writes:
-        yield write.owner[0]
-        if write.dot is not None:
-            yield write.dot[0]
-    for dot in delta.removed:
-        yield dot[0]
-    for rid, _, _ in delta.context:
-        yield rid
-    for rid, _, _ in delta.examined or ():
-        yield rid
+    """Replica ids of all dots that a delta changes or accounts for, each once."""
+    rids = dict.fromkeys([add.dot[0] for add in delta.adds])
+    rids |= dict.fromkeys([write.owner[0] for write in delta.writes])
+    rids |= dict.fromkeys([dot[0] for write in delta.writes if (dot := write.dot) is not None])
+    for dots in (delta.removed, delta.context, delta.examined or ()):
+        rids |= dict.fromkeys([each[0] for each in dots])
+    return rids

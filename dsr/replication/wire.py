@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 import math
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import msgspec
@@ -350,25 +350,20 @@ def _to_value(raw: msgspec.Raw) -> Any:
     kind = type(value)
     if kind is msgspec.msgpack.Ext:
         return _decode_extension(value.code, value.data)
-    if kind is bool:
+    if kind is list:
+        if len(value) <= MAX_LENGTH and (math.isfinite(sum(value)) or all(map(math.isfinite, value))):
+            return tuple(value)
+    elif kind is str or kind is bytes:
+        if len(value) <= MAX_LENGTH:
+            return value
+    elif kind is float:
+        if math.isfinite(value):
+            return value
+    elif value is None:
+        return TOMBSTONE
+    elif kind is bool or -(1 << 63) <= value < (1 << 63):
         return value
-    if not _IS_ALLOWED[kind](value):
-        raise ValueError(f"a {kind.__name__} that no attribute may have")
-    return tuple(value) if kind is list else value if value is not None else TOMBSTONE
-
-
-def _is_short(value: str | bytes) -> bool:
-    return len(value) <= MAX_LENGTH
-
-
-_IS_ALLOWED: dict[type, Callable[[Any], bool]] = {
-    float: math.isfinite,
-    type(None): lambda _: True,
-    int: lambda value: -(1 << 63) <= value < (1 << 63),
-    str: _is_short,
-    bytes: _is_short,
-    list: lambda value: len(value) <= MAX_LENGTH and all(map(math.isfinite, value)),
-}
+    raise ValueError(f"a {kind.__name__} that no attribute may have")
 
 
 def _check_numbers(raw: memoryview) -> None:

@@ -34,6 +34,7 @@ from dsr.worlds.registry import (
     ROOT,
     Record,
     WorldInfo,
+    are_one,
     circle_of,
     find_record,
     followers_of,
@@ -344,7 +345,7 @@ class Worlds(Generic[World]):
             _log.info("world %r was deleted", name)
             memory.drop()
             return
-        if record.info.looks_through_to != world_handle.record.info.looks_through_to:
+        if not are_one(record, world_handle.record):
             _log.warning("world %r was made elsewhere at the same time, and what was made here is dropped", name)
             memory.drop()
             return

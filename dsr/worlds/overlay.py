@@ -230,6 +230,8 @@ class Overlay(Graph, LayerObserver):
         key = key_of(element)
         if key in self._taken or self._concerns(element):
             self._show_others(key)
+        elif (shown := self._visible(key)) is not None:
+            self.watches.incarnations_changed(shown)  # overlays of this one may hide some of them
         if isinstance(key, str):
             self._refresh_edges_at(key)  # the layer may have had edges of these before
 

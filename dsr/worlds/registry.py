@@ -115,6 +115,18 @@ def read_record(node: Node) -> Record | None:
     return Record(info, stored.channel, frozenset(node.created), frozenset(stored.below))
 
 
+def are_one(record: Record, other: Record) -> bool:
+    """Whether two worlds of one name, made at the same time, become one: what they hold can be merged.
+
+    Overlays of one world can, and worlds that began empty or as the base. Any other copy may be one of an overlay. That
+    holds values of layers in place of newer ones, so it is no state of the history that another copy continues.
+    """
+    if record.info.looks_through_to != other.info.looks_through_to:
+        return False
+    same = record.channel == other.channel or record.info.follows
+    return same or {record.info.parent, other.info.parent} <= {None, BASE}
+
+
 def is_orphan(graph: Graph, record: Record) -> bool:
     """Whether the world that an overlay shows, or one that this shows, was deleted, or deleted and made anew."""
     passed: set[str] = set()

@@ -12,18 +12,15 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.tolerance import PoseTolerance
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
-from simulation_handler.contact.placement import Placement, given_height, place, separate
+from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning
-from simulation_handler.perception.percepts import Array
+from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
 from simulation_handler.scales import UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
-
-Scene = dict[str, Solid]
-"""Solids at their poses of this moment, by name."""
 
 
 class Correction:
@@ -78,7 +75,8 @@ class Correction:
             return
         scene = self._bodies.scene(leaving_out={item.name for item in changed})
         by_height = sorted(changed, key=lambda item: (self._height(item), item.name))
-        moving = [item for item in by_height if self._reconsider(item, scene, now)]
+        around = Neighbourhood(self._bodies, scene, self._config)
+        moving = [item for item in by_height if self._reconsider(item, scene, around, now)]
         self._realise(moving, scene, now)
 
     def _height(self, item: BelievedObject) -> float:
@@ -95,17 +93,17 @@ class Correction:
         has_place = item.name in self._bodies.sim
         return (item.estimate_at(now) if has_place else item.track.estimate) is not None
 
-    def _reconsider(self, item: BelievedObject, scene: Scene, now: float) -> bool:
+    def _reconsider(self, item: BelievedObject, scene: Scene, around: Neighbourhood, now: float) -> bool:
         """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
         item.notice_restart()
         if not item.shows_stance:
-            item.stance, item.is_sure_of_stance = self._stance(item, scene)
+            item.stance, item.is_sure_of_stance = self._stance(item, around)
         is_astray = self._bodies.has_left(item)
         if is_astray:
             item.strike(now)
-        placement = self._placed(item, scene)
+        placement = self._placed(item, scene, around)
         if self._is_unexplained(item, placement, now) and self._find_beneath(item, scene):
-            placement = self._placed(item, scene)
+            placement = self._placed(item, scene, around)
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
             item.adopt(self._confirmed(item, placement))
@@ -125,45 +123,21 @@ class Correction:
         scene = self._bodies.scene(leaving_out={item.name})
         return not separate([*scene.values(), solid], {item.name: 1.0})
 
-    def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
+    def _placed(self, item: BelievedObject, scene: Scene, around: Neighbourhood) -> Placement:
         percept = item.percept()
         above = self._bodies.above(item, percept.position)
         others = [solid for name, solid in scene.items() if name not in above]
         if item.prop is not None:
             others.append(item.prop)
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
-        return self._leaning.find(item, *self._without_own_bias(item), flat, self._around(item, scene)) or flat
+        return self._leaning.find(item, *self._bodies.without_own_bias(item), flat, around.of(item)) or flat
 
-    def _stance(self, item: BelievedObject, scene: Scene) -> tuple[Quaternion, bool]:
+    def _stance(self, item: BelievedObject, around: Neighbourhood) -> tuple[Quaternion, bool]:
         """How an object, whose percepts do not tell, is turned most likely by its height; and whether that is sure."""
-        percept, covariance = self._without_own_bias(item)
+        percept, covariance = self._bodies.without_own_bias(item)
         above = self._bodies.above(item, percept.position)
-        others = [solid for name, solid in self._around(item, scene).items() if name not in above]
+        others = [solid for name, solid in around.of(item).items() if name not in above]
         return likeliest_stance(percept, covariance, item.turning(), others, self._config)
-
-    def _around(self, item: BelievedObject, scene: Scene) -> Scene:
-        """The scene without an object, but with what is to be reconsidered after it; all where it is perceived.
-
-        What had to give way to the object is where it would be without that.
-        """
-        around = self._bodies.scene(leaving_out={item.name}) | scene
-        for name in around.keys() & self._bodies.objects.keys():
-            other, solid = self._bodies.objects[name], around[name]
-            if other.track.estimate is not None and not other.holder:
-                covariance = other.percept_covariance(self._config)
-                around[name] = solid.moved(given_height(other.percept().position, covariance, solid.position[2]))
-        return around
-
-    def _without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
-        """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.
-
-        What its own percepts told was learned from how it was taken to rest.
-        """
-        estimate = item.track.estimate
-        assert estimate is not None
-        mean, std = self._bodies.shared_bias(item)
-        x, y, z = estimate.corrected(mean).tolist()
-        return item.percept().moved((x, y, z)), estimate.total_covariance(std)
 
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""

@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 
 _LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
 _ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
-_EYE = np.eye(3)
 _DOWNWARDS = np.array((0.0, 0.0, -1.0))
 
 
@@ -43,10 +42,10 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
 
     Args:
         pose: its covariance (right perturbation, object frame) is turned into the world frame; without one,
-            the defaults of `config` apply.
+            it is as noisy as what `config` adds.
         stamp: s, when it was seen.
         seen_from: (3,) of the camera in the world, m; None means from right above.
-        config: the noise that is added, and the defaults.
+        config: the noise that is added.
 
     Raises:
         ValueError: for a covariance that none is: with a negative variance in some direction.
@@ -54,9 +53,7 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
     position = np.array(pose.t)
     ray = _DOWNWARDS if seen_from is None else _unit(position - seen_from)
     if pose.cov is None:
-        depth, lateral = config.default_depth_noise, config.default_lateral_noise
-        noise = lateral**2 * _EYE + (depth**2 - lateral**2) * np.outer(ray, ray)
-        turning = None
+        noise, turning = config.position_covariance(np.zeros((3, 3)), ray), None
     else:
         _check_covariance(pose)
         noise, turning = pose.parent_covariances()

@@ -10,6 +10,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import Array
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
@@ -176,6 +177,17 @@ class Bodies:
         known = [other.bias for other in others if other.bias is not None]
         left = 1.0 / (1.0 / shared + len(known) / own)
         return left * sum(known) / own, math.sqrt(left + own)
+
+    def without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
+        """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.
+
+        What its own percepts told was learned from how it was taken to rest.
+        """
+        estimate = item.track.estimate
+        assert estimate is not None
+        mean, std = self.shared_bias(item)
+        x, y, z = estimate.corrected(mean).tolist()
+        return item.percept().moved((x, y, z)), estimate.total_covariance(std)
 
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
-from simulation_handler.worlds.parameters import Absence, Rates, WorldParameters
+from simulation_handler.worlds.parameters import Rates, WorldParameters
 
 FOLLOWED = "followed"
 """The mode in which the simulation is right"""

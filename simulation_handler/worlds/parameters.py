@@ -8,11 +8,8 @@ from typing import Annotated
 
 import msgspec
 
+from dsr.believing.absence import LEARNED, Absence
 from dsr.config.toml import TomlFile
-from dsr.files.built_in import ETC
-
-FILE = ETC / "belief" / "worlds.toml"
-"""Written by `python -m benchmarks.learning`."""
 
 Amount = Annotated[float, msgspec.Meta(ge=0)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
@@ -74,17 +71,6 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, that it has left the scene when the explanation of its absence says so"""
 
 
-class Absence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How soon cameras recognise what they should see."""
-
-    rate: Amount
-    """1/s, of percepts of an object of which a share of 1 is to be seen"""
-    power: Amount
-    """1, exponent of the share in the rate"""
-    blind: Share
-    """1, probability that it is not recognised however long, at a place where all of it is to be seen"""
-
-
 class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where an object is that was moved by something unknown: a Gaussian around where it was."""
 
@@ -119,6 +105,6 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 @cache
-def learned_parameters(file: Path = FILE) -> WorldParameters:
+def learned_parameters(file: Path = LEARNED) -> WorldParameters:
     """The parameters of a file. Raises `ConfigError` with its line for a field that does not fit."""
     return TomlFile(file).convert(WorldParameters, ("parameters",))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from msgspec import structs
 from numpy.typing import NDArray
 
 from dsr.math3d.transforms import Pose
@@ -15,9 +14,12 @@ Array = NDArray[np.float64]
 _EYE = np.eye(3)
 _UP = np.diag((0.0, 0.0, 1.0))
 _SIDEWAYS = _EYE - _UP
+_ENDLESS = np.array(math.inf)
 
 
-def position_covariance(noise: PlaceNoise, own: Array, age: Array, moved: Array, velocity: Array) -> Array:
+def position_covariance(
+    noise: PlaceNoise, own: Array, age: Array, moved: Array, velocity: Array, reach: Array = _ENDLESS
+) -> Array:
     """Covariances (..., 3, 3) of positions in the world frame, m^2.
 
     Args:
@@ -26,10 +28,12 @@ def position_covariance(noise: PlaceNoise, own: Array, age: Array, moved: Array,
         age: (...) s since the object was recognised.
         moved: (...) m, how far the simulation has moved it since.
         velocity: (..., 3) m/s.
+        reach: (...) m, how far what speaks against the place is away: `level` and `height` are at most as large.
     """
     drift = noise.growth**2 * age + (noise.path * moved) ** 2
-    sideways = (noise.level**2 + drift)[..., None, None] * _SIDEWAYS
-    upwards = (noise.height**2 + noise.upwards**2 * drift)[..., None, None] * _UP
+    level, height = np.minimum(noise.level, reach), np.minimum(noise.height, reach)
+    sideways = (level**2 + drift)[..., None, None] * _SIDEWAYS
+    upwards = (height**2 + noise.upwards**2 * drift)[..., None, None] * _UP
     along = noise.lag**2 * velocity[..., :, None] * velocity[..., None, :]
     return np.asarray(noise.scale**2 * own + sideways + upwards + along)
 
@@ -77,13 +81,9 @@ def squared_distance(offsets: Array, covariances: Array) -> Array:
 def with_spread(
     pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array, reach: float = math.inf
 ) -> Pose:
-    """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose.
-
-    `reach` (m) bounds the standard deviations `level` and `height`: it is how far what speaks against the pose is away.
-    """
-    noise = structs.replace(noise, level=min(noise.level, reach), height=min(noise.height, reach))
+    """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
     own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
-    place = position_covariance(noise, own[0], np.array(age), np.array(moved), velocity)
+    place = position_covariance(noise, own[0], np.array(age), np.array(moved), velocity, np.array(reach))
     turn = rotation_covariance(noise, own[1], np.array(moved))
     return with_world_covariances(pose, place, turn)
 

@@ -75,7 +75,7 @@ def test_numbers_and_what_is_told_of_them(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_every_package_that_reasons_has_some() -> None:
     packages = {number.file.split("/")[0] for number in hand_set_numbers.hand_set_numbers()}
-    assert packages == {"simulation_handler", "surprise", "planner", "agents"}
+    assert packages == {"simulation_handler", "surprise", "planner", "agents", "dsr"}
     with pytest.raises(FileNotFoundError, match="nowhere: no such package"):
         hand_set_numbers.hand_set_numbers(("nowhere",))
 

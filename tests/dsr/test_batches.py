@@ -28,6 +28,7 @@ def test_logarithms_and_inverses(angle: float) -> None:
     given = matrices(angle)
     assert batches.logs(given) == pytest.approx(np.array([transforms.log(pose) for pose in poses(angle)]), abs=1e-9)
     assert [transforms.exp(twist).matrix for twist in batches.logs(given)] == pytest.approx(given, abs=1e-9)
+    assert batches.exps(batches.logs(given)) == pytest.approx(given, abs=1e-9)
     assert batches.inverses(given) @ given == pytest.approx(np.broadcast_to(np.eye(4), given.shape), abs=1e-12)
 
 
@@ -83,3 +84,13 @@ def test_no_motion_nearby_fits_better_nor_is_it_a_reflection() -> None:
     for twist in 1e-3 * rng.normal(size=(100, 6)):
         other = transforms.exp(twist).matrix
         assert error(rotation, shift) <= error(other[:3, :3] @ rotation, shift + other[:3, 3])
+
+
+def test_singular_matrices_spoil_no_others_inverses() -> None:
+    given = np.random.default_rng(0).normal(size=(4, 3, 3))
+    given[1, 2] = given[1, 0]
+    given[1, :, 2] = 0.0
+    given[2, 0, 0] = np.nan
+    found = batches.matrix_inverses(given)
+    assert np.isnan(found[1:3]).all()
+    assert found[[0, 3]] == pytest.approx(np.linalg.inv(given[[0, 3]]))

@@ -102,6 +102,12 @@ def board(draw: Draw) -> LooseBody:
     return _body(draw, "board", "box", (draw.number(thickness), draw.number(width), draw.number(height)))
 
 
+def plank(draw: Draw) -> LooseBody:
+    """A thin board that lies on its flat side; it is longest along its x axis."""
+    length, width, thickness = NumberRange(0.12, 0.24), NumberRange(0.05, 0.10), NumberRange(0.008, 0.016)
+    return _body(draw, "plank", "box", (draw.number(length), draw.number(width), draw.number(thickness)))
+
+
 def wall(draw: Draw) -> LooseBody:
     """A tall box that hides what is behind it, and does not fall easily."""
     thickness, width, height = NumberRange(0.08, 0.12), NumberRange(0.14, 0.22), NumberRange(0.16, 0.24)

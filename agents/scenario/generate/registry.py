@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 from agents.scenario.generate.draft import EpisodeDraft
 from agents.scenario.generate.families.handling import handing, hands, persons
 from agents.scenario.generate.families.motions import rolling
-from agents.scenario.generate.families.piles import leaning, perturbations, stacks
+from agents.scenario.generate.families.piles import leaning, perturbations, propped, stacks
 from agents.scenario.generate.families.senses import blackouts, bumps, sensors
 from agents.scenario.generate.families.vessels import containers, covers, pouring
 from dsr.errors import ConfigError, suggest
@@ -40,6 +40,7 @@ FAMILIES: dict[str, Family] = {
         Family("perturbations", "Things are swapped, turned, shoved and taken away", perturbations, "tuning"),
         Family("rolling", "Balls roll, things are dropped and fall off the table", rolling, "tuning", may_fall=True),
         Family("leaning", "Boards lean, cans lie, and what holds them up is moved", leaning, "judging", may_fall=True),
+        Family("propped", "Things lie aslant on others, which are moved", propped, "tuning"),
         Family("containers", "Things are put into vessels, and come along in them", containers, "tuning"),
         Family("covers", "Things are hidden under covers and moved with them", covers, "judging"),
         Family("hands", "Hands take things away, behind things, or only touch them", hands, "tuning"),

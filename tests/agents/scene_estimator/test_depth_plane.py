@@ -1,4 +1,4 @@
-"""The plane within a tag's outline: exact on exact depth, unmoved by wrong depths, absent without enough of it."""
+"""The planes within tags' outlines: exact on exact depth, unmoved by wrong depths, absent without enough of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
+from agents.scene_estimator.depth_plane import DepthPlanes, fit_depth_planes
 from dsr.vocabulary.intrinsics import Intrinsics
 
 Depth = NDArray[np.float32]
@@ -24,30 +24,28 @@ def depth() -> Depth:
     return np.asarray(1.0 / INVERSE, np.float32)
 
 
-def fit(depth: Depth, corners: NDArray[np.float64] = CORNERS) -> DepthPlane | None:
-    return fit_depth_plane(corners, depth, LENS, noise_floor=FLOOR, correlation=1.0)
+def fit(depth: Depth, *corners: NDArray[np.float64]) -> DepthPlanes:
+    return fit_depth_planes(np.array(corners or [CORNERS]), depth, LENS, noise_floor=FLOOR, correlation=1.0)
 
 
-def angle(plane: DepthPlane | None) -> float:
+def angle(planes: DepthPlanes) -> float:
     """Rad between fitted and true normal."""
-    assert plane is not None
-    return float(np.arccos(np.clip(-plane.normal @ P / np.linalg.norm(P), -1.0, 1.0)))
+    assert planes.exist.all()
+    return float(np.arccos(np.clip(-planes.normals[0] @ P / np.linalg.norm(P), -1.0, 1.0)))
 
 
 def test_exact_depth_gives_the_plane_whatever_surrounds_the_tag(depth: Depth) -> None:
     depth[:35] = depth[:, :50] = depth[90:] = 0.2
-    plane = fit(depth)
-    assert angle(plane) < 1e-4
-    assert plane is not None
-    assert plane.p == pytest.approx(P, abs=1e-4)
-    assert plane.normal[2] < 0
+    planes = fit(depth)
+    assert angle(planes) < 1e-4
+    assert planes.p[0] == pytest.approx(P, abs=1e-4)
+    assert planes.normals[0, 2] < 0
 
 
 def test_rays_meet_the_plane_at_its_points(depth: Depth) -> None:
-    plane = fit(depth)
-    assert plane is not None
-    points = plane.points(LENS.rays(CORNERS))
-    assert points @ plane.p == pytest.approx(np.ones(4))
+    planes = fit(depth)
+    (points,) = planes.points(LENS.rays(CORNERS)[None])
+    assert points @ planes.p[0] == pytest.approx(np.ones(4))
     assert LENS.project(points) == pytest.approx(CORNERS)
 
 
@@ -61,41 +59,51 @@ def test_unknown_depths_are_left_out_and_most_must_be_known(depth: Depth, unknow
     depth[::3] = unknown
     assert angle(fit(depth)) < 1e-4
     depth[::2] = unknown
-    assert fit(depth) is None
+    assert not fit(depth).exist.any()
 
 
 def test_a_tag_partly_outside_the_image_counts_inside(depth: Depth) -> None:
     assert angle(fit(depth, CORNERS - (80.0, 0.0))) < 1e-4
-    assert fit(depth, CORNERS - (300.0, 0.0)) is None
+    assert not fit(depth, CORNERS - (300.0, 0.0)).exist.any()
 
 
 def test_too_few_pixels_are_no_plane(depth: Depth) -> None:
-    assert fit(depth, 80.0 + 0.1 * (CORNERS - 80.0)) is None
+    assert not fit(depth, 80.0 + 0.1 * (CORNERS - 80.0)).exist.any()
 
 
 def test_a_plane_seen_from_its_edge_is_none() -> None:
     rays = LENS.rays(np.column_stack([U.ravel(), V.ravel()]).astype(float))
     steep = (rays @ np.array([30.0, 0.0, 1.6])).reshape(120, 160)
-    assert fit((1.0 / steep).astype(np.float32)) is None
+    assert not fit((1.0 / steep).astype(np.float32)).exist.any()
 
 
 def test_a_rough_surface_is_none(depth: Depth, rng: np.random.Generator) -> None:
     rough = depth * rng.uniform(0.7, 1.3, depth.shape).astype(np.float32)
-    assert fit(rough) is None
+    assert not fit(rough).exist.any()
 
 
 def test_the_order_of_the_corners_does_not_matter(depth: Depth) -> None:
     forwards, backwards = fit(depth), fit(depth, CORNERS[::-1])
-    assert forwards is not None
-    assert backwards is not None
     assert forwards.p == pytest.approx(backwards.p, abs=1e-6)
+
+
+def test_planes_fitted_at_once_are_those_fitted_alone(depth: Depth) -> None:
+    """Whatever the others are: larger, smaller, beside the image, without extent, without depth."""
+    depth[60:, 120:] = 0.0
+    near, far = (centre + 0.5 * (CORNERS - 80.0) for centre in ((30.0, 30.0), (140.0, 100.0)))
+    all_corners = [CORNERS, near, 80.0 + 1.4 * (CORNERS - 80.0), far, CORNERS - (300.0, 0.0), np.full((4, 2), 50.0)]
+    together = fit(depth, *all_corners)
+    assert together.exist.tolist() == [True, True, True, False, False, False]
+    for place, corners in enumerate(all_corners[:3]):
+        alone = fit(depth, corners)
+        assert together.p[place] == pytest.approx(alone.p[0], rel=1e-9)
+        assert together.covariance[place] == pytest.approx(alone.covariance[0], rel=1e-9)
 
 
 def test_covariance_tells_the_spread(rng: np.random.Generator) -> None:
     noisy = [(1.0 / (INVERSE + rng.normal(0.0, 2e-3, INVERSE.shape))).astype(np.float32) for _ in range(150)]
-    planes = [plane for depth in noisy if (plane := fit(depth)) is not None]
-    assert len(planes) == len(noisy)
-    squares = [(plane.p - P) @ np.linalg.solve(plane.covariance, plane.p - P) for plane in planes]
+    fits = [fit(depth) for depth in noisy]
+    squares = [(planes.p[0] - P) @ np.linalg.solve(planes.covariance[0], planes.p[0] - P) for planes in fits]
     assert 2.0 < np.mean(squares) < 4.5  # three on average
 
 
@@ -104,6 +112,6 @@ def test_large_tags_cost_no_precision(rng: np.random.Generator) -> None:
     intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
     corners = np.array([[100.0, 50.0], [500.0, 50.0], [500.0, 450.0], [100.0, 450.0]])
     depth = np.full((480, 640), 0.5) + rng.normal(0.0, 1e-3, (480, 640))
-    plane = fit_depth_plane(corners, depth.astype(np.float32), intrinsics, noise_floor=FLOOR, correlation=4.0)
-    assert plane is not None
-    assert plane.p == pytest.approx([0.0, 0.0, 2.0], abs=5e-3)
+    pixels = depth.astype(np.float32)
+    planes = fit_depth_planes(corners[None], pixels, intrinsics, noise_floor=FLOOR, correlation=4.0)
+    assert planes.p[0] == pytest.approx([0.0, 0.0, 2.0], abs=5e-3)

@@ -109,7 +109,7 @@ def test_the_frames_before_tell_which_of_two_poses_is_right() -> None:
         frames = views(np.random.default_rng(seed), 60)
         follower = TagFollower(NOISE)
         alone += flips([estimate_tag_pose(tag, None, LENS, SIDE, NOISE) for _, tag in frames][40:], frames[40:])
-        found = [follower.pose(tag, None, LENS, SIDE, number / HZ) for number, (_, tag) in enumerate(frames)]
+        found = [follower.poses([tag], None, LENS, [SIDE], number / HZ)[0] for number, (_, tag) in enumerate(frames)]
         followed += flips(found[40:], frames[40:])
     assert alone >= 20
     assert followed <= alone / 5
@@ -122,7 +122,7 @@ def test_a_pose_that_was_wrong_is_given_up() -> None:
     for number in range(40):
         pose = first if number < 20 else then
         tag = Tag(7, LENS.project(pose.apply(tag_corners(SIDE))), 0.1)
-        found = follower.pose(tag, None, LENS, SIDE, number / HZ)
+        (found,) = follower.poses([tag], None, LENS, [SIDE], number / HZ)
     assert found is not None and found.distance(then)[1] < 0.05
 
 
@@ -132,4 +132,4 @@ def test_corners_of_no_square_are_no_pose() -> None:
     hidden = corners.copy()
     hidden[2] += np.array((6.0, 9.0))
     assert estimate_tag_pose(Tag(7, hidden, 0.2), None, LENS, SIDE, NOISE) is None
-    assert TagFollower(NOISE).pose(Tag(7, hidden, 0.2), None, LENS, SIDE, 0.0) is None
+    assert TagFollower(NOISE).poses([Tag(7, hidden, 0.2)], None, LENS, [SIDE], 0.0) == [None]

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from agents.drivers import TagCorners, TagReadings
 from agents.scene_estimator.detection import Tag, tag_corners
-from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
+from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose, most_likely, possible_tag_poses
 from agents.scene_estimator.sighting import FrameSource
 from benchmarks.tag_camera import Camera, facing
 from dsr import Pose
@@ -137,3 +137,25 @@ def test_depth_that_is_missing_or_of_something_else_is_not_used(wrong: float, rn
     assert estimate_tag_pose(tag, depth, intrinsics, 0.032, NoiseModel()) == estimate_tag_pose(
         tag, None, intrinsics, 0.032, NoiseModel()
     )
+
+
+@pytest.mark.parametrize("with_depth", [True, False])
+def test_tags_of_an_image_are_fitted_at_once_as_each_alone(with_depth: bool, rng: np.random.Generator) -> None:
+    """Corners that no square has, and sizes that are wrong, are the matter of their own tags only."""
+    intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
+    truths = [facing(rng.uniform(0.3, 1.0), rng.uniform(0.0, 1.0), rng) for _ in range(20)]
+    corners = [intrinsics.project(pose.apply(tag_corners(0.032))) + rng.normal(0.0, 0.1, (4, 2)) for pose in truths]
+    corners[3], corners[7], corners[9] = np.full((4, 2), 50.0), np.full((4, 2), np.nan), corners[9] * (1.0, 1.4)
+    tags = [Tag(number, four, float(rng.uniform(0.1, 0.4))) for number, four in enumerate(corners)]
+    depth = rng.normal(0.6, 1e-3, (480, 640)).astype(np.float32) if with_depth else None
+    sizes = [0.032 * float(rng.choice([0.6, 1.0, 1.3])) for _ in tags]
+    together = possible_tag_poses(tags, depth, intrinsics, sizes, NoiseModel())
+    assert not together[7]
+    assert max(map(len, together)) == 2
+    for tag, size, fits in zip(tags, sizes, together, strict=True):
+        alone = estimate_tag_pose(tag, depth, intrinsics, size, NoiseModel())
+        pose = most_likely(fits)
+        assert (pose is None) == (alone is None)
+        if pose is not None and alone is not None:
+            assert max(pose.distance(alone)) < 1e-9
+            assert covariance(pose) == pytest.approx(covariance(alone), rel=1e-6, abs=1e-15)

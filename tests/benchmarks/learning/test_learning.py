@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+import tomllib
 from pathlib import Path
 
 import msgspec
@@ -12,20 +14,21 @@ from benchmarks.learning import __main__ as command
 from benchmarks.learning.holding import learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import toml_of
+from benchmarks.learning.learn import learn_circumstances, toml_of
 from benchmarks.learning.noise import START, Errors, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, learn_rates
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD, RESTS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
-from simulation_handler.worlds.spread import odds_of_percepts
+from simulation_handler.worlds.spread import odds_of_percepts, position_covariance
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HERE = Pose((0.3, 0.0, 0.02))
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
+SOURCES = {"episodes": ["hands-1"]}
 PARAMETERS = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {HELD: 0.5}, RATES, ABSENCE, ELSEWHERE, WITHIN)
 
 
@@ -57,7 +60,7 @@ def still(places: np.ndarray, seen: np.ndarray | None = None, sigma: float = 0.0
     none, unknown = np.zeros((count, 3, 3)), np.full((count, 3), np.nan)
     own = np.tile(sigma**2 * np.eye(3), (count, 1, 1))
     return Errors(
-        none, none, np.zeros(count), np.zeros(count), np.zeros((count, 3)), places, unknown,
+        none, none, np.zeros(count), np.zeros(count), np.zeros((count, 3)), np.full(count, np.inf), places, unknown,
         unknown if seen is None else seen, own, unknown, none, np.arange(count),
     )  # fmt: skip
 
@@ -103,9 +106,33 @@ def test_how_often_a_hand_holds_is_counted() -> None:
 
 def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
     file = tmp_path / "worlds.toml"
-    file.write_text(toml_of(PARAMETERS, {"rests unseen": {"level": 0.1}}, {("rates", "moved"): 0.2}, ["hands-1"]))
+    file.write_text(toml_of(PARAMETERS, {"rests unseen": {"level": 0.1}}, {("rates", "moved"): 0.2}, SOURCES))
     assert learned_parameters(file) == PARAMETERS
-    assert 'episodes = ["hands-1"]' in file.read_text()
+    assert '"episodes" = ["hands-1"]' in file.read_text()
+
+
+def test_some_circumstances_are_learned_alone(tmp_path: Path) -> None:
+    file, (settle, moments) = tmp_path / "worlds.toml", (0.0, [*course(gone=True).moments] * 2)
+    errors = {(group, "any"): 0.5 for group in ("rates", "absence", "elsewhere", "within")}
+    file.write_text(toml_of(PARAMETERS, {RESTS: {"level": 9.0}, HELD: {"level": 8.0}}, errors, SOURCES))
+    (tmp_path / "stacks-7.pickle").write_bytes(pickle.dumps((settle, moments)))
+    text = learn_circumstances(tmp_path, [RESTS], file, lambda line: None)
+    file = tmp_path / "anew.toml"
+    file.write_text(text)
+    found, told = learned_parameters(file), tomllib.loads(text)
+    assert found.noise[RESTS].level < 0.5 * START.level, "everything is exactly where it is believed"
+    kept = {**found.noise, RESTS: START}
+    assert msgspec.structs.replace(found, noise=kept) == PARAMETERS
+    assert told["errors"]["noise"][RESTS]["level"] < 9.0 and told["errors"]["noise"][HELD]["level"] == 8.0
+    assert told["source"] == {**SOURCES, RESTS: ["stacks-7"]}
+
+
+def test_what_contradicts_a_place_bounds_how_unsure_it_is() -> None:
+    near = msgspec.structs.replace(START, level=0.05, height=0.04)
+    once, none = np.zeros(2), np.zeros((2, 3, 3))
+    first, second = position_covariance(near, none, once, once, np.zeros((2, 3)), np.array((0.01, np.inf)))
+    assert np.diag(first) == pytest.approx([0.01**2] * 3)
+    assert np.diag(second) == pytest.approx([0.05**2] * 2 + [0.04**2])
 
 
 def test_worlds_are_judged_beside_the_simulated_world() -> None:

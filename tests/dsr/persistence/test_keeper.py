@@ -16,8 +16,10 @@ from hypothesis import strategies as st
 
 from dsr import ConfigError, Memory, Pose, StateKeeper
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.store import Store
 from dsr.persistence import keeper as keeper_module
 from dsr.persistence.content import GraphContent
+from dsr.persistence.pending import PendingWrites
 from dsr.persistence.records import HEADER
 from tests.dsr.conftest import Net
 
@@ -412,3 +414,15 @@ def test_every_kind_of_change_is_recorded(net: Net, tmp_path: Path) -> None:
         check()
         writer.remove_node("cube_1")
         check()
+
+
+def test_an_addition_that_came_late_brings_back_nothing_that_was_told_to_be_gone() -> None:
+    store, pending = Store(), PendingWrites()
+    store.recorder = pending.add
+    store.join(Delta(context=[("a", 1, 2)], live=frozenset(), examined=[]))  # the end of a reply: all of `a` is gone
+    store.join(Delta(adds=[Add(("a", 1), "thing", "cube")], context=[("a", 1, 2)]))  # was under way for long
+    assert not store.entries
+    restored = Store()
+    for delta in pending.take():
+        restored.join(delta)
+    assert not restored.entries and restored.context == store.context

@@ -49,3 +49,38 @@ def test_overlays_that_come_to_show_one_another_are_dropped_and_can_be_deleted(n
     a.delete_world("w")
     net.pump(2.0)
     assert [info.name for info in b.worlds()] == ["base", "v"]
+
+
+def test_an_overlay_of_an_overlay_shows_what_others_add_under_a_name_that_it_hides(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    a.add_node("thing", "cube", seen=1)
+    net.network.partition(["a"], ["b"])
+    b.add_node("thing", "cube", seen=2)  # another one of the same name
+    a.fork("lower", follow=True)
+    upper = a.fork("upper", of="lower", follow=True)
+    upper.remove_node("thing")
+    net.network.heal()
+    net.pump(5.0)
+    assert a.node("thing")["seen"] in (1, 2)
+    assert upper.node("thing")["seen"] == 2, "only the one that was there then was removed"
+
+
+@pytest.mark.parametrize("other", ["base", "shown"])
+def test_of_copies_of_an_overlay_that_are_made_at_the_same_time_one_stays(net: Net, other: str) -> None:
+    a, b, c = (net.join(name) for name in "abc")
+    net.pump(2.0)
+    a.add_node("thing", "cube", seen=1)
+    a.fork("shown", follow=True).update_node("thing", seen=2)
+    net.pump(2.0)
+    b.world("shown")
+    net.pump(2.0)
+    a.update_node("thing", seen=3)
+    net.pump(2.0)
+    mine = [a.fork("copy", of="shown"), b.fork("copy", of=other)]  # neither knows of the other's yet
+    net.pump(5.0)
+    assert sum(copy.closed for copy in mine) == 1
+    opened = [memory.world("copy") for memory in (a, b, c)]
+    net.pump(3.0)
+    values = {copy.node("thing")["seen"] for copy in opened}
+    assert values == ({2} if mine[1].closed or other == "shown" else {3})

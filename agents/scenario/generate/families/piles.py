@@ -1,11 +1,11 @@
-"""Episodes of things that stand on, against and beside each other: stacks, perturbations, leaning and lying."""
+"""Episodes of things that stand on, against and beside each other: stacks, perturbations, leaning, propped."""
 
 from __future__ import annotations
 
 import math
 
 from agents.scenario.format.scenario import Drop, PlaceEvent, Push, Remove, Swap, Tilt, Topple
-from agents.scenario.generate.bodies import SOLIDS, board, box, can, wall
+from agents.scenario.generate.bodies import SOLIDS, board, box, can, cube, plank, wall
 from agents.scenario.generate.draft import CLEARANCE, GAP, TOP, CrowdedError, EpisodeDraft
 from agents.scenario.generate.draw import Draw, NumberRange
 
@@ -13,6 +13,10 @@ SHOVE = NumberRange(0.2, 0.6)
 """m/s that a shove gives a thing: it slides 2 to 50 mm (v^2 / 2 mu g), or tips over"""
 LEAN = NumberRange(0.15, 0.45)
 """rad from the vertical, of a board against a box: it neither falls back nor slides away with most frictions"""
+PROPPED_AT = NumberRange(0.6, 0.95)
+"""Share of its length from the end on the table, at which a thing lies on an edge: more than half, or it tips over"""
+STEEPEST = 1.1
+"""rad from the horizontal, of what is propped up: steeper, and it slides down with most frictions"""
 _TOPPLING = 0.8
 """s at most, that a topple takes, for the push and until the thing has fallen"""
 _COMING = 4.0
@@ -141,6 +145,47 @@ def leaning(draft: EpisodeDraft) -> None:
         draft.do(Drop(at=draft.now, object=upright), 0.5)
     for name in lying[: 1 if what == "lying" else draw.count(0, len(lying))]:
         shove(draft, name, None)
+
+
+def propped(draft: EpisodeDraft) -> None:
+    """Planks and boxes lie aslant, one end on a thing and the other on the table; then something is moved or shoved."""
+    draw = draft.draw
+    pairs = [_propped_pair(draft) for _ in range(draw.count(1, 2))]
+    lying = [_lie(draft) for _ in range(draw.count(0, 1))]
+    draft.bystanders()
+    for support, leaner in draw.some_of(pairs, draw.count(1, len(pairs))):
+        what = draw.one_of(("support", "leaner", "remove", "other"))
+        if what == "support":
+            (x, y), (a, b), way = draft.spot(support), draw.direction(), draw.number(NumberRange(0.03, 0.12))
+            draft.slide(support, (round(x + way * a, 4), round(y + way * b, 4)), hand=maybe_hand(draw))
+        elif what == "leaner":
+            shove(draft, leaner, None)
+        elif what == "remove":
+            draft.do(Remove(at=draft.now, object=support), 0.0)
+    others = [name for name in draft.standing if not any(name in pair for pair in pairs) and name not in lying]
+    for name in draw.some_of([*lying, *others], 1):
+        shove(draft, name, None)
+
+
+def _propped_pair(draft: EpisodeDraft) -> tuple[str, str]:
+    """Let a plank lie with one end on the edge of a solid thing, or a solid thing with one side on a plank."""
+    draw = draft.draw
+    lower, upper = draw.one_of(((cube, plank), (box, plank), (plank, box), (plank, cube)))
+    turn = draw.angle()
+    support = draft.stand(lower(draw), yaw=turn)
+    spec = next(spec for spec in draft.objects if spec.name == support)
+    body, share = upper(draw), draw.number(PROPPED_AT)
+    (length, _, height), edge = body.size, spec.size[2]
+    sine = edge / (share * length)
+    if sine > math.sin(STEEPEST):
+        raise CrowdedError("the thing is too short for what props it up")
+    cosine = math.sqrt(1.0 - sine**2)
+    across = -spec.size[0] / 2 - (share - 0.5) * length * cosine - height / 2 * sine
+    z = TOP + edge - (share - 0.5) * length * sine + height / 2 * cosine + CLEARANCE
+    x, y = spec.position[0] + across * math.cos(turn), spec.position[1] + across * math.sin(turn)
+    leaner = draft.add(body, (x, y, z), yaw=turn, lean=(0.0, -round(math.asin(sine), 4), 0.0))
+    draft.occupy(leaner, (x, y))
+    return support, leaner
 
 
 def _lean(draft: EpisodeDraft, support: str) -> str:
