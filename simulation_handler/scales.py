@@ -19,6 +19,8 @@ UNSEEN_SLACK = 0.010
 """m, standard deviation of where what is not seen really is, about where a hypothesis says it is"""
 GONE_FROM = 0.020
 """m from where it was, from which an object has surely left there"""
+HAND_REACH = 0.15
+"""m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a palm in part hidden"""
 UNSEEN_VARIANCE = SAME_OUTCOME**2
 """m^2, sideways, of an object left to physics: it gives way to what is seen"""
 

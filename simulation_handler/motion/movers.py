@@ -11,11 +11,9 @@ import math
 from collections.abc import Collection, Mapping
 
 from simulation_handler.hands.state import Hand
+from simulation_handler.scales import HAND_REACH
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
-
-_REACH = 0.15
-"""m from palm or fingertips to what a hand may move: the length of a finger, and the error of a palm in part hidden"""
 
 
 def coasts(item: BelievedObject, solid: Solid) -> bool:
@@ -67,7 +65,7 @@ class Movers:
         return any(
             not hand.perceived
             or any(
-                math.dist(path.last.t, place) <= _REACH + 0.5 * max(item.size)
+                math.dist(path.last.t, place) <= HAND_REACH + 0.5 * max(item.size)
                 for path in (hand.path, *hand.tips.values())
             )
             for hand in self._hands.values()

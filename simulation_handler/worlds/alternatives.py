@@ -15,7 +15,7 @@ import numpy as np
 from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from simulation_handler.scales import PRESENT, ROUNDING
+from simulation_handler.scales import HAND_REACH, PRESENT, ROUNDING
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
 from simulation_handler.worlds.parameters import Rates, WorldParameters
@@ -31,7 +31,6 @@ GONE = "gone"
 IN_HAND, INSIDE_OF = "in ", "inside "
 """The modes in which it is in a hand, or in a container: followed by the name of that"""
 
-_REACH = 0.15  # m from a palm to the centre of an object that its hand may take
 _BESIDE = 0.05  # m from a container within which what vanishes may be in it
 _WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
 
@@ -267,7 +266,7 @@ def _names_of(modes: dict[str, Mode], prefix: str) -> Iterator[str]:
 
 
 def _is_near(palm: Pose, pose: Pose | None) -> bool:
-    return pose is not None and math.dist(palm.t, pose.t) <= _REACH
+    return pose is not None and math.dist(palm.t, pose.t) <= HAND_REACH
 
 
 def _is_over(position: Vector3, size: Vector3, point: Vector3) -> bool:
