@@ -20,7 +20,7 @@ UNSEEN_SLACK = 0.010
 GONE_FROM = 0.020
 """m from where it was, from which an object has surely left there"""
 HAND_REACH = 0.15
-"""m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a palm in part hidden"""
+"""m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a half-hidden palm"""
 UNSEEN_VARIANCE = SAME_OUTCOME**2
 """m^2, sideways, of an object left to physics: it gives way to what is seen"""
 
