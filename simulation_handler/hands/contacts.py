@@ -12,7 +12,6 @@ from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.hands.relation import PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
-from simulation_handler.scales import ONE_MOMENT
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -103,7 +102,7 @@ class Contacts:
             for item in self._bodies.objects.values():
                 if item.name not in self._bodies.sim or item.holder or drops(hand, item):
                     continue
-                if not hand.perceived or ONE_MOMENT < now - item.track.last_stamp <= UNSEEN:  # nothing new is known
+                if not hand.perceived:
                     touching |= known & {(tip, item.name) for tip in hand.tips}
                     opposed |= {(name, item.name)} & self.pinches.keys()
                     continue
