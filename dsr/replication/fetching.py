@@ -29,6 +29,8 @@ class Fetch:
         self._seen = seen
         self._insists = insists
         self._whole: list[DotRange] = []
+        self._examined: list[DotRange] = []
+        self._live: set[Dot] = set()
         self._held_back: set[Dot] = set()
 
     def request(self, rid: str) -> bytes:
@@ -42,6 +44,10 @@ class Fetch:
             return False
         if piece.begin == START:
             self._whole, self.joined = piece.whole or [], piece.joined
+            self._examined, self._live = [], set()
+        self._examined += piece.examined
+        self._live.update(add.dot for add in piece.adds)
+        self._live.update(piece.kept)
         self.begin = piece.end
         return True
 
@@ -55,9 +61,12 @@ class Fetch:
         self._held_back.update(dot for dot in beyond if dot not in known)
 
     def rest(self) -> Delta:
-        """Make the delta to be joined in the end: the peer's whole context of the moment when it began to answer."""
+        """Make the delta to be joined in the end: the peer's whole context of the moment when it began to answer.
+
+        It tells once more what was gone there. An addition of that may have come between two pieces.
+        """
         whole = list(without(self._whole, self._held_back))
-        return Delta(context=whole, live=frozenset(), examined=[])
+        return Delta(context=whole, live=frozenset(self._live), examined=self._examined)
 
 
 def is_refusal(piece: Piece) -> bool:

@@ -215,3 +215,19 @@ def test_wrong_designs_are_caught(mutant: object) -> None:
             except AssertionError:
                 return
     pytest.fail("not caught")
+
+
+def test_what_comes_late_between_two_pieces_goes_if_the_answerer_has_seen_it_removed() -> None:
+    holder, maker, mine = Graph("holder"), Graph("maker"), Graph("mine")
+    added, removed = maker.add_node("thing", "cube", {"seen": 1}, NOW), maker.remove_node("thing")
+    for delta in (added, removed):
+        holder.join(delta, NOW)
+    fetch = Fetch("holder", CausalContext(), insists=True)
+    piece = piece_of(holder.store, CausalContext())
+    assert fetch.take(piece)
+    mine.join(piece.as_delta(), NOW)
+    mine.join(added, NOW)  # it was under way for long
+    assert "thing" in mine.nodes
+    mine.join(fetch.rest(), NOW)
+    assert "thing" not in mine.nodes
+    assert state(mine) == state(holder)
