@@ -80,7 +80,9 @@ def percent(probability: float) -> str:
 
 
 def _is_told_apart(one: Alternative, best: Alternative) -> bool:
-    """Whether an alternative is more than the best one less exactly."""
+    """Whether an alternative is more than the best one less exactly, or than the same in words."""
+    if alternative_words(one) == alternative_words(best):
+        return False
     if one.holders != best.holders or one.is_gone != best.is_gone:
         return True
     return not are_at_one_place(one, best)

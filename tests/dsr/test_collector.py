@@ -15,7 +15,8 @@ _FEW = 100
 
 @pytest.fixture(autouse=True)
 def _collector() -> Iterator[None]:
-    """Begin with nothing new, and leave the collector as it was."""
+    """Begin with nothing new and nothing frozen, and leave the collector as it was."""
+    gc.unfreeze()
     gc.collect()
     yield
     gc.unfreeze()

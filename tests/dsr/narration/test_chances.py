@@ -48,6 +48,10 @@ def test_what_is_all_but_certain_needs_no_alternatives(memory: Memory) -> None:
     )
     memory.update_node("ball", **{ATTRIBUTE: encoded(Whereabouts("ball", less_exactly, ("ball",), (0.8, 0.2)))})
     assert chances_of_thing(Moment.of(memory), memory.node("ball")) is None, "the same place, less exactly"
+    beside = Pose((0.502, 0.001, 0.03))
+    as_told = (*less_exactly[:1], Alternative(weight=0.2, pose=beside, containers=("box",), worlds=(1,)))
+    memory.update_node("ball", **{ATTRIBUTE: encoded(Whereabouts("ball", as_told, ("ball",), (0.8, 0.2)))})
+    assert chances_of_thing(Moment.of(memory), memory.node("ball")) is None, "the same in words"
 
 
 def test_questions_and_accounts_list_alternatives(memory: Memory) -> None:
