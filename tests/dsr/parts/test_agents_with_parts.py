@@ -129,7 +129,7 @@ def lived(system: System, folder: Path, run: str) -> tuple[float, float]:
     with Launcher(system, folder / run, state=folder / "state") as launcher:
         memory = launcher.memory
         until(lambda: "saw_cup" in memory and "saw_none" in memory)
-        until(lambda: memory.interest == ("kitchen",))  # a part that is listed is held a moment later
+        until(lambda: memory.interest == ("kitchen",) and "cup" in memory)  # what is listed is held a moment later
         assert launcher.restored == (run == "two")
         begin = memory.node("cup")["mass"]
         until(lambda: memory.node("cup")["mass"] > begin)
