@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
 import subprocess
 import sys
@@ -58,8 +59,9 @@ def test_run_starts_a_system_and_stops_it_on_a_signal(
         assert process.stdout
         lines = iter(process.stdout.readline, "")
         assert "graph counters" in next(lines)
-        states = [next(lines).strip() for _ in range(4)]
-        assert set(states) == {"first: starting", "second: starting", "first: ready", "second: ready"}
+        states = set(itertools.takewhile(lambda line: line != "all agents are ready", map(str.strip, lines)))
+        ready = {"first: ready", "second: ready"}
+        assert ready <= states <= ready | {"first: starting", "second: starting"}  # not all are seen starting
         process.send_signal(number)
         assert process.wait(20) == 0
     assert list((private_runtime_dir / "dsr").iterdir()) == []
