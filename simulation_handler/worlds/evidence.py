@@ -9,6 +9,7 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.explaining import VisibilityQuery
@@ -113,6 +114,7 @@ class EvidenceReader:
         touching: what hands do.
         lead: gives (3,) m that an object is beyond its body, by name.
         in_doubt: gives the names of objects of which only cameras tell at a time (s) that may have moved.
+        config: how far percepts are trusted.
     """
 
     def __init__(
@@ -123,10 +125,12 @@ class EvidenceReader:
         touching: Touching,
         lead: Callable[[str], Vector3],
         in_doubt: Callable[[float], frozenset[str]],
+        config: BeliefConfig,
     ) -> None:
         self._bodies = bodies
         self._lead = lead
         self._in_doubt = in_doubt
+        self._config = config
         self._relations = relations
         self._containment = containment
         self._touching = touching
@@ -197,13 +201,10 @@ class EvidenceReader:
         return Pose.unchecked(position, pose.q, now, flat)
 
     def _seen(self, item: BelievedObject) -> Pose:
-        """world_from_object by the mean of the percepts that agree, with its covariance.
-
-        Its own systematic error is learned from how it is taken to rest, and so hides what contradicts that.
-        """
-        solid, covariance = self._bodies.without_own_bias(item)
+        """world_from_object by the mean of the percepts that agree, with its covariance."""
+        solid = item.percept()
         pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
-        return with_world_covariances(pose, covariance, item.turning())
+        return with_world_covariances(pose, item.percept_covariance(self._config), item.turning())
 
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
