@@ -6,6 +6,8 @@ import logging
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 
+import numpy as np
+
 from dsr.believing.distribution import Alternative, Whereabouts
 from dsr.math3d.quaternions import Vector3, conjugate, rotate
 from dsr.memory import Memory
@@ -161,9 +163,8 @@ def _within(one: Alternative, solid: KnownSolid, room: Vector3) -> float:
         return 0.0
     x, y, z = (mine - believed for mine, believed in zip(one.pose.t, solid.pose.t, strict=True))
     off = rotate(conjugate(solid.pose.q), (x, y, z))
-    covariance = one.pose.covariance
-    deviations = [0.0] * 3 if covariance is None else [math.sqrt(max(0.0, covariance[axis][axis])) for axis in range(3)]
-    return math.prod(map(_normal_within, off, deviations, room))
+    variances = np.zeros(len(off)) if one.pose.covariance is None else np.diag(one.pose.covariance)[: len(off)]
+    return math.prod(map(_normal_within, off, np.sqrt(np.maximum(variances, 0.0)).tolist(), room))
 
 
 def _normal_within(mean: float, deviation: float, room: float) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from dsr.vocabulary.what_if import USUAL_WORLDS
+
 
 class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Times and places of the planner. The defaults are for cubes of 4 cm and a Gen3."""
@@ -91,7 +93,7 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
     what_if_patience: float = 1.0
     """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
-    what_if_worlds: int = 8
+    what_if_worlds: int = USUAL_WORLDS
     """Worlds of the belief in which a what-if question is tried."""
     what_if_seconds: float = 1.0
     """s that are simulated for a what-if question: an object that topples has left its place by then."""

@@ -57,7 +57,7 @@ from planner.plan import PlanStep
 from planner.state import read_state
 from planner.waiting import Waiting
 
-_AS_PROBABLE_AS_NOT = 0.5
+_AS_PROBABLE_AS_NOT = 0.5  # 1, probability from which trying is better than giving up
 _MOST_PLACES = 4
 """that are asked about for one thing"""
 

@@ -17,11 +17,8 @@ from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.errors import Setback
 from planner.grounding import Skill, grid, within_reach
-from planner.outlook import DOWN, expected_information
+from planner.outlook import APART, DOWN, expected_information
 from planner.state import KnownSolid, WorldState, read_state
-
-_LOOK_GRID = 0.05
-"""m between places that are to be seen: about the size of what is looked for"""
 
 
 class Search:
@@ -151,6 +148,6 @@ def _radius(intrinsics: Intrinsics, config: PlannerConfig) -> float:
 
 def _within_reach(table: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
     """(n, 2) places on the table, x and y in the world (m), where the arm can put something."""
-    places = grid(table, 0.0, _LOOK_GRID)
+    places = grid(table, 0.0, APART)
     near_enough: Array = places[within_reach(places, state, config)]
     return near_enough

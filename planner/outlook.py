@@ -24,9 +24,8 @@ _WIDTH = 96
 """px, of the pictures that are drawn: a cube of 4 cm is 5 px across at 60 cm"""
 _DRAWN = 6
 """Places that are drawn of each alternative, so that one which is spread out is seen in part"""
-_SEED = 0
-_APART = 0.05
-"""m between views that show different things: about the size of what is looked for"""
+APART = 0.05
+"""m between places that show different things: about the size of what is looked for"""
 _HIDING = (*THINGS, *MODELLED, *SURFACES, PERSON, "hand")
 """Node types of what hides things from a camera. Arms do not count: they will be elsewhere."""
 
@@ -171,7 +170,7 @@ def _sum(wheres: Sequence[Whereabouts], seen: Sequence[Array], looks: int) -> Ar
 def _drawn(name: str, one: Alternative) -> list[Pose]:
     """Places of a thing in one alternative."""
     alone = Whereabouts(name, (Alternative(weight=1.0, pose=one.pose),))
-    return [pose for pose in alone.samples(_DRAWN, _SEED) if pose is not None]
+    return [pose for pose in alone.samples(_DRAWN, seed=0) if pose is not None]
 
 
 def _is_clear(name: str, relations: Relations) -> bool:
@@ -180,4 +179,4 @@ def _is_clear(name: str, relations: Relations) -> bool:
 
 def _is_near(view: Pose, other: Pose | None) -> bool:
     """Whether two views show nearly the same."""
-    return other is not None and view.distance(other)[0] < _APART
+    return other is not None and view.distance(other)[0] < APART

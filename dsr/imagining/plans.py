@@ -20,11 +20,10 @@ from dsr.spatial import Box
 from dsr.timeline import Chronicle
 from dsr.vocabulary.relations import SURFACES, THINGS
 from dsr.vocabulary.sentences import percent
-from dsr.vocabulary.what_if import Answer, Question, WorldOutcome
+from dsr.vocabulary.what_if import USUAL_WORLDS, Answer, Question, WorldOutcome
 
 _STEP = re.compile(r"(?P<skill>pick|place|remove)\s+(?P<target>\S+)(?:\s+(?P<how>on|at)\s+(?P<where>.+))?\s*")
 _SECONDS = 1.0  # simulated after each step
-_WORLDS = 8  # of the belief in which each step is tried: what is left out beside them is improbable
 _RAISED = 0.15  # m, what is picked
 _ABOVE = 5e-4  # m, over what something is placed on
 _DISTURBED = 0.01  # m, from which a thing counts as moved
@@ -136,7 +135,7 @@ def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[O
         for goal in goals:
             elsewhere = {} if goal is None else {step.target: goal}
             changes = differences(base, world, held=held, elsewhere=elsewhere)
-            answer = yield Question(_SECONDS, changes, worlds=_WORLDS)
+            answer = yield Question(_SECONDS, changes, worlds=USUAL_WORLDS)
             failed = _failure(step, answer)
             if failed:
                 break

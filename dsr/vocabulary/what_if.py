@@ -29,6 +29,8 @@ MAX_SECONDS = 10.0
 MAX_CHANGES = 1000
 MAX_WORLDS = 16
 """Worlds of the belief in which a question may be tried."""
+USUAL_WORLDS = 8
+"""In which plans and places are tried: what may be so besides is improbable."""
 _MOST_NUMBERS = 11 * MOST_PARTS  # of the shape of what is added
 TIMEOUT = 5.0
 """s to wait for an answer, unless told otherwise."""

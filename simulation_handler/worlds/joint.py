@@ -11,7 +11,7 @@ from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.scales import SAME_OUTCOME
 from simulation_handler.worlds.model import Island, ObjectState
 
-_SAME = PoseTolerance(SAME_OUTCOME, 0.01)  # m, rad; up to which a simulation has the same outcome
+_ONE_OUTCOME = PoseTolerance(SAME_OUTCOME, 0.01)  # m, rad; up to which a simulation has the same outcome
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def _parts(island: Island, simulated: RolloutScene) -> list[JointWorld]:
 def _is_otherwise(state: ObjectState, body: RolloutBody) -> bool:
     if state.pose is None or bool(state.hand) != body.fixed:
         return True
-    return not _SAME.covers(Pose.unchecked(body.position, body.rotation), state.pose)
+    return not _ONE_OUTCOME.covers(Pose.unchecked(body.position, body.rotation), state.pose)
 
 
 def _are_same(one: Mapping[str, ObjectState], other: Mapping[str, ObjectState]) -> bool:
@@ -79,4 +79,4 @@ def _are_same(one: Mapping[str, ObjectState], other: Mapping[str, ObjectState]) 
 def _is_same(one: ObjectState, other: ObjectState) -> bool:
     if one.pose is None or other.pose is None:
         return one.pose is other.pose
-    return bool(one.hand) == bool(other.hand) and _SAME.covers(one.pose, other.pose)
+    return bool(one.hand) == bool(other.hand) and _ONE_OUTCOME.covers(one.pose, other.pose)
