@@ -333,14 +333,16 @@ class Overlay(Graph, LayerObserver):
     # ---- as a whole
 
     def flattened(self) -> Delta:
-        """Everything that is seen, as the state of a graph of its own; the graph must be locked."""
+        """Everything that is seen, as the state of a graph of its own; the graph must be locked.
+
+        Each write is there once, although all incarnations of an element show it: a replica that has seen the dot of
+        a write has all that was written under that dot.
+        """
         delta = Delta()
         elements: list[Node | Edge] = [*self.nodes.values(), *self.edges.values()]
         for element in elements:
-            writes = [write for name in element.written if (write := element.newest_write(name)) is not None]
-            for entry in element._entries:
-                delta.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
-                delta.writes += [_rewritten(entry.dot, write) for write in writes]
+            delta.adds += [Add(e.dot, e.key, e.type, e.sources, e.destinations) for e in element._entries]
+            delta.writes += [write for name in element.written if (write := element.newest_write(name)) is not None]
         delta.context = [*self.contexts()]
         return delta
 
@@ -361,13 +363,6 @@ class Overlay(Graph, LayerObserver):
             self._refresh(key)
         self.replied()
         self._detach_or_bury(own)
-
-
-def _rewritten(owner: Dot, write: Any) -> Any:
-    return write if write.owner == owner else type(write)(owner, *[getattr(write, f) for f in _FIELDS])
-
-
-_FIELDS = ("attribute", "stamp", "writer", "dot", "value")
 
 
 def _drop(groups: Any, name: str, key: Key) -> None:
