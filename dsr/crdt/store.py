@@ -97,7 +97,10 @@ class Store:
         writes = self._fill(added, delta.writes) if added else delta.writes
         held_back = []
         for write in writes:
-            if not self._write(write) and write.dot:
+            entry = self.entries.get(write.owner)
+            if entry is not None:
+                self._set(entry, write)
+            elif not self._write(write) and write.dot:
                 held_back.append(write.dot)
         if held_back:
             self._learn(delta, held_back)
@@ -209,7 +212,7 @@ class Store:
 
     def _write(self, write: Write) -> bool:
         """Apply a write; false if its dot must not yet count as seen."""
-        entry = self.entries.get(write.owner) or self.find(write.owner)
+        entry = self.find(write.owner)
         if entry is None:
             return write.owner in self.context or self._wait(write)
         self._set(entry, write)

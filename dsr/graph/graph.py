@@ -14,7 +14,7 @@ from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, NodeTypeError, suggest
-from dsr.graph.elements import Edge, Node, key_of, type_of
+from dsr.graph.elements import Edge, Node, type_of
 from dsr.graph.far_stamps import FarStamps
 from dsr.graph.schema import RECORDS, Schema
 from dsr.graph.sharing import Groups
@@ -110,7 +110,7 @@ class Graph(Stamping):
         """Write attributes of a visible element. Raises `SchemaError`."""
         entries = element._entries
         owners = [entries[0].dot] if len(entries) == 1 else [entry.dot for entry in entries]
-        return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
+        return self._commit(element.key, owners, None, self.schema.to_values(attributes), now)
 
     def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
         """Write the poses of visible edges of one type, by source and destination, at one time.
@@ -139,7 +139,7 @@ class Graph(Stamping):
         if attribute not in element:
             return Delta()
         owners = [entry.dot for entry in element._entries]
-        return self._commit(key_of(element), owners, None, {attribute: TOMBSTONE}, now)
+        return self._commit(element.key, owners, None, {attribute: TOMBSTONE}, now)
 
     def remove_node(self, name: str) -> Delta:
         """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""

@@ -16,7 +16,6 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.store import Incarnation
 from dsr.errors import AgentError, NodeTypeError, PartError
-from dsr.graph.elements import key_of
 from dsr.graph.far_stamps import FAR
 from dsr.graph.graph import Graph
 from dsr.graph.schema import Schema
@@ -325,12 +324,12 @@ class PartedGraph(Graph):
     def renew(self, key: Key, now: float) -> Delta:
         """See `Stamping.renew`; everything is made anew in its part."""
         renewed = self.renewals(key)
-        homes = [self._home(key_of(each.element)) for each in renewed]
+        homes = [self._home(each.element.key) for each in renewed]
         keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
         changes, tick, far = Changes(self._member), self.hlc.tick(now), stamp_at(now + FAR)
         changes.remove([entry.dot for each in keys for entry in self.live(each)])
         for (element, writes), home in zip(renewed, homes, strict=True):
-            add = Add(home.new_dot(), key_of(element), element.type, *self._ends_again(element, key, changes.adds))
+            add = Add(home.new_dot(), element.key, element.type, *self._ends_again(element, key, changes.adds))
             changes.adds.append(add)
             for write in writes:
                 stamp = write.stamp if write.stamp <= far else tick

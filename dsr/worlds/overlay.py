@@ -14,7 +14,7 @@ from typing import Any
 from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
 from dsr.crdt.store import Incarnation
-from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
 from dsr.graph.watches import Watches
 from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
@@ -191,7 +191,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_came(self, element: Node | Edge) -> None:
         """Note that the parent shows an element that it did not show before."""
-        key = key_of(element)
+        key = element.key
         self._outdate(element)
         if key in self._taken or self._concerns(element):
             self._refresh(key, was_below=False)
@@ -204,7 +204,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_went(self, element: Node | Edge) -> None:
         """The parent does not show an element any more."""
-        key = key_of(element)
+        key = element.key
         self._outdate(element)
         if key in self._taken:
             self._refresh(key)
@@ -215,7 +215,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_changed(self, element: Node | Edge, attribute: str) -> None:
         """An attribute of an element of the parent changed."""
-        key = key_of(element)
+        key = element.key
         shown = self._visible(key)
         if isinstance(shown, LayeredNode | LayeredEdge) and shown.layer_write(attribute) is not None:
             return
@@ -224,7 +224,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_has_others(self, element: Node | Edge) -> None:
         """Other incarnations of an element of the parent are seen there now."""
-        key = key_of(element)
+        key = element.key
         if key in self._taken or self._concerns(element):
             self._show_others(key)
         elif (shown := self._visible(key)) is not None:
@@ -243,7 +243,7 @@ class Overlay(Graph, LayerObserver):
 
     def _outdate(self, element: Node | Edge) -> None:
         """What was listed for readers may be other elements now."""
-        key = key_of(element)
+        key = element.key
         if isinstance(key, str):
             self._nodes.forget(key)
             _outdate(self.nodes_by_type, element.type)

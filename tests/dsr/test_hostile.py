@@ -13,11 +13,12 @@ from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.store import Store
+from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.sync import Synchroniser
-from dsr.replication.wire import Digest, WireError, decode_delta, decode_kept, encode_delta, encode_digest
+from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
 from tests.dsr.conftest import Net
 
 
