@@ -20,8 +20,12 @@ from dsr.geometry.messages import AskForMesh, Offer, encode_ask, encode_offer
 from dsr.geometry.shared import SharedPlace
 from dsr.graph.graph import Graph
 from dsr.images.blobs import Frame, encode_frame
+from dsr.network.keys import part_rid
 from dsr.network.shared_ring import SlotDescriptor
+from dsr.parts.graph import PartedGraph
+from dsr.parts.registry import PartInfo, to_attribute
 from dsr.replication.piece_wire import Request, encode_piece, encode_request
+from dsr.replication.portions import portion
 from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
@@ -76,6 +80,70 @@ def pieces() -> list[bytes]:
     contexts = [CausalContext(), CausalContext(made[0].context), graph.store.context]
     refusal = Piece(START, joined=False, waits_for=["viewer-1"])
     return [encode_piece(piece) for piece in [*(piece_of(graph.store, seen) for seen in contexts), refusal]]
+
+
+PART = "kitchen"
+IN_PART = part_rid("arm_controller-5f0c12aa", PART, 1)
+"""A replica of the part."""
+
+
+def a_part() -> tuple[PartedGraph, list[Delta]]:
+    """A part of a graph with things in it, and what its replica sent; with edges into no part, and into another one."""
+    whole = PartedGraph("arm_controller-5f0c12aa")
+    whole.hold(PART, IN_PART)
+    whole.hold("hall", part_rid("arm_controller-5f0c12aa", "hall", 1))
+    pose = Pose((0.4, 0.0, 0.1), stamp=NOW)
+    deltas = [
+        whole.add_node("world", "world", {}, NOW),
+        whole.add_node("sink", "table", {"size": (1.0, 0.8, 0.04)}, NOW, PART),
+        whole.add_node("cup", "cube", {"mass": 0.1, "seen": 7}, NOW, PART),
+        whole.add_node("door", "table", {}, NOW, "hall"),
+        whole.add_edge("sink", "cup", "RT", {"pose": pose}, NOW),
+        whole.add_edge("cup", "world", "on", {}, NOW),
+        whole.add_edge("sink", "door", "on", {}, NOW),
+        whole.write(whole.edge("sink", "cup", "RT"), {"pose": pose}, NOW + 1),
+        whole.remove_node("door"),
+        whole.remove_edge(("cup", "world", "on")),
+        whole.parts[PART].make_durable(),
+    ]
+    return whole, [mine for delta in deltas if (mine := portion(delta, PART))]
+
+
+def part_deltas() -> list[bytes]:
+    """Deltas of a part, a removal, and one of another part, which none of this part may send."""
+    whole, made = a_part()
+    return [encode_delta(delta) for delta in [*made, portion(whole.remove_node("cup"), PART), a_graph()[1][0]]]
+
+
+def part_pieces() -> list[bytes]:
+    """Pieces of replies of a part: to one who has seen nothing, and some."""
+    whole, made = a_part()
+    store = whole.parts[PART].store
+    return [encode_piece(piece_of(store, seen)) for seen in (CausalContext(), CausalContext(made[0].context))]
+
+
+def part_digests() -> list[bytes]:
+    """What a replica of a part has seen."""
+    whole, _ = a_part()
+    store = whole.parts[PART].store
+    return [encode_digest(Digest(IN_PART, NOW, store.context.summary(), store.fingerprint, ()))]
+
+
+def part_requests() -> list[bytes]:
+    """Requests of a part."""
+    whole, made = a_part()
+    seen = CausalContext(whole.parts[PART].store.context.ranges())
+    place = made[0].adds[0].dot
+    return [
+        encode_request(Request("peer-kitchen.1", seen, START)),
+        encode_request(Request("peer-kitchen.1", CausalContext(), (*place, "mass"), insists=True)),
+    ]
+
+
+def part_records() -> list[bytes]:
+    """Entries in the list of parts."""
+    infos = (PartInfo(PART), PartInfo("hall", ("ball", "cube"), "viewer", NOW))
+    return [to_attribute(info).encode() for info in infos]
 
 
 def requests() -> list[bytes]:

@@ -18,13 +18,17 @@ from agents.scenario.judge.judge import decode_truth
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Dump, Load, Mutator, dump_frame, dump_json, load_frame, load_messagepack
 from benchmarks.fuzz.tally import Tally, measured, write_file
-from dsr.crdt.delta import Delta
-from dsr.errors import DsrError
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.errors import DsrError, WireError
 from dsr.geometry import Mesh
 from dsr.geometry.messages import decode_ask, decode_offer
+from dsr.graph.graph import Graph
+from dsr.graph.schema import PART_RECORD
 from dsr.images.blobs import decode_frame
 from dsr.network.bulk import decode_descriptor
+from dsr.network.decoding import decoded
 from dsr.network.rendezvous import members
+from dsr.parts.registry import PartInfo, node_name, read_record
 from dsr.persistence.files import read_graph
 from dsr.persistence.records import HEADER, append_record, read_records
 from dsr.replication.piece_wire import decode_piece, decode_request
@@ -53,10 +57,11 @@ class Target:
 def targets(folder: Path) -> list[Target]:
     """All decoders; those of files get theirs in `folder`, where XDG_RUNTIME_DIR must be too."""
     return [
-        Target("delta, reply", _delta, [*corpus.deltas(), *corpus.replies()], 8),
+        Target("delta, reply", _delta, [*corpus.deltas(), *corpus.replies(), *corpus.part_deltas()], 8),
+        Target("entry of a part", _part_record, corpus.part_records(), 0.5, json.loads, dump_json),
         Target("digest", decode_digest, corpus.digests(), 2),
         Target("request", decode_request, corpus.requests(), 2),
-        Target("piece of a reply", decode_piece, corpus.pieces(), 4),
+        Target("piece of a reply", decode_piece, [*corpus.pieces(), *corpus.part_pieces()], 4),
         Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
         Target("frame descriptor", decode_descriptor, corpus.descriptors(), 1),
         Target("mesh request", decode_ask, corpus.mesh_requests(), 1),
@@ -97,6 +102,18 @@ def _delta(payload: bytes) -> Delta:
     if decode_delta(encode_delta(delta)) != delta:
         raise AssertionError("an accepted delta changes when it is sent on")
     return delta
+
+
+def _part_record(payload: bytes) -> PartInfo:
+    """An entry in the list of parts, which is the value of an attribute. Raises `WireError` if it makes no sense."""
+    graph = Graph("me-1")
+    text = decoded(payload, "text", lambda given: given.decode())
+    graph.join(Delta([Add(("a-1", 1), node_name("kitchen"), PART_RECORD)],
+                     [Write(("a-1", 1), "record", 1, "a-1", ("a-1", 2), text)], [], [("a-1", 1, 2)]), 0.0)  # fmt: skip
+    found = read_record(graph.nodes[node_name("kitchen")])
+    if found is None:
+        raise WireError("an entry that makes no sense")
+    return found
 
 
 def _endpoint_reader(folder: Path) -> Callable[[bytes], Any]:

@@ -14,9 +14,10 @@ from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import reply_to
 from dsr.errors import WireError
-from dsr.network.keys import is_key
+from dsr.network.keys import WHOLE, Keys, is_key
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.portions import parts_in
 from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.status import StatusBoard
 
@@ -43,12 +44,17 @@ class Witness(logging.Handler):
 class Victim:
     """A memory with all that listens beside it, and a stranger on the same network."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, part: str = WHOLE) -> None:
         self.clock = ManualClock(corpus.NOW)
         self.network = LocalNetwork(self.clock, seed=seed)
         transport = self.network.connect("me")
-        self.memory = Memory("g", "me", transport=transport, clock=self.clock, rid="me-1")
+        self.memory = Memory("g", "me", transport=transport, clock=self.clock, rid="me-1", interest=())
         self.memory.add_node("world", "world")
+        self.memory.create_part(corpus.PART)
+        self.memory.add_node("floor", "table", corpus.PART)
+        self.replica = self.memory.part_replica(part) if part else self.memory.replica
+        self.to = Keys("g", part=part)
+        """The keys under which it is attacked."""
         self.stranger = self.network.connect("stranger")
         keys = self.memory.keys
         self.arm = PlantArm(transport, keys)
@@ -75,34 +81,43 @@ class Victim:
 
     def state(self) -> bytes:
         """Everything that the memory holds, and has seen."""
-        store = self.memory._graph.store
-        beside = repr((store.fingerprint, len(store._waiting)))
-        return encode_delta(reply_to(store, CausalContext())) + beside.encode()
+        stores = [self.memory._graph.store, self.memory.part_replica(corpus.PART).graph.store]
+        beside = repr([(store.fingerprint, len(store._waiting)) for store in stores])
+        return b"".join(encode_delta(reply_to(store, CausalContext())) for store in stores) + beside.encode()
 
 
 def fuzz_keys(messages: int, seed: int) -> Iterator[Tally]:
     """Send mutated messages on each kind of key; gives the tally of each now and then, and in the end."""
     kinds: list[tuple[str, float, Callable[[Tally, int, int], Iterator[Tally]]]] = [
-        ("key d/ (deltas)", 0.35, _fuzz_deltas), ("key rt/ (samples)", 0.15, _fuzz_deltas),
-        ("key dig/ (digests)", 0.15, _fuzz_digests), ("key sync/ (requests)", 0.1, _fuzz_requests),
-        ("replies to our requests", 0.1, _fuzz_replies), ("keys beside the graph", 0.15, _fuzz_others),
+        ("key d/ (deltas)", 0.2, _fuzz_deltas), ("key rt/ (samples)", 0.1, _fuzz_deltas),
+        ("key dig/ (digests)", 0.1, _fuzz_digests), ("key sync/ (requests)", 0.1, _fuzz_requests),
+        ("replies to our requests", 0.1, _fuzz_replies), ("keys beside the graph", 0.1, _fuzz_others),
+        ("key part/ d/ (deltas)", 0.15, _fuzz_deltas), ("key part/ dig/ (digests)", 0.05, _fuzz_digests),
+        ("key part/ sync/ (requests)", 0.05, _fuzz_requests), ("replies to requests of a part", 0.05, _fuzz_replies),
     ]  # fmt: skip
     for name, share, fuzz in kinds:
         yield from fuzz(Tally(name), round(messages * share), seed)
 
 
 def _fuzz_deltas(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
-    mutate = Mutator([*corpus.deltas(), *corpus.replies()], seed)
+    part = _part(tally)
+    mutate = Mutator(corpus.part_deltas() if part else [*corpus.deltas(), *corpus.replies()], seed)
     durable = "d/" in tally.name
 
     def key(victim: Victim, rid: str, payload: bytes) -> str:
         sender = _maker(payload) or rid
-        return victim.memory.keys.delta(sender) if durable else victim.memory.keys.stream(sender)
+        return victim.to.delta(sender) if durable else victim.to.stream(sender)
 
     def is_valid(payload: bytes) -> bool:
-        return decode_delta(payload).live is None
+        delta = decode_delta(payload)
+        return delta.live is None and all(one == part for one in parts_in(delta))
 
     yield from _fuzz_key(tally, messages, seed, mutate, is_valid, key)
+
+
+def _part(tally: Tally) -> str:
+    """The part of the graph that is attacked."""
+    return corpus.PART if "part" in tally.name else WHOLE
 
 
 def _maker(payload: bytes) -> str | None:
@@ -117,13 +132,13 @@ def _maker(payload: bytes) -> str | None:
 
 def _fuzz_digests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """Digests never change the state; those of others than the key names are malformed too."""
-    mutate = Mutator(corpus.digests(), seed)
+    mutate = Mutator(corpus.part_digests() if _part(tally) else corpus.digests(), seed)
 
     def is_valid(payload: bytes) -> bool:
         decode_digest(payload)
         return True
 
-    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid, _: victim.memory.keys.digest(rid))
+    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid, _: victim.to.digest(rid))
 
 
 def _fuzz_key(
@@ -136,7 +151,8 @@ def _fuzz_key(
 ) -> Iterator[Tally]:
     """Send batches of refused and of accepted messages; only the latter may change anything."""
     dice = Dice(seed)
-    witness, victim = Witness(), Victim(seed)
+    part = _part(tally)
+    witness, victim = Witness(), Victim(seed, part)
     logging.getLogger("dsr").addHandler(witness)
     with measured(tally) as look:
         for _ in range(0, messages, _BATCH):
@@ -144,18 +160,19 @@ def _fuzz_key(
             for _ in range(_BATCH):
                 payload, rid = mutate(), dice.pick(_STRANGE).format(dice.below(10**6))
                 sorted_out[_judge(tally, payload, is_valid)].append((key(victim, rid, payload), payload))
-            before, dropped = victim.state(), sum(victim.memory.dropped.values())
+            sync = victim.replica.synchroniser
+            before, dropped = victim.state(), sum(sync.dropped.values())
             heard = _send(tally, victim, sorted_out[False])
             tally.changes += victim.state() != before
             if "dig" not in tally.name:
-                tally.miscounted += abs(sum(victim.memory.dropped.values()) - dropped - heard)
+                tally.miscounted += abs(sum(sync.dropped.values()) - dropped - heard)
             _send(tally, victim, sorted_out[True])
             victim.rest()
             tally.miscounted += any(times > 1 for times in witness.said.values())
-            tally.miscounted += len(victim.memory.dropped) > MAX_PEERS + 1 or len(victim.memory.peers) > MAX_PEERS
+            tally.miscounted += len(sync.dropped) > MAX_PEERS + 1 or len(sync.peers) > MAX_PEERS
             look()
-            if len(victim.memory._graph.store.entries) > _MOST_ENTRIES:
-                victim = Victim(seed)
+            if len(victim.replica.graph.store.entries) > _MOST_ENTRIES:
+                victim = Victim(seed, part)
                 witness.said.clear()
             yield tally
     logging.getLogger("dsr").removeHandler(witness)
@@ -177,7 +194,7 @@ def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> in
     """Send messages and let the memory take them in; how many of them its keys match."""
     heard = 0
     for key, payload in messages:
-        heard += key.count("/") == victim.memory.keys.delta().count("/")
+        heard += key.count("/") == victim.to.delta().count("/")
         victim.stranger.publish(key, payload)
         _guarded(tally, payload, victim.make_durable)
     return heard
@@ -185,8 +202,9 @@ def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> in
 
 def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """A request is answered if it is valid, and changes nothing."""
-    mutate, victim = Mutator(corpus.requests(), seed), Victim(seed)
-    key = victim.memory.keys.sync("me-1")
+    part = _part(tally)
+    mutate, victim = Mutator(corpus.part_requests() if part else corpus.requests(), seed), Victim(seed, part)
+    key = victim.to.sync(victim.replica.graph.rid)
     before = victim.state()
 
     def count(_key: str, reply: bytes) -> None:
@@ -209,18 +227,19 @@ def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
 
 def _fuzz_replies(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """The memory asks, and gets nonsense."""
-    mutate, victim = Mutator(corpus.pieces(), seed), Victim(seed)
+    part = _part(tally)
+    mutate, victim = Mutator(corpus.part_pieces() if part else corpus.pieces(), seed), Victim(seed, part)
     with measured(tally) as look:
         for number in range(messages):
             payload = mutate()
             valid = _judge(tally, payload, lambda p: bool(decode_piece(p)))
-            sync = victim.memory._replica.synchroniser
-            before = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
+            sync, store = victim.replica.synchroniser, victim.replica.graph.store
+            before = None if valid else (store.fingerprint, list(store.context.ranges()))
             _guarded(tally, payload, lambda: sync.receive_reply("peer", 0, payload, corpus.NOW))  # noqa: B023
-            after = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
+            after = None if valid else (store.fingerprint, list(store.context.ranges()))
             tally.changes += before != after
             if number % _BATCH == 0:
-                victim = victim if len(victim.memory._graph.store.entries) < _MOST_ENTRIES else Victim(seed)
+                victim = victim if len(store.entries) < _MOST_ENTRIES else Victim(seed, part)
                 look()
                 yield tally
     yield tally

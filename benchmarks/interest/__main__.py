@@ -36,7 +36,7 @@ def main() -> None:
         _curves(options.json, options.plot)
         right = True
     elif options.machines:
-        right = _machines(options.machines, options.json, options.plot)
+        right = _machines(options)
     elif options.mutants:
         right = _mutants()
     elif options.seed is not None:
@@ -91,16 +91,19 @@ def _curves(json: Path | None, plot: Path | None) -> None:
         draw(findings, plot)
 
 
-def _machines(numbers: str, json: Path | None, plot: Path | None) -> bool:
+def _machines(options: argparse.Namespace) -> bool:
     from benchmarks.interest.machines import measured_machines  # needs zenoh
 
-    rows = measured_machines([int(number) for number in numbers.split(",")], lambda text: print(text, flush=True))
-    if json is not None:
-        json.write_bytes(msgspec.json.format(msgspec.json.encode(rows)))
-    if plot is not None:
+    rows = measured_machines(
+        [int(number) for number in options.machines.split(",")], lambda text: print(text, flush=True),
+        robots=options.robots, routers=options.routers, parted_only=options.parts_only,
+    )  # fmt: skip
+    if options.json is not None:
+        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows)))
+    if options.plot is not None:
         from benchmarks.interest.picture import draw_machines  # needs matplotlib
 
-        draw_machines(rows, plot)
+        draw_machines(rows, options.plot)
     return all(row["equal"] for row in rows)
 
 
@@ -112,6 +115,9 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--mutants", action="store_true", help="look for a history that shows each wrong design")
     what.add_argument("--curves", action="store_true", help="measure what interest costs and spares")
     what.add_argument("--machines", metavar="N,N", help="simulate so many machines behind a Zenoh router")
+    parser.add_argument("--robots", type=int, default=2, help="robots of each machine (default: 2)")
+    parser.add_argument("--routers", type=int, default=1, help="routers to which the machines are linked (default: 1)")
+    parser.add_argument("--parts-only", action="store_true", help="do not measure fleets of which each holds all")
     parser.add_argument("--json", type=Path, help="write the curves to this file")
     parser.add_argument("--plot", type=Path, help="draw the curves into this file")
     return parser

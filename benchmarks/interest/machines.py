@@ -1,6 +1,7 @@
 """What interest spares between machines: simulated ones, each a process behind a link of its own to a Zenoh router.
 
-A machine finds no process of another one but through the router. All bytes of its link are counted, those of Zenoh too.
+A machine finds no process of another one but through its router, and routers are linked to the first of them. All
+bytes of the link of a machine are counted, those of Zenoh too.
 """
 
 from __future__ import annotations
@@ -25,8 +26,6 @@ from dsr.clock import WALL_CLOCK
 from dsr.network.rendezvous import free_port
 from dsr.network.zenoh_transport import ZenohTransport
 
-ROBOTS = 2
-"""Robots of a machine"""
 _SETTLE, _WHILE = 4.0, 10.0
 """s until all is quiet, and while which is measured"""
 _PATIENCE = 120.0
@@ -36,23 +35,22 @@ _PIECE = 1 << 16
 
 
 class Uplinks:
-    """Links to a router, one for each machine, of which the bytes are counted both ways."""
+    """Links to routers, one for each machine, of which the bytes are counted both ways."""
 
-    def __init__(self, router: int) -> None:
-        self._router = router
+    def __init__(self) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         self.carried: dict[int, int] = {}
         """Bytes by the port of the link."""
 
-    def open(self) -> int:
-        """Make a link; returns its port on this machine."""
+    def open(self, router: int) -> int:
+        """Make a link to the router at this port; returns its port on this machine."""
         port = free_port()
         self.carried[port] = 0
 
         async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            theirs, ours = await asyncio.open_connection("127.0.0.1", self._router)
+            theirs, ours = await asyncio.open_connection("127.0.0.1", router)
             await asyncio.gather(self._pass_on(port, reader, ours), self._pass_on(port, theirs, writer))
 
         starting = asyncio.run_coroutine_threadsafe(asyncio.start_server(meet, "127.0.0.1", port), self._loop)
@@ -103,16 +101,18 @@ class _Running:
 class _Site:
     """The machines of one measurement."""
 
-    def __init__(self, folder: Path, fleet: int, *, parted: bool) -> None:
+    def __init__(self, folder: Path, fleet: int, *, parted: bool, routers: int) -> None:
         self._folder, self._fleet, self._parted = folder, fleet, parted
-        router = free_port()
-        self._router = ZenohTransport(f"tcp/127.0.0.1:{router}", (), routing=True)
-        self.uplinks = Uplinks(router)
+        self._ports = [free_port() for _ in range(routers)]
+        ends = [f"tcp/127.0.0.1:{port}" for port in self._ports]
+        self._routers = [ZenohTransport(end, ends[:1] if end != ends[0] else (), routing=True) for end in ends]
+        self.uplinks = Uplinks()
         self.machines: list[_Running] = []
 
     def begin(self, robots: list[int], interest: list[int]) -> _Running:
         """Start a machine."""
-        number, port = len(self.machines), self.uplinks.open()
+        number = len(self.machines)
+        port = self.uplinks.open(self._ports[number % len(self._ports)])
         runtime = self._folder / f"machine_{number}"
         runtime.mkdir(mode=0o700)
         job = Job(f"tcp/127.0.0.1:{port}", str(runtime), robots, self._fleet, self._parted, interest)
@@ -138,25 +138,26 @@ class _Site:
         for machine in self.machines:
             machine.end()
         self.uplinks.close()
-        self._router.close()
+        for router in self._routers:
+            router.close()
 
 
 @contextlib.contextmanager
-def _site(fleet: int, *, parted: bool) -> Iterator[_Site]:
+def _site(fleet: int, *, parted: bool, routers: int) -> Iterator[_Site]:
     with tempfile.TemporaryDirectory() as folder:
-        site = _Site(Path(folder), fleet, parted=parted)
+        site = _Site(Path(folder), fleet, parted=parted, routers=routers)
         try:
             yield site
         finally:
             site.close()
 
 
-def machines(number: int, *, parted: bool) -> dict[str, Any]:
+def machines(number: int, *, parted: bool, robots: int = 2, routers: int = 1) -> dict[str, Any]:
     """What the link of one of so many machines carries, at work and when another machine joins; per s where a rate."""
-    fleet = ROBOTS * number
-    with _site(fleet, parted=parted) as site:
+    fleet = robots * number
+    with _site(fleet, parted=parted, routers=routers) as site:
         for machine in range(number):
-            site.begin(list(range(ROBOTS * machine, ROBOTS * (machine + 1))), []).told()
+            site.begin(list(range(robots * machine, robots * (machine + 1))), []).told()
         site.all("start")
         _pass(_SETTLE)
         before, carried, begin = site.all("tell"), site.carried(), WALL_CLOCK.monotonic()
@@ -168,7 +169,7 @@ def machines(number: int, *, parted: bool) -> dict[str, Any]:
         newcomer = site.begin([], list(range(ROOMS_OF_ROBOT)))
         held = newcomer.told().nodes
         return {
-            "machines": number, "robots": fleet, "parted": parted, "equal": equal,
+            "machines": number, "robots": fleet, "routers": routers, "parted": parted, "equal": equal,
             "writes": sum(b.writes - a.writes for a, b in zip(before, after, strict=True)) / (fleet * seconds),
             "bytes": carried / (number * seconds),
             "received": sum(b.received - a.received for a, b in zip(before, after, strict=True)) / (fleet * seconds),
@@ -195,11 +196,13 @@ def _become_equal(site: _Site) -> bool:
     return False
 
 
-def measured_machines(numbers: list[int], tell: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Measure fleets on so many machines, with parts and without."""
+def measured_machines(
+    numbers: list[int], tell: Callable[[str], None], *, robots: int, routers: int, parted_only: bool
+) -> list[dict[str, Any]]:
+    """Measure fleets on so many machines, with parts and, unless `parted_only`, without."""
     rows = []
     for number in numbers:
-        for parted in (True, False):
-            rows.append(machines(number, parted=parted))
+        for parted in (True,) if parted_only else (True, False):
+            rows.append(machines(number, parted=parted, robots=robots, routers=routers))
             tell(f"{rows[-1]}")
     return rows

@@ -39,7 +39,7 @@ def draw_machines(rows: list[dict[str, Any]], file: Path) -> None:
         for parted, told in ((False, "all hold all"), (True, "each robot holds three rooms")):
             of_it = [row for row in rows if row["parted"] == parted]
             place.plot([row["machines"] for row in of_it], [row[field] / unit for row in of_it], "o-", label=told)
-        place.set(title=title, xlabel="machines with two robots each", ylabel=label, ylim=(0, None))
+        place.set(title=title, xlabel="machines", ylabel=label, ylim=(0, None))
     axes[0].legend()
     figure.tight_layout()
     figure.savefig(file, dpi=110)

@@ -126,7 +126,7 @@ class Overlay(Graph, LayerObserver):
             for entry in entries:
                 if not self._has_ends(entry):
                     self._await_ends(entry)
-        self._refresh(key)
+        self._refresh_with_edges(key)
 
     def entries_removed(self, key: Key, entries: list[Incarnation]) -> None:
         """See `Graph.entries_removed`."""
@@ -138,7 +138,13 @@ class Overlay(Graph, LayerObserver):
                 keys.pop(key, None)
                 if not keys:
                     self.incident.pop(name, None)
+        self._refresh_with_edges(key)
+
+    def _refresh_with_edges(self, key: Key) -> None:
+        """Look again at an element, and at edges that are bound to those incarnations of a node that came or went."""
         self._refresh(key)
+        if isinstance(key, str):
+            self._refresh_edges_at(key)
 
     def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """See `Graph.register_changed`."""
@@ -157,7 +163,7 @@ class Overlay(Graph, LayerObserver):
         """See `LayerObserver.hidden`."""
         below = self.parent.element(dot)
         if below is not None:
-            self._refresh(below.key)
+            self._refresh_with_edges(below.key)
 
     def replied(self) -> None:
         """See `LayerObserver.replied`."""

@@ -231,3 +231,15 @@ def test_what_comes_late_between_two_pieces_goes_if_the_answerer_has_seen_it_rem
     mine.join(fetch.rest(), NOW)
     assert "thing" not in mine.nodes
     assert state(mine) == state(holder)
+
+
+def test_the_end_of_an_answer_takes_nothing_that_lives_at_both() -> None:
+    holder, mine = Graph("holder"), Graph("mine")
+    mine.join(holder.add_node("thing", "cube", {}, NOW), NOW)
+    fetch = Fetch("holder", CausalContext(mine.store.context.ranges()), insists=True)
+    piece = piece_of(holder.store, mine.store.context)
+    assert fetch.take(piece) and piece.kept
+    mine.join(piece.as_delta(), NOW)
+    fetch.note_joined(piece, mine.store)
+    mine.join(fetch.rest(), NOW)
+    assert "thing" in mine.nodes

@@ -10,7 +10,7 @@ import pytest
 from dsr import NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import Delta
+from dsr.crdt.delta import Add, Delta
 from dsr.crdt.store import Store
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.registry import node_name, to_attribute
@@ -235,3 +235,39 @@ def test_what_the_end_of_an_answer_says_was_removed_is_hidden(net: Net, length: 
     ((rid, counter),) = memory.node("cup").created
     view.replica.graph.join(Delta(context=[(rid, counter, counter + length - 1)]), net.clock.now())
     assert "cup" not in view and "cup" in memory
+
+
+def node(rid: str, counter: int = 1) -> Delta:
+    """One more incarnation of the node `n`."""
+    return Delta([Add((rid, counter), "n", "cube")], context=[(rid, counter, counter)])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)])
+@pytest.mark.parametrize("follow", [True, False])
+def test_edges_of_one_incarnation_do_not_depend_on_the_order_of_arrival(
+    net: Net, order: tuple[int, ...], follow: bool
+) -> None:
+    """An edge that is bound to one of two incarnations of a node, which two agents made at once, goes with that one."""
+    graph = net.join("a").fork("view", follow=follow).replica.graph
+    graph.add_node("x", "cube", {}, 0.0)
+    (end,) = graph.nodes["x"].created
+    edge = Add(("B-1", 2), ("n", "x", "on"), "on", (("B-1", 1),), (end,))
+    changes = [node("A-1"), node("B-1"), Delta([edge], context=[("B-1", 2, 2)])]
+    for place in order:
+        graph.join(changes[place], 0.0)
+    assert list(graph.edges) == [("n", "x", "on")] and not graph._unattached
+    graph.join(Delta(removed=[("B-1", 1)], context=[("C-1", 1, 1)]), 0.0)
+    assert list(graph.edges) == [] and "n" in graph.nodes and edge.dot not in graph.store.entries
+
+
+def test_who_hides_one_incarnation_hides_the_edges_that_are_bound_to_it(net: Net) -> None:
+    base = net.join("a")
+    view, graph = base.fork("view", follow=True), base.replica.graph
+    base.add_node("x", "cube")
+    (end,) = base.node("x").created
+    edge = Delta([Add(("B-1", 2), ("n", "x", "on"), "on", (("B-1", 1),), (end,))], context=[("B-1", 2, 2)])
+    for change in (node("A-1"), node("B-1"), edge):
+        graph.join(change, 0.0)
+    assert view.edges("on") and base.edges("on")
+    view.replica.graph.join(Delta(removed=[("B-1", 1)], context=[("C-1", 1, 1)]), 0.0)
+    assert "n" in view and view.edges("on") == [] and base.edges("on")
