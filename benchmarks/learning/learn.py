@@ -64,8 +64,8 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
         deviations |= found
     if HOLDING in only:
         holding, unsure = _learn_holding(episodes, parameters, tell)
-        parameters = msgspec.structs.replace(parameters, holding=holding)
-        errors = {key: error for key, error in errors.items() if key[0] != HOLDING} | unsure
+        parameters = msgspec.structs.replace(parameters, holding={**parameters.holding, **holding})
+        errors |= unsure
     anew = {name: [episode.name for episode in episodes] for name in only}
     return toml_of(parameters, deviations, errors, {**told["source"], **anew})
 
