@@ -21,6 +21,7 @@ from agents.plant.bullet import Bullet
 from agents.plant.hand_figure import Side
 from agents.plant.hand_flesh import flesh
 from agents.plant.hand_skin import Skin, skin
+from agents.plant.read_files import folder_to_read
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -49,8 +50,8 @@ class HandBody:
         self._bullet = bullet
         self._side: Side = side
         self._figures: OrderedDict[bytes, int] = OrderedDict()
-        with tempfile.TemporaryDirectory(prefix="dsr-hand-") as folder:  # the physics engine keeps what it read
-            self._sleeve = self._make(write_capsule(Path(folder), "sleeve", SLEEVE_LENGTH, SLEEVE_RADIUS, SLEEVE))
+        with folder_to_read() as folder:
+            self._sleeve = self._make(write_capsule(folder, "sleeve", SLEEVE_LENGTH, SLEEVE_RADIUS, SLEEVE))
 
     def put(self, pose: Pose, tips: Array, forearm: tuple[Array, Array]) -> None:
         """Show the hand at world_from_palm, fingertips (5, 3) in the palm's frame, and its sleeve between points."""

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.plant.read_files import name_by_content
 from agents.plant.tags import tagged_face
 from dsr.math3d import quaternions
 from dsr.math3d.shapes import Part, Shape
@@ -108,18 +109,20 @@ def _at(points: object, heights: object) -> Array:
 
 
 def _write(folder: Path, name: str, texture: NDArray[np.uint8], facets: Iterator[Facet] | list[Facet]) -> Path:
-    cv2.imwrite(str(folder / f"{name}.png"), texture)
-    material = f"newmtl body\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nmap_Kd {name}.png\n"
-    (folder / f"{name}.mtl").write_text(material, encoding="utf-8")
     lines: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
     triangles = []
     for index, facet in enumerate(facets):
         for kind, rows in zip(("v", "vn", "vt"), facet, strict=True):
             lines[kind] += [f"{kind} " + " ".join(f"{value:.6f}" for value in row) for row in rows]
         triangles += [_triangle(4 * index, corners) for corners in ((1, 2, 3), (1, 3, 4))]
-    text = [f"mtllib {name}.mtl", *lines["v"], *lines["vt"], *lines["vn"], "usemtl body", *triangles, ""]
+    shape = "\n".join([*lines["v"], *lines["vt"], *lines["vn"], "usemtl body", *triangles, ""])
+    picture = cv2.imencode(".png", texture)[1].tobytes()
+    name = name_by_content(name, picture, shape.encode())
+    material = f"newmtl body\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nmap_Kd {name}.png\n"
+    (folder / f"{name}.png").write_bytes(picture)
+    (folder / f"{name}.mtl").write_text(material, encoding="utf-8")
     file = folder / f"{name}.obj"
-    file.write_text("\n".join(text), encoding="utf-8")
+    file.write_text(f"mtllib {name}.mtl\n{shape}", encoding="utf-8")
     return file
 
 

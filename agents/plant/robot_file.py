@@ -6,7 +6,6 @@ The engine turns COLLADA by what the file says of `up`, which ROS does not, and 
 from __future__ import annotations
 
 import logging
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 import pybullet
 
 from agents.plant.bullet import Bullet
+from agents.plant.read_files import folder_to_read, name_by_content
 from agents.urdf_elements import attribute, parse_urdf
 from agents.urdf_files import find_mesh
 from agents.xacro_file import Value, read_robot
@@ -33,9 +33,9 @@ def load_body(bullet: Bullet, file: Path, base: Pose, args: Mapping[str, Value] 
 
     Raises `ConfigError` for a file that cannot be read, or that the engine cannot load.
     """
-    with tempfile.TemporaryDirectory(prefix="dsr-robot-") as folder:  # another each time: the engine remembers names
-        prepared = Path(folder) / "robot.urdf"
-        prepared.write_bytes(_prepared(file, Path(folder), args))
+    with folder_to_read() as folder:
+        prepared = folder / "robot.urdf"
+        prepared.write_bytes(_prepared(file, folder, args))
         try:
             body: int = bullet.loadURDF(str(prepared), base.t, base.q, useFixedBase=True, flags=_FLAGS)
         except pybullet.error as error:
@@ -87,6 +87,7 @@ def _written(source: Path, folder: Path) -> Path:
             lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points.tolist()]
             lines += [f"f {a + first} {b + first} {c + first}" for a, b, c in mesh.triangles.tolist()]
             first += len(points)
-    file = folder / f"mesh_{len(list(folder.iterdir()))}.obj"
-    file.write_text("\n".join([*lines, ""]), encoding="ascii")
+    shape = "\n".join([*lines, ""]).encode("ascii")
+    file = folder / f"{name_by_content('mesh', shape)}.obj"
+    file.write_bytes(shape)
     return file

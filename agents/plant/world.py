@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pybullet
 from agents.colors import FLOOR, PALETTE, TABLE
 from agents.plant.bullet import Bullet
 from agents.plant.meshes import Color, Size, write_box, write_shape
+from agents.plant.read_files import folder_to_read
 from agents.scenario.format.scenario import ObjectSpec, TableSpec
 from dsr.errors import ConfigError, suggest
 from dsr.math3d import quaternions
@@ -45,14 +45,17 @@ def visual_shape(
     """Make the appearance of a body from files written to `folder`; returns the physics engine's number of it.
 
     It shows the parts of `shape`, or a box of `size` m without any. With a `marker_id` there is a tag on top (+z).
-    The folder may be deleted once a body has the appearance.
+    The files are read whenever a body gets the appearance, and may be deleted in between.
     """
-    if shape:
-        file = write_shape(folder, name, size, shape, color, marker_id)
-    else:
-        file = write_box(folder, name, size, color, marker_id)
+    file = _write_looks(folder, name, size, color, marker_id, shape)
     number: int = bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file))
     return number
+
+
+def _write_looks(folder: Path, name: str, size: Size, color: Color, marker_id: int | None, shape: Shape) -> Path:
+    if shape:
+        return write_shape(folder, name, size, shape, color, marker_id)
+    return write_box(folder, name, size, color, marker_id)
 
 
 RATE_HZ = 240
@@ -93,12 +96,10 @@ class World:
         self._bodies: dict[str, int] = {}
         self._held: set[str] = set()
         self._balls: dict[float, int] = {}  # collision shapes by radius, m
-        with tempfile.TemporaryDirectory(prefix="dsr-plant-") as folder:  # the physics engine keeps what it read
-            files = Path(folder)
+        with folder_to_read() as files:
             self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
             self.floor = self._add_block(files, "floor", _FLOOR_SIZE, FLOOR, (x, y, top - FLOOR_BELOW_TABLE))
-            shapes = (self._make_shapes(files, spec, index) for index, spec in enumerate(self.specs.values()))
-            self._shapes = dict(zip(self.specs, shapes, strict=True))
+            self._shapes = {name: self._make_shapes(files, spec) for name, spec in self.specs.items()}
             for spec in self.specs.values():
                 self._add(spec.name, spec.pose)
 
@@ -142,7 +143,10 @@ class World:
     def put(self, name: str, pose: Pose) -> None:
         """Teleport an object, at rest; one that was removed comes back."""
         if name not in self._bodies:
-            self._add(name, pose)
+            with folder_to_read() as files:
+                spec = self.specs[name]
+                _write_looks(files, name, spec.size, self._color(name), spec.marker_id, spec.shape)
+                self._add(name, pose)
         self.drive(name, pose, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def drive(self, name: str, pose: Pose, velocity: Vector3, spin: Vector3) -> None:
@@ -270,8 +274,11 @@ class World:
         self.bullet.changeDynamics(body, -1, lateralFriction=1.0)
         return body
 
-    def _make_shapes(self, folder: Path, spec: ObjectSpec, index: int) -> tuple[int, int]:
-        color = spec.color or PALETTE[index % len(PALETTE)]
+    def _color(self, name: str) -> Color:
+        return self.specs[name].color or PALETTE[list(self.specs).index(name) % len(PALETTE)]
+
+    def _make_shapes(self, folder: Path, spec: ObjectSpec) -> tuple[int, int]:
+        color = self._color(spec.name)
         visual = visual_shape(self.bullet, folder, spec.name, spec.size, color, spec.marker_id, spec.shape)
         return collision_shape(self.bullet, spec.size, spec.shape), visual
 
