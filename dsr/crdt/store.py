@@ -134,7 +134,9 @@ class Store:
         for rid, counter in [entry.dot for entry in added]:
             if counter > known(rid, 0):
                 self.context.add((rid, counter))
-        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)) if len(added) > 1 else added:
+        if len(added) > 1:
+            added.sort(key=_is_edge)
+        for entry in added:
             if entry.dot in self.entries:
                 entry.announced = True
                 self._observer.entry_added(entry)
@@ -354,6 +356,10 @@ class Store:
                 self.unsettled[(owner, attribute)] = passes + 1
         delta.context = list(to_ranges(write.dot for write in delta.writes if write.dot))
         return delta
+
+
+def _is_edge(entry: Incarnation) -> bool:
+    return entry.key.__class__ is not str
 
 
 def _weight(write: Write) -> int:
