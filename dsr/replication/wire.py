@@ -25,10 +25,11 @@ from typing import Annotated, Any
 
 import msgspec
 
-from dsr.crdt.context import CausalContext, Dot, DotRange
-from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.crdt.context import CausalContext, Dot, DotRange, apart
+from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import MAX_STAMP
 from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
+from dsr.graph.schema import is_own_name
 from dsr.network.decoding import decoded
 from dsr.replication.values import encode_extension, to_value
 
@@ -234,7 +235,14 @@ def decode_delta(payload: bytes) -> Delta:
 
 def decode_kept(payload: bytes) -> Delta:
     """The delta or snapshot in `payload`, which was read from a file; it may be of any length. Raises `WireError`."""
-    return decoded(payload, f"delta of {len(payload)} bytes", lambda kept: _to_delta(_kept_decoder.decode(kept)))
+    return decoded(payload, f"delta of {len(payload)} bytes", _read_kept)
+
+
+def _read_kept(payload: bytes) -> Delta:
+    """Nodes that nobody takes from the network are left out: an older version may have kept them."""
+    message = _kept_decoder.decode(payload)
+    message.adds = [row for row in message.adds if type(row.key) is not str or is_own_name(row.key, row.type)]
+    return _to_delta(message)
 
 
 def _read_sent(payload: bytes) -> Delta:
@@ -316,13 +324,15 @@ def _to_key(add: AddRow) -> Key:
     if type(key) is str:
         if not _is_name(key):
             raise ValueError(f"a node's name of {len(key)} characters")
+        if not is_own_name(key, add.type):
+            raise ValueError("a node about the graph itself whose name and type do not fit")
         if add.sources or add.destinations:
             raise ValueError("a node with endpoints")
         return key
     if not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
         raise ValueError(f"an edge's key with a name of none or more than {MAX_NAME} characters")
-    if not add.sources or not add.destinations:
-        raise ValueError("an edge without creation dots at both ends")
+    if not 0 < len(add.sources) <= 2 * MAX_ENDS or not 0 < len(add.destinations) <= 2 * MAX_ENDS:
+        raise ValueError(f"an edge without creation dots at both ends, or with more than {MAX_ENDS}")
     return key
 
 
@@ -359,7 +369,8 @@ def to_ranges(names: list[str], flat: list[int]) -> list[DotRange]:
         return [_checked_range(names[flat[0]], flat[1], flat[2])]
     if len(flat) % 3:
         raise ValueError("a context is triples of a replica's index, first and last counter")
-    return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
+    ranges = [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
+    return apart(ranges) if len(ranges) > 1 else ranges
 
 
 def _checked_range(rid: str, first: int, last: int) -> DotRange:
@@ -413,4 +424,4 @@ def _pairs(counters: list[int]) -> tuple[tuple[int, int], ...]:
 
 def to_context(ranges: list[tuple[str, int, int]]) -> CausalContext:
     """A context as it was received; raises `ValueError`."""
-    return CausalContext(_checked_range(*dots) for dots in ranges)
+    return CausalContext(sorted([_checked_range(*dots) for dots in ranges]))

@@ -95,14 +95,6 @@ class Overlay(Graph, LayerObserver):
         """See `Graph.is_known`."""
         return self.store.is_known(dot)
 
-    def _has_ends(self, entry: Incarnation) -> bool:
-        element = self.store.element
-        return any(map(element, entry.sources)) and any(map(element, entry.destinations))
-
-    def _is_dead(self, entry: Incarnation) -> bool:
-        known, element = self.store.is_known, self.store.element
-        return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
-
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """See `Graph.newest_stamp`; the parent's counts, too, unless it is further ahead than the clock follows."""
         below = self.parent.newest_stamp(owner, attribute)
@@ -127,20 +119,19 @@ class Overlay(Graph, LayerObserver):
 
     # ---- what the layer's store reports
 
-    def entry_added(self, entry: Incarnation) -> None:
-        """See `Graph.entry_added`."""
-        if not isinstance(entry.key, str):
-            self._note_incident(entry.key)
-            if not self._has_ends(entry):
-                if self._is_dead(entry):
-                    self._bury([entry])
-                else:
-                    self._unattached[entry.dot] = entry
-        self._refresh(entry.key)
+    def entries_added(self, key: Key, entries: list[Incarnation]) -> None:
+        """See `Graph.entries_added`."""
+        if not isinstance(key, str):
+            self._note_incident(key)
+            for entry in entries:
+                if not self._has_ends(entry):
+                    self._await_ends(entry)
+        self._refresh(key)
 
-    def entry_removed(self, entry: Incarnation) -> None:
-        """See `Graph.entry_removed`."""
-        key = entry.key
+    def entries_removed(self, key: Key, entries: list[Incarnation]) -> None:
+        """See `Graph.entries_removed`."""
+        for entry in entries:
+            self._unattached.pop(entry.dot, None)
         if not isinstance(key, str) and key not in self.store.by_key:
             for name in key[:2]:
                 keys = self.incident.get(name, {})
