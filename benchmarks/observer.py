@@ -15,7 +15,8 @@ def on_each_change(memory: Memory, seen: Callable[[Node | Edge, str | None], Non
     itself does not wait for that.
     """
 
-    def offer(kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
-        seen(element, attribute)
+    def offer(kind: ChangeKind, element: Node | Edge, *attributes: str) -> None:
+        for attribute in attributes if kind == "updated" else (None, *attributes):
+            seen(element, attribute)
 
     memory.watch(existing=False).offer = offer  # type: ignore[method-assign]

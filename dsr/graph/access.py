@@ -105,6 +105,7 @@ class WriteGuard:
         self._world = world
         self._types = {"node": frozenset(writes.nodes), "edge": frozenset(writes.edges)}
         self._attributes = frozenset(writes.attributes)
+        self._is_its_own = writes.includes_world(world)
         builtin = Schema()
         self._describes = not (
             self._types["node"] <= builtin.node_types.keys()
@@ -119,7 +120,7 @@ class WriteGuard:
 
     def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
         """Raise `UndeclaredError` unless writing these attributes of a "node" or "edge" of type `kind` is declared."""
-        if kind != WORLD_RECORD and not self._writes.includes_world(self._world):
+        if kind != WORLD_RECORD and not self._is_its_own:
             raise UndeclaredError(
                 f"agent {self._agent!r} writes into world {self._world!r}, which it does not declare; "
                 f"declared: {', '.join(self._writes.worlds or ()) or 'none'}"

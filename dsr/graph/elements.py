@@ -69,7 +69,7 @@ class _Element(Mapping[str, Any]):
         return isinstance(attribute, str) and self._value(attribute) is not TOMBSTONE
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted(name for name in self.written if self._value(name) is not TOMBSTONE))
+        return iter(sorted([name for name in self.written if self._value(name) is not TOMBSTONE]))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -103,7 +103,10 @@ class _Element(Mapping[str, Any]):
     @property
     def written(self) -> frozenset[str]:
         """Names of all attributes that were ever set, those taken away since included."""
-        return frozenset(name for entry in self._entries for name in list(entry.registers))
+        entries = self._entries
+        if len(entries) == 1:
+            return frozenset(list(entries[0].registers))
+        return frozenset([name for entry in entries for name in list(entry.registers)])
 
     @property
     def attributes(self) -> dict[str, Any]:

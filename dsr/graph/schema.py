@@ -242,11 +242,11 @@ def _check_attribute(name: str, attribute: AttributeType) -> None:
 
 
 def _bool(value: Any) -> bool | None:
-    return bool(value) if isinstance(value, bool | np.bool_) else None
+    return value if value is True or value is False else bool(value) if isinstance(value, np.bool_) else None
 
 
 def _int(value: Any) -> int | None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if type(value) is not int and (isinstance(value, bool) or not isinstance(value, int | np.integer)):
         return None
     return int(value) if -_INT_LIMIT <= value < _INT_LIMIT else None
 

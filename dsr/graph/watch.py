@@ -130,6 +130,8 @@ class Watch:
     def poll(self) -> list[Change]:
         """Return all changes since the last call, oldest element first; never waits."""
         with self._lock:
+            if not self._ready and not self._pending:
+                return []
             changes = self._ready[::-1] + self._take()
             self._ready = []
             return changes
@@ -155,8 +157,8 @@ class Watch:
         """
         return self._filter.accepts(element) and (attribute is None or self._filter.accepts_attribute(attribute))
 
-    def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
-        """Called by the memory for every change that the watch wants."""
+    def offer(self, kind: ChangeKind, element: Node | Edge, *attributes: str) -> None:
+        """Called by the memory for every change that the watch wants, with the attributes that it is about."""
         if self._closed or (self._where is not None and kind != "removed" and not self._where(element)):
             return
         key = element.key
@@ -167,8 +169,7 @@ class Watch:
                 pending = self._pending[key] = _Pending(element)
             pending.element = element
             pending.push(kind)
-            if attribute is not None:
-                pending.attributes.add(attribute)
+            pending.attributes.update(attributes)
             if first:  # who waits takes all that there is, and tells the next one
                 self._condition.notify()
         if self._notify is not None:
@@ -176,11 +177,11 @@ class Watch:
 
     def offer_all(self, element: Node | Edge) -> None:
         """Called by the memory for what is wanted and came, or is there when the watch begins."""
-        present = [name for name in element if self._filter.accepts_attribute(name)]
-        if self._filter.attributes is None:
-            self.offer("added", element)
-        for name in present:
-            self.offer("updated", element, name)
+        wanted = self._filter.attributes
+        if wanted is None:
+            self.offer("added", element, *iter(element))  # whose length costs as much again
+        elif present := [name for name in element if name in wanted]:
+            self.offer("updated", element, *present)
 
     def _take(self) -> list[Change]:
         taken, self._pending = self._pending, {}

@@ -134,8 +134,8 @@ class Watches:
         """Let the frames follow the pose of `edge`, if it is geometric. The graph must be locked."""
         type = edge.type_name
         if type in self._geometric:
-            pose = edge.get("pose")
-            if isinstance(pose, Pose):
-                self.frames.follow(type, edge.src, edge.dst, pose)
+            write = edge.newest_write("pose")
+            if write is not None and isinstance(write.value, Pose):
+                self.frames.follow(type, edge.src, edge.dst, write.value)
             else:
                 self.frames.remove(type, edge.src, edge.dst)

@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
-from dsr.crdt.delta import Delta
+from dsr.crdt.delta import Delta, Write
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.network.keys import part_of
@@ -61,22 +61,26 @@ class Claims:
             self._while_ends = now + WHILE
 
     def is_plain(self, sender: str, delta: Delta, part: str | None) -> bool:
-        """Whether it is one write of another replica's own, the next of its counters, as nearly all deltas are.
+        """Whether it only adds and writes, all by its sender, and goes on where the sender's counters ended.
 
-        Such a one keeps all bounds, and speaks for nobody else. `part` is that of which all dots must be, if any.
+        Nearly all deltas are so. Such a one keeps all bounds, and speaks for nobody else. `part` is that of which all
+        dots must be, if any.
         """
-        if len(delta.writes) != 1 or delta.adds or delta.removed or delta.live is not None or sender in self._early:
+        if delta.removed or delta.live is not None or sender in self._early or sender == self._graph.rid:
             return False
-        write, context = delta.writes[0], delta.context
-        if sender == self._graph.rid or not (part is None or part == part_of(sender) == part_of(write.owner[0])):
-            return False
-        if write.dot is None:
-            return not context
-        rid, counter = write.dot
-        if rid != sender or len(context) != 1 or context[0] != (sender, counter, counter):
-            return False
-        known = self._graph.store.context.vector.get(sender)
-        return known is not None and counter <= known + 1
+        first, last = 1, 0
+        if delta.context:
+            known, (rid, first, last) = self._graph.store.context.vector.get(sender), delta.context[0]
+            if rid != sender or len(delta.context) > 1 or known is None or first > known + 1:
+                return False
+        for add in delta.adds:
+            if add.dot[0] != sender or not first <= add.dot[1] <= last:
+                return False
+        for write in delta.writes:
+            dot = write.dot
+            if dot is not None and (dot[0] != sender or not first <= dot[1] <= last):
+                return False
+        return part is None or (part_of(sender) == part and not _is_of_others(delta.writes, part))
 
     def own_part(self, sender: str, delta: Delta) -> Delta:
         """Select the part of a delta that may be joined.
@@ -186,6 +190,18 @@ class Claims:
                 early.difference_update([counter for counter in early if first <= counter <= last])
         if not early:
             del self._early[sender]
+
+
+def _is_of_others(writes: list[Write], part: str) -> bool:
+    """Whether something is written to what is in another part."""
+    looked_at = None
+    for write in writes:
+        rid = write.owner[0]
+        if rid is not looked_at:
+            if part_of(rid) != part:
+                return True
+            looked_at = rid
+    return False
 
 
 def dots_of(delta: Delta) -> Iterable[Dot]:

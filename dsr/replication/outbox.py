@@ -25,12 +25,15 @@ class Outbox:
         """What was taken, until it is `sent`."""
         self._bundles = [Delta()]
         self._samples: dict[_Register, Write] = {}
+        self.waits = False
+        """Whether anything was added since the last `take`."""
 
     def add(self, delta: Delta, *, together: bool = False) -> None:
         """Take over a delta of this replica; of stream samples only the newest of each attribute is kept.
 
         `together` says that it must not travel later than the delta before it.
         """
+        self.waits = True
         bundle = self._bundles[-1]
         waiting = bundle.writes
         if len(waiting) + len(bundle.adds) >= BUNDLE and not together:
@@ -58,7 +61,7 @@ class Outbox:
             if bundle.writes or bundle:
                 bundles.append(bundle)
         self._under_way = bundles, Delta(writes=[*samples.writes, *self._samples.values()])
-        self._bundles, self._samples = [Delta()], {}
+        self._bundles, self._samples, self.waits = [Delta()], {}, False
         return self._under_way
 
     def sent(self) -> None:

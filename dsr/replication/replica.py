@@ -20,6 +20,7 @@ from dsr.crdt.pieces import START, Piece, Place, piece_of, together
 from dsr.graph.graph import Graph
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Subscription, Transport
+from dsr.replication.holding import Hold
 from dsr.replication.outbox import Outbox
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.parcels import parcels
@@ -139,7 +140,7 @@ class Replica:
         A stuck network has the sending thread wait in it, and writers pass by. Only a lone write that finds all buffers
         of a stalled link full, megabytes, waits itself, until the link is closed after a second.
         """
-        if self._holds or self._sender is None:
+        if self._holds or self._sender is None or not self._outbox.waits:
             return
         if self._clock.monotonic() - self._sent_at > IDLE and self._sending.acquire(blocking=False):
             try:
@@ -149,17 +150,15 @@ class Replica:
         elif not self._written.is_set():
             self._written.set()
 
-    @contextlib.contextmanager
-    def hold(self) -> Iterator[None]:
+    def hold(self) -> contextlib.AbstractContextManager[None]:
         """Send all writes inside together."""
+        return Hold(self._hold_for)
+
+    def _hold_for(self, change: int) -> None:
+        """Hold writes back for one more (1) or one less (-1)."""
         with self.lock:
-            self._holds += 1
-        try:
-            yield
-        finally:
-            with self.lock:
-                self._holds -= 1
-            self.send_soon()
+            self._holds += change
+        self.send_soon()
 
     def flush(self) -> None:
         """Hand everything written so far to the transport; nothing while writes are held together."""

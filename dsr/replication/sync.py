@@ -157,7 +157,7 @@ class Synchroniser:
             delta = decode_delta(payload)
             if delta.live is not None:
                 raise WireError("a synchronisation reply that nobody asked for")
-            if self.gate is None and self.claims.is_plain(sender, delta, self.part):
+            if self.gate is None and self.joined and self.claims.is_plain(sender, delta, self.part):
                 return self.graph.join(delta, physical)
             self._check_identity(sender, delta)
             self._check_part(delta)

@@ -277,7 +277,8 @@ def _to_delta(message: _KeptDelta) -> Delta:
     if len(message.writes) == 1 and not message.adds and not message.removed and message.live is None:
         return _to_one(names, message.writes[0], message.context)
     delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
-    delta.removed = to_dots(names, message.removed)
+    if message.removed:
+        delta.removed = to_dots(names, message.removed)
     delta.context = to_ranges(names, message.context)
     delta.live = None if message.live is None else frozenset(to_dots(names, message.live))
     return delta

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from dsr.crdt.delta import EdgeKey, Key, Write
 from dsr.errors import NodeNotFoundError
@@ -17,6 +17,7 @@ from dsr.worlds.reparenting import Reparenting
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
+K = TypeVar("K")
 Conflict = Literal["newest", "first"]
 Edit = Callable[[Node | Edge, Mapping[str, Any]], Mapping[str, Any]]
 
@@ -88,17 +89,13 @@ class Mirror:
             return
         failures: list[Exception] = []
         with self._target.batch():
-            for name in _drained(self._nodes):
-                with _kept(failures):
-                    self._bring_node(name)
+            while self._nodes:
+                _attempt(failures, self._bring_node, _taken(self._nodes))
             self._reparenting.note(self._edges)
-            with _kept(failures):
-                self._reparenting.update()
-            for key in _drained(self._edges):
-                with _kept(failures):
-                    self._bring_edge(key)
-            with _kept(failures):
-                self._reparenting.update()
+            _attempt(failures, self._reparenting.update)
+            while self._edges:
+                _attempt(failures, self._bring_edge, _taken(self._edges))
+            _attempt(failures, self._reparenting.update)
         if failures:
             raise failures[0]
 
@@ -205,18 +202,16 @@ def _attributes(element: Node | Edge) -> dict[str, Any]:
     return {name: value for name, value in element.attributes.items() if name != VIA}
 
 
-def _drained(keys: dict[Any, None]) -> Iterator[Any]:
-    """Keys one by one, taken out; also those that are added meanwhile."""
-    while keys:
-        key = next(iter(keys))
-        del keys[key]
-        yield key
+def _taken(keys: dict[K, None]) -> K:
+    """The first key, taken out."""
+    key = next(iter(keys))
+    del keys[key]
+    return key
 
 
-@contextlib.contextmanager
-def _kept(failures: list[Exception]) -> Iterator[None]:
-    """Keep an exception for later."""
+def _attempt(failures: list[Exception], act: Callable[..., None], *args: Any) -> None:
+    """Do something; keep its exception for later."""
     try:
-        yield
+        act(*args)
     except Exception as error:
         failures.append(error)
