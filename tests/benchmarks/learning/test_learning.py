@@ -14,22 +14,22 @@ from benchmarks.learning import __main__ as command
 from benchmarks.learning.holding import learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import learn_circumstances, toml_of
+from benchmarks.learning.learn import BEGUN, GROUPS, learn_circumstances, toml_of
 from benchmarks.learning.noise import START, Errors, learn_noise
-from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, learn_rates
+from benchmarks.learning.rates import RATES, learn_rates
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD, RESTS
+from simulation_handler.worlds.circumstances import HELD, RESTS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
-from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
+from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.spread import odds_of_percepts, position_covariance
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HERE = Pose((0.3, 0.0, 0.02))
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
 SOURCES = {"episodes": ["hands-1"]}
-PARAMETERS = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {HELD: 0.5}, RATES, ABSENCE, ELSEWHERE, WITHIN)
+PARAMETERS = msgspec.structs.replace(BEGUN, holding={HELD: 0.5})
 
 
 def course(gone: bool, *, hand: str = "", seconds: float = 6.0) -> Episode:
@@ -113,7 +113,7 @@ def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
 
 def test_some_circumstances_are_learned_alone(tmp_path: Path) -> None:
     file, (settle, moments) = tmp_path / "worlds.toml", (0.0, [*course(gone=True).moments] * 2)
-    errors = {(group, "any"): 0.5 for group in ("rates", "absence", "elsewhere", "within")}
+    errors = {(group, "any"): 0.5 for group in GROUPS}
     file.write_text(toml_of(PARAMETERS, {RESTS: {"level": 9.0}, HELD: {"level": 8.0}}, errors, SOURCES))
     (tmp_path / "stacks-7.pickle").write_bytes(pickle.dumps((settle, moments)))
     text = learn_circumstances(tmp_path, [RESTS], file, lambda line: None)
