@@ -17,6 +17,7 @@ from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import BEGUN, GROUPS, learn_circumstances, toml_of
 from benchmarks.learning.noise import START, Errors, learn_noise
 from benchmarks.learning.rates import RATES, learn_rates
+from benchmarks.learning.recognition import CURVES, Look, learn_recognition, looks_at
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
@@ -155,3 +156,27 @@ def test_shares_stay_probabilities() -> None:
     assert 0.0 < learned.absence.blind < 0.5 and 0.0 < learned.elsewhere.hidden < 1.0
     assert all(noise.wide >= 2.0 for noise in learned.noise.values())
     assert msgspec.structs.asdict(learned.rates).keys() == msgspec.structs.asdict(RATES).keys()
+
+
+def test_how_much_must_be_seen_is_learned_apart_for_tags_and_colours() -> None:
+    shares = np.linspace(0.0, 1.0, 101).tolist()
+    looks = [
+        Look(f"thing {number}", tagged, share, share > half)
+        for tagged, half in ((True, 0.8), (False, 0.3))
+        for number, share in enumerate(shares)
+    ]
+    found, errors = learn_recognition(looks)
+    assert found.tag == pytest.approx(0.8, abs=0.02) and found.color == pytest.approx(0.3, abs=0.02)
+    assert max(found.tag_width, found.color_width) < 0.03
+    assert found.probability(0.5, tagged=False) > 0.95 and found.probability(0.5, tagged=True) < 0.05
+    few, unsure = learn_recognition(looks[::25])
+    assert unsure["recognition", "tag"] > 2.0 * errors["recognition", "tag"], "little evidence, and so it is told"
+    assert learn_recognition([])[0].tag == pytest.approx(CURVES.tag, abs=0.01)
+    assert few.color < few.tag
+
+
+def test_a_look_is_at_what_the_plant_shows() -> None:
+    looks = looks_at("screens", 108)
+    assert {look.thing.split()[0] for look in looks} == {"screens-108"}
+    assert all(look.is_recognised for look in looks if look.share == 1.0)
+    assert not any(look.is_recognised for look in looks if look.share == 0.0)
