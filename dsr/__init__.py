@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from dsr.persistence.content import GraphContent
     from dsr.persistence.files import read_graph, write_graph
     from dsr.persistence.keeper import StateKeeper
-    from dsr.replication.replica import Statistics
+    from dsr.replication.statistics import Statistics
     from dsr.runtime.agent_process import main
     from dsr.worlds.registry import WorldInfo
 

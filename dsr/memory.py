@@ -41,8 +41,9 @@ from dsr.parts.held import HeldParts, burial_allowed, not_parted
 from dsr.parts.registry import PartList
 from dsr.parts.replica import PartedReplica
 from dsr.replication.portions import parts_in
-from dsr.replication.replica import Replica, Statistics
+from dsr.replication.replica import Replica
 from dsr.replication.stamp_access import StampAccess
+from dsr.replication.statistics import Statistics
 from dsr.replication.sync import ChangeGate
 from dsr.replication.wire import decode_kept
 from dsr.worlds.access import WorldAccess
@@ -248,8 +249,8 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
         replica, graph = self._replica, self._graph
         with replica.lock:
-            self._check_write("node", graph.node(name).type, attributes)
-            self._put(lambda: graph.write(graph.node(name), attributes, self.clock.now()))
+            self._check_write("node", (graph.nodes.get(name) or graph.node(name)).type, attributes)
+            self._put(lambda: graph.write(graph.nodes[name], attributes, self.clock.now()))
         replica.send_soon()
 
     def remove_node(self, name: str) -> bool:
@@ -318,12 +319,11 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
 
     def update_edge(self, src: str, dst: str, type: str, /, **attributes: Any) -> None:
         """Write attributes of an edge, as in `add_edge`. Raises `EdgeNotFoundError`, `SchemaError`."""
-        values = with_pose(attributes)
+        values, key = with_pose(attributes), (src, dst, type)
         replica, graph = self._replica, self._graph
         with replica.lock:
-            graph.edge(src, dst, type)
-            self._check_write("edge", type, values)
-            self._put(lambda: graph.write(graph.edge(src, dst, type), values, self.clock.now()))
+            self._check_write("edge", (graph.edges.get(key) or graph.edge(*key)).type, values)
+            self._put(lambda: graph.write(graph.edges[key], values, self.clock.now()))
         replica.send_soon()
 
     def update_poses(self, type: str, poses: Mapping[tuple[str, str], Pose]) -> None:

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dsr.agent import Access, Agent
+from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.clock import ROUNDING
 from dsr.errors import GoalError
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
@@ -54,15 +56,15 @@ class Planner(Agent):
             *("goal", "maintain", "priority", "status", "explanation", "hopeless", "request"),
             *("arm", "controller", "gripper"),
             *("size", "present", "surprising", "mount"),
-            *("detectable", "source", "replans", *INTRINSICS, *HALT_ATTRIBUTES),
+            *("detectable", "source", "replans", *INTRINSICS, *HALT_ATTRIBUTES, WHEREABOUTS),
         ),
     )
     writes = Access(
-        nodes=("intention", "action"),
-        edges=("has", "next"),
+        nodes=("intention", "action", *WRITTEN_NODES),
+        edges=("has", "next", *WRITTEN_EDGES),
         attributes=(
             *("status", "explanation", "replans", "order", "skill", "target", "destination", "target_pose"),
-            *("request", "source", "arm"),
+            *("request", "source", "arm", *WRITTEN_ATTRIBUTES),
         ),
         exclusive=("next",),
     )

@@ -115,6 +115,17 @@ class Arm:
         self.running = ""
         return progress
 
+    def run_apart(self, skill: Skill, told: str) -> Generator[None, None, Progress]:
+        """Ask the arm for a skill that is no part of the plan; returns the outcome. Raises `Setback`, once halted."""
+        name = self.actions.write_apart(skill)
+        try:
+            return (yield from self.run(name, told, lambda: None))
+        except Setback:
+            yield from self.halt()
+            raise
+        finally:
+            self._memory.remove_node(name)
+
     def halt(self) -> Script:
         """Let the arm hold still, if it is doing something for us."""
         if not self.running:

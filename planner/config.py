@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from dsr.vocabulary.what_if import USUAL_WORLDS
+
 
 class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Times and places of the planner. The defaults are for cubes of 4 cm and a Gen3."""
@@ -53,6 +55,11 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s that a camera which the arm carries stays at each place from which it looks: for some ten images."""
     look_height: float = 0.3
     """m above the table from which it looks: there it reads tags of 2 cm, and the arm is above all towers."""
+    sure: float = 0.8
+    """1, probability of success from which an action is tried without looking before. A failed one costs some 20 s, a
+    look 4 s."""
+    least_information: float = 0.1
+    """nats that a look must be expected to tell: with less, it would change the probability of a thing by some 0.05."""
     most_looks: int = 8
     """Places from which the arm looks at most, 3 s each: after half a minute a sought thing counts as not there."""
     begin: float = 5.0
@@ -86,6 +93,8 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
     what_if_patience: float = 1.0
     """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
+    what_if_worlds: int = USUAL_WORLDS
+    """Worlds of the belief in which a what-if question is tried."""
     what_if_seconds: float = 1.0
     """s that are simulated for a what-if question: an object that topples has left its place by then."""
     what_if_shift: float = 0.015

@@ -30,6 +30,7 @@ from dsr.vocabulary.intentions import (
 from dsr.vocabulary.relations import SURFACES, THINGS, Relation, Relations
 from planner.arm import Arm, Script
 from planner.arms import Place
+from planner.assurance import Assurance
 from planner.config import PlannerConfig
 from planner.contradictions import by_state, searched
 from planner.errors import (
@@ -56,6 +57,7 @@ from planner.plan import PlanStep
 from planner.state import read_state
 from planner.waiting import Waiting
 
+_AS_PROBABLE_AS_NOT = 0.5  # 1, probability from which trying is better than giving up
 _MOST_PLACES = 4
 """that are asked about for one thing"""
 
@@ -90,6 +92,7 @@ class Execution:
         self._arm = Arm(around.memory, self.intention.name, around.config, around.log, around.now, self._tell)
         self._actions = self._arm.actions
         looking = Search(around.memory, self._arm, around.config, around.now)
+        self._assurance = Assurance(around.memory, self._arm, looking, around.config, around.now, around.log)
         self._waiting = Waiting(around.memory, around.config, around.now, self._tell, looking)
         self._replans = self.intention.replans
         self._disturbed = self._replans > 0  # somebody has changed the scene, and may not have finished
@@ -287,6 +290,8 @@ class Execution:
                 self._arm.send_away(skills[at - 1].arm)
             told = f"action {at + 1} of {len(names)}: {skills[at]}"
             try:
+                if (yield from self._assurance.make_sure(step, steps[at + 1] if at + 1 < len(steps) else None)):
+                    self._check_unchanged(before)
                 yield from self._do(step, skills[at], name, before, told)
             except (PlanDeviation, Interruption) as setback:
                 done = yield from self._resumable(step, before, setback)
@@ -302,6 +307,11 @@ class Execution:
         told = f"action {len(names)} of {len(names)}: {OBSERVE}"
         progress = yield from self._arm.run(names[-1], told, lambda: None)
         yield from self._arm.all_rest(done=progress.status == DONE)
+
+    def _check_unchanged(self, before: Relations) -> None:
+        """Raise `PlanDeviation` if a look has shown that relations are not those that the plan was made for."""
+        if changes := differences(before, self._relations()):
+            raise PlanDeviation(f"a look has shown: {', '.join(changes)}")
 
     def _with_rest(self, skills: list[Skill]) -> list[Skill]:
         """The skills, and then the rest of the arm that does the last one."""
@@ -345,12 +355,17 @@ class Execution:
             yield
 
     def _aimed(self, skill: Skill, name: str) -> Generator[None, None, Skill]:
-        """The skill with a place that is still free and where nothing would topple. Raises `Failure` without one."""
+        """The skill with a place that is still free and where nothing would topple. Raises `Failure` without one.
+
+        A place on the table must be as safe as an action has to be, since there are others. Something is put on a thing
+        if that is more probable to hold than not: there is no other one.
+        """
+        most_doubt = 1.0 - (self._config.sure if skill.target_pose is not None else _AS_PROBABLE_AS_NOT)
         for _ in range(_MOST_PLACES):
             state = read_state(self._memory, self._config)
             skill = self.around.maker.still_good(skill, state, self._avoid)
             pose = skill.target_pose or stacked(skill.target, skill.destination, state)
-            trouble = "" if pose is None else (yield from self.around.foresight.trouble(skill.target, pose))
+            trouble = "" if pose is None else (yield from self.around.foresight.trouble(skill.target, pose, most_doubt))
             if not trouble:
                 if skill.target_pose is not None:
                     self._actions.aim(name, skill)

@@ -7,7 +7,8 @@ from collections.abc import Callable, Generator
 
 from dsr.errors import TransportError
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.what_if import Answer, Pending, Question, Supposed, WhatIf
+from dsr.vocabulary.sentences import percent
+from dsr.vocabulary.what_if import Answer, Pending, Question, Supposed, WhatIf, WorldOutcome
 from planner.config import PlannerConfig
 
 
@@ -28,20 +29,23 @@ class Foresight:
         self._log = log
         self._complained = False
 
-    def trouble(self, thing: str, pose: Pose) -> Generator[None, None, str]:
-        """Ask what would go wrong if `thing` were put at `pose` (world_from_thing), in words: empty if it stays, or
-        nobody knows.
+    def trouble(self, thing: str, pose: Pose, most: float) -> Generator[None, None, str]:
+        """Ask what would go wrong if `thing` were put at `pose` (world_from_thing), in words; it waits at each yield.
+
+        The question is tried in several worlds of the belief. Empty if all stays in worlds of a probability of
+        1 - `most` at least, or nobody knows.
         """
         if self._config.what_if_patience <= 0.0:
             return ""
+        config, change = self._config, Supposed.place(thing, pose)
         try:
-            pending = self._what_if.ask(Question(self._config.what_if_seconds, (Supposed.place(thing, pose),)))
+            pending = self._what_if.ask(Question(config.what_if_seconds, (change,), worlds=config.what_if_worlds))
         except TransportError as error:
             return self._unknown(str(error))
         began = self._now()
-        while not pending.done and self._now() - began < self._config.what_if_patience:
+        while not pending.done and self._now() - began < config.what_if_patience:
             yield
-        return self._unknown(_reason(pending)) if pending.answer is None else _movement(pending.answer, self._config)
+        return self._unknown(_reason(pending)) if pending.answer is None else _verdict(pending.answer, config, most)
 
     def _unknown(self, reason: str) -> str:
         if not self._complained:
@@ -54,11 +58,24 @@ def _reason(pending: Pending) -> str:
     return pending.failed or "no answer yet"
 
 
-def _movement(answer: Answer, config: PlannerConfig) -> str:
-    worst = max(answer.moved, key=lambda name: (answer.moved[name], name), default="")
-    most = max(answer.turned, key=lambda name: (answer.turned[name], name), default="")
-    if worst and answer.moved[worst] > config.what_if_shift:
-        return f"{worst} would move by {answer.moved[worst] * 1e3:.0f} mm"
-    if most and answer.turned[most] > config.what_if_turn:
-        return f"{most} would turn by {answer.turned[most]:.1f} rad"
+def _verdict(answer: Answer, config: PlannerConfig, most: float) -> str:
+    """What goes wrong in the most probable of the worlds where something does, if these are more than `most`."""
+    problems = {outcome.weight: problem for outcome in answer.outcomes if (problem := _problem(outcome, config))}
+    probability = answer.probability(lambda outcome: bool(_problem(outcome, config)))
+    if probability <= most:
+        return ""
+    problem = problems[max(problems)]
+    return problem if len(problems) == len(answer.outcomes) else f"{problem} ({percent(probability)} probable)"
+
+
+def _problem(outcome: WorldOutcome, config: PlannerConfig) -> str:
+    """What goes wrong in a world, in words; empty if all stays."""
+    if outcome.refused:
+        return outcome.refused
+    worst = max(outcome.moved, key=lambda name: (outcome.moved[name], name), default="")
+    most = max(outcome.turned, key=lambda name: (outcome.turned[name], name), default="")
+    if worst and outcome.moved[worst] > config.what_if_shift:
+        return f"{worst} would move by {outcome.moved[worst] * 1e3:.0f} mm"
+    if most and outcome.turned[most] > config.what_if_turn:
+        return f"{most} would turn by {outcome.turned[most]:.1f} rad"
     return ""

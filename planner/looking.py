@@ -1,4 +1,4 @@
-"""Has the arm look, with a camera that it carries, at the places which no fixed camera sees."""
+"""Has the arm look, with a camera that it carries: at one place, or wherever no fixed camera sees."""
 
 from __future__ import annotations
 
@@ -17,12 +17,8 @@ from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.errors import Setback
 from planner.grounding import Skill, grid, within_reach
+from planner.outlook import APART, DOWN, expected_information
 from planner.state import KnownSolid, WorldState, read_state
-
-_LOOK_GRID = 0.05
-"""m between places that are to be seen: about the size of what is looked for"""
-_DOWN = (1.0, 0.0, 0.0, 0.0)
-"""world_from_camera of a camera that looks straight down"""
 
 
 class Search:
@@ -53,38 +49,45 @@ class Search:
         for view in views:
             if not wanted() or self.problem:
                 break
-            yield from self._look_from(view, camera, wanted, told)
+            yield from self.look_from(view, camera, wanted, told)
         yield from self._arm.rest(told)
         self._arm.actions.drop(ended_too=True)
 
     def _views(self) -> tuple[str, list[Pose]]:
         """The camera that the arm carries, and where to bring it. Sets `problem` if it cannot look."""
         camera, intrinsics = carried_camera(self._memory)
-        if intrinsics is None:
-            self.problem = "the arm carries no camera that sends images"
-        elif not self._arm.there:
-            self.problem = "the arm controller does not run"
-        elif (busy := other_action(self._memory, "", carrier_of(self._memory, camera))) is not None:
-            self.problem = f"the arm is busy with {busy}"
-        elif held := read_relations(self._memory).held:
-            self.problem = f"the gripper holds {min(held)}"
-        else:
-            state = read_state(self._memory, self._config)
-            views = viewpoints(state, intrinsics, self._config)
-            self.problem = "" if views else "all places within reach are in view already"
-            return camera, views
-        return camera, []
+        self.problem = self._obstacle(camera, intrinsics)
+        if self.problem or intrinsics is None:
+            return camera, []
+        views = viewpoints(read_state(self._memory, self._config), intrinsics, self._config)
+        self.problem = "" if views else "all places within reach are in view already"
+        return camera, views
 
-    def _look_from(self, view: Pose, camera: str, wanted: Callable[[], bool], told: str) -> Script:
+    def camera(self) -> str:
+        """The camera that an arm can bring somewhere now; empty if none can, and then `problem` says why."""
+        camera, intrinsics = carried_camera(self._memory)
+        self.problem = self._obstacle(camera, intrinsics)
+        return "" if self.problem else camera
+
+    def _obstacle(self, camera: str, intrinsics: Intrinsics | None) -> str:
+        """Why the arm cannot look; empty if it can."""
+        if intrinsics is None:
+            return "the arm carries no camera that sends images"
+        if not self._arm.there:
+            return "the arm controller does not run"
+        if (busy := other_action(self._memory, "", carrier_of(self._memory, camera))) is not None:
+            return f"the arm is busy with {busy}"
+        held = read_relations(self._memory).held
+        return f"the gripper holds {min(held)}" if held else ""
+
+    def look_from(self, view: Pose, camera: str, wanted: Callable[[], bool], told: str) -> Script:
+        """Bring the camera to `view` (world_from_camera), and stay there a while, as long as something is `wanted`."""
         arm = carrier_of(self._memory, camera) if len(self._arm.arms.all()) > 1 else ""
-        [name] = self._arm.actions.write([Skill("look", camera, target_pose=view, arm=arm)])
         try:
-            progress = yield from self._arm.run(name, told, lambda: None)
+            progress = yield from self._arm.run_apart(Skill("look", camera, target_pose=view, arm=arm), told)
         except Setback as setback:
             self.problem = str(setback)
-            yield from self._arm.halt()
             return
-        self._arm.actions.drop(ended_too=True)
         if progress.status == DONE:
             self.places += 1
             yield from self._stay(wanted)
@@ -115,7 +118,8 @@ def carrier_of(memory: Memory, camera: str) -> str:
 def viewpoints(state: WorldState, intrinsics: Intrinsics, config: PlannerConfig) -> list[Pose]:
     """world_from_camera of looks straight down that show the table within reach, where no fixed camera sees it.
 
-    Each shows as much as possible of what those before it do not show; at most `config.most_looks`.
+    Each tells most of where a thing is that may be at any of those places or at none of them, all as probable, and was
+    not shown by those before it; at most `config.most_looks`.
     """
     table = state.solids.get(state.table or "")
     if table is None:
@@ -126,10 +130,12 @@ def viewpoints(state: WorldState, intrinsics: Intrinsics, config: PlannerConfig)
         unseen &= ~view.sees(np.column_stack([places, np.full(len(places), table.pose.t[2])]), config.image_margin)
     shown = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) <= _radius(intrinsics, config)
     height = table.pose.t[2] + config.look_height
+    seen = np.column_stack([shown, np.zeros(len(places))])
     found: list[Pose] = []
     while unseen.any() and len(found) < config.most_looks:
-        best = int((shown & unseen).sum(axis=1).argmax())
-        found.append(Pose((*places[best].tolist(), height), _DOWN))
+        told = expected_information(np.append(unseen, 1.0) / (unseen.sum() + 1.0), seen)
+        best = int(np.round(told, 9).argmax())
+        found.append(Pose((*places[best].tolist(), height), DOWN))
         unseen &= ~shown[best]
     return found
 
@@ -142,6 +148,6 @@ def _radius(intrinsics: Intrinsics, config: PlannerConfig) -> float:
 
 def _within_reach(table: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
     """(n, 2) places on the table, x and y in the world (m), where the arm can put something."""
-    places = grid(table, 0.0, _LOOK_GRID)
+    places = grid(table, 0.0, APART)
     near_enough: Array = places[within_reach(places, state, config)]
     return near_enough

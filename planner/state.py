@@ -42,6 +42,8 @@ class KnownSolid:
 class TableCamera:
     """A camera that looks at the table."""
 
+    name: str
+    """Name of the camera's node."""
     camera_from_world: Pose
     intrinsics: Intrinsics
 
@@ -125,5 +127,5 @@ def _views(memory: Memory) -> tuple[TableCamera, ...]:
         edge = memory.get_edge(WORLD, camera.name, "RT")
         intrinsics = read_intrinsics(camera)
         if edge is not None and intrinsics is not None and "pose" in edge:
-            views.append(TableCamera(edge.pose.inverse(), intrinsics))
+            views.append(TableCamera(camera.name, edge.pose.inverse(), intrinsics))
     return tuple(views)

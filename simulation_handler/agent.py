@@ -93,7 +93,7 @@ class SimulationHandler(Agent):
         self._belief.step(now)
         self._writing.update(now)
         self._seeing.update(now)
-        self._what_if.offer(self._belief.scene(), now)
+        self._what_if.offer(self._belief.scene(), self._writing.islands, now)
         self.degraded = "; ".join(list(self._reading.problems.values())[:_MOST_PROBLEMS])
 
     def teardown(self) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 import msgspec
 
 from dsr.perception.noise import NOTHING_SEEN, PerceptNoise
+from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -29,9 +30,9 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """1, share of its tag or image up to which an object cannot be seen"""
     pause: Positive = 0.2
     """s, mean of the times for which a camera shows nothing and nothing is wrong"""
-    camera_speed: Positive = 0.01
+    camera_speed: Positive = 0.5 * CAMERA_SPEED
     """m/s at which a camera moves: nothing is expected of it then"""
-    camera_turn: Positive = 0.025
+    camera_turn: Positive = 0.5 * CAMERA_TURN
     """rad/s at which a camera turns: nothing is expected of it then"""
 
     nats_period: Positive = 0.2

@@ -52,7 +52,7 @@ QUICK = re.compile(
     r"|tell( (--since|--about) ([\w-]+|\"[^\"]+\")| --json)*|tell recording\.mcap .*"
     r"|where cube_\d( --json)?"
     r"|record (info|export) recording\.mcap .*"
-    r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
+    r"|what-if( (--place|--remove|--hold|--seconds|--worlds) \S+)*( --json)?"
     r"|save scene\.json|mission --list|bench --list|drivers list|new \w+"
     r"|scenario (list|(check|truth) \S+|generate \S+ --seed \d+ -o \S+)"
     r"|robots (list|check \w+)"

@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
+
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
@@ -71,9 +73,9 @@ class HandTrackerConfig(msgspec.Struct, frozen=True):
     """Of the model: for a palm, and for a hand in the square about one, to count."""
     least_side_score: Share = 0.7
     """Of the model, below which it is left open whether a hand is a right or a left one."""
-    max_camera_speed: NotNegative = 0.02
+    max_camera_speed: NotNegative = CAMERA_SPEED
     """m/s; while a camera moves faster, what it shows is not used."""
-    max_camera_turn: NotNegative = 0.05
+    max_camera_turn: NotNegative = CAMERA_TURN
     """rad/s up to which a camera counts as at rest."""
     skin: SkinModel = SkinModel()
     smoothing: Smoothing = Smoothing()

@@ -187,9 +187,11 @@ class SimulatedArm:
 
     def step(self) -> None:
         """Prepare the next step of physics."""
-        resting = self._ramp.is_resting
+        resting, braking = self._ramp.is_resting, self._ramp.is_braking
         if not resting:
             self._ramp.step()
+            if braking and self._ramp.is_resting:
+                self._ramp.rest(self.positions)  # something may hold it up short of where it was to come to rest
         if not (resting and self._rests):  # motors keep their targets
             self._drive_joints()
         self._rests = resting

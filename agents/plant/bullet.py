@@ -16,6 +16,8 @@ class Bullet:
 
     def __init__(self) -> None:
         self.client: int = pybullet.connect(pybullet.DIRECT)
+        # else the library keeps meshes and textures of all worlds for good, by file names that none uses again
+        self.setPhysicsEngineParameter(enableFileCaching=0)
 
     def __getattr__(self, name: str) -> Any:
         bound = partial(getattr(pybullet, name), physicsClientId=self.client)

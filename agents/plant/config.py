@@ -42,7 +42,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
     camera_hz: float = 10.0
     more_cameras: tuple[str, ...] = ()
     """Names of cameras that deliver beside the scenario's: `overhead`, or `wrist` where the arm has one."""
-    state_hz: float = 50.0
+    state_hz: float = 60.0
+    """As often as the plant ticks: a controller that ticks at 50 Hz finds a new sample in each of its ticks"""
     truth_hz: float = 20.0
     renderer: RendererName = "auto"
     """`auto` and `egl` use EGL where it works, `tiny` always renders in software."""

@@ -5,6 +5,7 @@ The physics client cannot bend a mesh, so a hand whose figure changes gets anoth
 
 from __future__ import annotations
 
+import functools
 import math
 import tempfile
 from collections import OrderedDict
@@ -48,8 +49,6 @@ class HandBody:
         self._bullet = bullet
         self._side: Side = side
         self._figures: OrderedDict[bytes, int] = OrderedDict()
-        picture = cv2.imencode(".png", cv2.cvtColor(skin(side).picture, cv2.COLOR_RGB2BGR))[1]
-        self._picture = picture.tobytes()
         with tempfile.TemporaryDirectory(prefix="dsr-hand-") as folder:  # the physics engine keeps what it read
             self._sleeve = self._make(write_capsule(Path(folder), "sleeve", SLEEVE_LENGTH, SLEEVE_RADIUS, SLEEVE))
 
@@ -76,17 +75,25 @@ class HandBody:
         return self._figures[key]
 
     def _make_flesh(self, tips: Array) -> int:
-        with tempfile.TemporaryDirectory(prefix="dsr-hand-") as folder:
-            (Path(folder) / "hand.png").write_bytes(self._picture)
-            (Path(folder) / "hand.mtl").write_text(_material("hand"), encoding="ascii")
-            file = Path(folder) / "hand.obj"
-            file.write_text(_mesh(tips, self._side, skin(self._side)), encoding="ascii")
-            return self._make(file)
+        beside = Path(_skin_folder(self._side).name)
+        with tempfile.NamedTemporaryFile("w", suffix=".obj", dir=beside, encoding="ascii") as file:  # a name of its own
+            file.write(_mesh(tips, self._side, skin(self._side)))
+            file.flush()
+            return self._make(Path(file.name))
 
     def _make(self, file: Path) -> int:
         visual = self._bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file), specularColor=(0.0, 0.0, 0.0))
         body: int = self._bullet.createMultiBody(0, -1, visual, NOWHERE.t, NOWHERE.q)
         return body
+
+
+@functools.cache
+def _skin_folder(side: Side) -> tempfile.TemporaryDirectory[str]:
+    """Where the skin of hands of this side is, while this process runs: EGL keeps a picture for each file name."""
+    folder = tempfile.TemporaryDirectory(prefix="dsr-hand-")
+    cv2.imwrite(f"{folder.name}/hand.png", cv2.cvtColor(skin(side).picture, cv2.COLOR_RGB2BGR))
+    (Path(folder.name) / "hand.mtl").write_text(_material("hand"), encoding="ascii")
+    return folder
 
 
 def write_capsule(folder: Path, name: str, length: float, radius: float, color: Vector3) -> Path:

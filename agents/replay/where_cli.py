@@ -27,9 +27,10 @@ from dsr.cli.completion import complete_node
 from dsr.errors import ConfigError
 from dsr.graph.elements import Node
 from dsr.narration import Moment
-from dsr.narration.chances import chances, percent
+from dsr.narration.chances import chances
 from dsr.narration.naming import UnknownNameError, node_of
 from dsr.network.keys import BASE
+from dsr.vocabulary.sentences import percent
 
 app = typer.Typer(
     name="where", invoke_without_command=True, subcommand_metavar="",

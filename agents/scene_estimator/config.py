@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import msgspec
 
 from agents.scene_estimator.pose import NoiseModel, NotNegative, Positive
+from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 from dsr.vocabulary.tags import TAG_RATIO
 
 
@@ -42,8 +43,8 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     """m, standard deviation up to which its extents must be known meanwhile: what is hidden of it is not."""
     max_age: Positive = 0.7
     """s after which an object that was not seen again is not `perceived` any more (Sallami et al., Sec. V)."""
-    max_camera_speed: NotNegative = 0.02
+    max_camera_speed: NotNegative = CAMERA_SPEED
     """m/s; while the camera moves faster, nothing is published."""
-    max_camera_turn: NotNegative = 0.05
+    max_camera_turn: NotNegative = CAMERA_TURN
     """rad/s up to which a camera counts as at rest."""
     noise: NoiseModel = NoiseModel()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import accumulate
 from typing import Literal
 
 import msgspec
@@ -162,25 +163,25 @@ def _relations(history: History, window: Sequence[Sample], worlds: Mapping[float
     """
     truths = TrueRelations(history.scenario)
     kinds = {"on": truths.on, "in": truths.inside, "grasping": true_holders}
-    ever_seen = _ever_seen(history, window)
+    seen_before = _seen_before(history, window)
     found = []
     for kind, true_of in kinds.items():
         answers: dict[bool, list[Answer]] = {True: [], False: []}
-        for sample, seen in zip(window, ever_seen, strict=True):
+        for sample, seen in zip(window, seen_before, strict=True):
             true, ignored = true_of(sample)
             said = {pair: told for pair, told in worlds[sample.time].relations[kind].items() if pair not in ignored}
             for pair in sorted(said.keys() | true):
                 name = pair[1] if kind == "grasping" else pair[0]
                 answers[name in seen].append(Answer(said.get(pair, 0.0), pair in true))
-        questions = sum(len(sample.truth.keys() & seen) for sample, seen in zip(window, ever_seen, strict=True))
+        questions = sum(len(sample.truth.keys() & seen) for sample, seen in zip(window, seen_before, strict=True))
         found.append(Answers(kind, answers[True], questions, answers[False]))
     return found
 
 
-def _ever_seen(history: History, window: Sequence[Sample]) -> list[frozenset[str]]:
-    """Names of the things that the camera has seen up to each sample of the window."""
+def _seen_before(history: History, window: Sequence[Sample]) -> list[frozenset[str]]:
+    """Names of the things that the camera saw before each sample of the window: what it sees then, nobody knew yet."""
     seen = frozenset[str]().union(*(sample.in_view for sample in history.window(0.0, history.scenario.settle)))
-    return [seen := seen | sample.in_view for sample in window]
+    return list(accumulate((sample.in_view for sample in window[:-1]), frozenset.union, initial=seen))
 
 
 def _actions(history: History) -> Answers:

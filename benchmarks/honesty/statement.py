@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from agents.scenario.generate.validity import WORKSPACE
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
@@ -108,6 +109,17 @@ def region_of(statement: Statement, truth: Pose | None, *, turned: bool = False)
         distance2 = _distances2(likely.pose, offsets, turned=turned)[0]
         return min(1.0, first + likely.weight * float(chi2.cdf(distance2, offsets.shape[1])))
     return min(1.0, first + _mass_above(statement, truth, turned=turned))
+
+
+def mass_near(statement: Statement, place: Vector3, reach: float) -> float:
+    """The probability that a thing is within `reach` (m) of a place (m, world), by draws from the statement."""
+    rng = np.random.default_rng(0)
+    total = sum(likely.weight for likely in statement.poses)
+    found = 0.0
+    for likely in statement.poses:
+        drawn = _drawn(likely.pose, max(1, round(_DRAWS * likely.weight / total)), rng, turned=False)
+        found += likely.weight * float(np.mean(np.linalg.norm(drawn.places - np.array(place), axis=1) <= reach))
+    return found
 
 
 class _Poses(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -56,17 +57,24 @@ class RelationScores(msgspec.Struct, frozen=True, kw_only=True):
     """Share of what is told with 0.9 or more that is wrong."""
 
 
+class Share(NamedTuple):
+    """How often something is so, and of how many moments that is told."""
+
+    share: float
+    of: int
+
+
 class NearScores(msgspec.Struct, frozen=True, kw_only=True):
     """How often the belief's best guess is near."""
 
     family: str
-    seen_at_rest: float | None
+    seen_at_rest: Share | None
     """Share of the moments at which a thing rests in view and is believed within `NEAR_SEEN`."""
-    untouched: float | None
+    untouched: Share | None
     """Share of those at which it rests unseen, untouched since it was seen at rest, believed within `NEAR_UNSEEN`."""
-    contained: float | None
+    contained: Share | None
     """Share of the true relations `in` that are told, of what was seen before."""
-    contained_never_seen: float | None
+    contained_never_seen: Share | None
     """The same of what no camera had seen yet."""
 
 
@@ -193,7 +201,7 @@ def _near(family: str, runs: Sequence[RunScores]) -> NearScores:
     )
 
 
-def _told_share(answers: Sequence[Answer]) -> float | None:
+def _told_share(answers: Sequence[Answer]) -> Share | None:
     return _share([answer.probability > 0.5 for answer in answers if answer.is_so])
 
 
@@ -201,8 +209,8 @@ def _is_near(told: Told, limit: float) -> bool:
     return told.error is not None and told.error <= limit
 
 
-def _share(values: Sequence[bool]) -> float | None:
-    return sum(values) / len(values) if values else None
+def _share(values: Sequence[bool]) -> Share | None:
+    return Share(sum(values) / len(values), len(values)) if values else None
 
 
 def _failures(family: str, runs: Sequence[RunScores]) -> Failures:

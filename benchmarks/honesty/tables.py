@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.honesty.summary import LEVELS, Failures, NearScores, PlaceScores, RelationScores, Report
+from benchmarks.honesty.summary import LEVELS, Failures, NearScores, PlaceScores, RelationScores, Report, Share
 
 Rows = list[list[str]]
 
@@ -111,7 +111,7 @@ _NEAR_HEADINGS = ["family", "rests in view: 5 mm", "untouched unseen: 20 mm", "i
 
 def _near_row(scores: NearScores) -> list[str]:
     inside = (scores.contained, scores.contained_never_seen)
-    return [scores.family, *map(_percent, (scores.seen_at_rest, scores.untouched, *inside))]
+    return [scores.family, *map(_share, (scores.seen_at_rest, scores.untouched, *inside))]
 
 
 _FAILURE_HEADINGS = ["family", "misses", "of these", "worst"]
@@ -126,6 +126,10 @@ def _failure_row(found: Failures) -> list[str]:
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
+
+
+def _share(found: Share | None) -> str:
+    return "-" if found is None else f"{_percent(found.share)} of {found.of}"
 
 
 def _percent(share: float | None) -> str:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from agents.scenario.generate.registry import is_for_tuning
-from benchmarks.learning.holding import learn_holding
+from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
@@ -43,26 +43,39 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     known, told = learned_parameters(), tomllib.loads(LEARNED.read_text(encoding="utf-8"))
     begun = msgspec.structs.replace(BEGUN, recognition=known.recognition)
     noise, deviations = _learn_noise(episodes, begun, CIRCUMSTANCES, tell)
-    holding = learn_holding((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    holding, unsure = _learn_holding(episodes, begun, tell)
     parameters, errors = learn_rates(episodes, msgspec.structs.replace(begun, noise=noise, holding=holding), tell)
     sources = {RECOGNITION: told["source"][RECOGNITION], "episodes": [episode.name for episode in episodes]}
-    return toml_of(parameters, deviations, errors | _errors_of(told, RECOGNITION), sources)
+    return toml_of(parameters, deviations, {**errors, **unsure, **_errors_of(told, RECOGNITION)}, sources)
 
 
-def learn_circumstances(folder: Path, circumstances: Sequence[str], file: Path, tell: Callable[[str], None]) -> str:
-    """Learn the noise of some circumstances alone, and keep all other values of `file`; the TOML file.
+def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[str], None]) -> str:
+    """Learn some values alone, and keep all others of `file`; the TOML file.
+
+    Args:
+        folder: of the recorded episodes.
+        only: circumstances whose noise is learned, and `holding` for what hands hold.
+        file: that holds all other values.
+        tell: is told what was learned.
 
     Raises:
         ConfigError: for a file whose values do not fit.
     """
     episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
     tell(f"{len(episodes)} episodes")
-    known, told = learned_parameters(file), tomllib.loads(file.read_text(encoding="utf-8"))
-    noise, deviations = _learn_noise(episodes, known, circumstances, tell)
-    parameters = msgspec.structs.replace(known, noise={**known.noise, **noise})
-    anew = {circumstance: [episode.name for episode in episodes] for circumstance in noise}
-    errors = _errors_of(told, *GROUPS)
-    return toml_of(parameters, {**told["errors"]["noise"], **deviations}, errors, {**told["source"], **anew})
+    parameters, told = learned_parameters(file), tomllib.loads(file.read_text(encoding="utf-8"))
+    errors = _errors_of(told, HOLDING, *GROUPS)
+    deviations = dict(told["errors"]["noise"])
+    if circumstances := [name for name in only if name != HOLDING]:
+        noise, found = _learn_noise(episodes, parameters, circumstances, tell)
+        parameters = msgspec.structs.replace(parameters, noise={**parameters.noise, **noise})
+        deviations |= found
+    if HOLDING in only:
+        holding, unsure = _learn_holding(episodes, parameters, tell)
+        parameters = msgspec.structs.replace(parameters, holding=holding)
+        errors = {key: error for key, error in errors.items() if key[0] != HOLDING} | unsure
+    anew = {name: [episode.name for episode in episodes] for name in only}
+    return toml_of(parameters, deviations, errors, {**told["source"], **anew})
 
 
 def learn_to_recognise(families: Sequence[str], seeds: Sequence[int], file: Path, tell: Callable[[str], None]) -> str:
@@ -79,7 +92,7 @@ def learn_to_recognise(families: Sequence[str], seeds: Sequence[int], file: Path
         tell(f"{names[-1]}: {len(looks)} looks")
     recognition, errors = learn_recognition(looks)
     parameters = msgspec.structs.replace(known, recognition=recognition)
-    kept = _errors_of(told, *(group for group in GROUPS if group != RECOGNITION))
+    kept = _errors_of(told, HOLDING, *(group for group in GROUPS if group != RECOGNITION))
     return toml_of(parameters, told["errors"]["noise"], kept | errors, {**told["source"], RECOGNITION: names})
 
 
@@ -123,6 +136,16 @@ def _learn_noise(
     return noise, deviations
 
 
+def _learn_holding(
+    episodes: Sequence[Episode], begun: WorldParameters, tell: Callable[[str], None]
+) -> tuple[dict[str, float], Vector]:
+    """How often hands hold what they seem to hold, by circumstance, and standard errors of the logits."""
+    found, errors = learn_holding((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    for circumstance, share in found.items():
+        tell(f"{HOLDING}, {circumstance}: {share:.3f}")
+    return found, {(HOLDING, circumstance): error for circumstance, error in errors.items()}
+
+
 _NOTHING = 1e-9  # added before a logarithm
 
 
@@ -147,19 +170,21 @@ def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector,
     ]
     for circumstance, noise in parameters.noise.items():
         lines += _table(f'parameters.noise."{circumstance}"', msgspec.structs.asdict(noise))
-    lines += _table("parameters.holding", {f'"{name}"': share for name, share in parameters.holding.items()})
+    lines += _table(f"parameters.{HOLDING}", parameters.holding)
     for group in GROUPS:
         lines += _table(f"parameters.{group}", msgspec.structs.asdict(getattr(parameters, group)))
     lines += ["# Standard errors of the logarithms of these values, of probabilities: of their logits.", ""]
     for circumstance, told in deviations.items():
         lines += _table(f'errors.noise."{circumstance}"', told)
-    for group in GROUPS:
+    for group in (HOLDING, *GROUPS):
         lines += _table(f"errors.{group}", {name: error for (of, name), error in errors.items() if of == group})
-    lines += ["# The episodes that were learned by; of circumstances that were learned later, those.", "", "[source]"]
+    lines += ["# The episodes that were learned by; of what was learned later, those.", "", "[source]"]
     lines += [f'"{name}" = {msgspec.json.encode(list(episodes)).decode()}' for name, episodes in sources.items()]
     lines.append("")
     return "\n".join(lines)
 
 
 def _table(name: str, values: Mapping[str, float]) -> list[str]:
-    return [f"[{name}]", *(f"{key} = {float(f'{value:.3g}')!r}" for key, value in values.items()), ""]
+    """Keys with blanks are names of circumstances, and quoted."""
+    quoted = {f'"{key}"' if " " in key else key: value for key, value in values.items()}
+    return [f"[{name}]", *(f"{key} = {float(f'{value:.3g}')!r}" for key, value in quoted.items()), ""]

@@ -15,7 +15,7 @@ from benchmarks.soak.journal import Record, take_records
 from benchmarks.soak.judge import Judge
 from benchmarks.soak.process import WorkerError
 from dsr.clock import Clock
-from dsr.replication.replica import Statistics
+from dsr.replication.statistics import Statistics
 
 HEAL_TIMEOUT = 60.0
 """s after which replicas that still differ count as diverged."""

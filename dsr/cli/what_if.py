@@ -28,9 +28,12 @@ from dsr.errors import ConfigError
 from dsr.imagining import differences
 from dsr.math3d.transforms import Pose
 from dsr.network.keys import BASE
-from dsr.vocabulary.what_if import MAX_SECONDS, TIMEOUT, Answer, Question, Supposed, WhatIf
+from dsr.vocabulary.sentences import percent
+from dsr.vocabulary.what_if import MAX_SECONDS, MAX_WORLDS, TIMEOUT, Answer, Question, Supposed, WhatIf, WorldOutcome
 
 app = typer.Typer()
+
+_MOVED = 0.005  # m, from which it is told that something moves
 
 
 @app.command("what-if")
@@ -45,6 +48,12 @@ def what_if(
     hold: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Hold an object where it is.")] = None,
     remove: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Take an object away.")] = None,
     seconds: Annotated[float, typer.Option(min=0.0, max=MAX_SECONDS, help="How long to simulate (s).")] = 1.0,
+    worlds: Annotated[
+        int,
+        typer.Option(
+            min=1, max=MAX_WORLDS, metavar="N", help="Try it in the N most probable worlds of the belief, with odds."
+        ),
+    ] = 1,
     timeout: Annotated[float, typer.Option(min=0.1, help="How long to wait for the answer (s).")] = TIMEOUT,
     world: WorldOption = BASE,
     graph: GraphOption = None,
@@ -54,7 +63,8 @@ def what_if(
 ) -> None:
     """Simulate the belief some seconds on, from now, with changes; neither belief nor world is disturbed.
 
-    With --world, the scene of another world is simulated, which nothing is written into either.
+    With --world, the scene of another world is simulated, which nothing is written into either. With --worlds, it is
+    told how probable each outcome is: things may be elsewhere than where they are believed to be most.
     """
     changes = [parsed_placing(text) for text in place or ()]
     changes += [Supposed.hold(name) for name in hold or ()]
@@ -66,11 +76,13 @@ def what_if(
         if world != BASE:
             changes = [*differences(memory.world(BASE), memory), *changes]
         asker = WhatIf(memory.transport, memory.keys, memory.clock, timeout)
-        answer = asker.ask_and_wait(Question(seconds, tuple(changes)))
+        answer = asker.ask_and_wait(Question(seconds, tuple(changes), worlds=worlds))
     if as_json:
         print_json(msgspec.to_builtins(answer))
     else:
         _show(answer)
+        if worlds > 1:
+            _show_worlds(answer)
 
 
 def parsed_placing(text: str) -> Supposed:
@@ -108,3 +120,20 @@ def _show(answer: Answer) -> None:
         )
     console.print(table)
     console.print(f"after {answer.seconds:.2f} s, " + ("all at rest" if answer.at_rest else "not yet at rest"))
+
+
+def _show_worlds(answer: Answer) -> None:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    add_numbers(table, "probability")
+    add_names(table, "elsewhere", "then")
+    for outcome in answer.outcomes:
+        names = shown(", ".join(outcome.otherwise)) or "[dim]nothing[/]"
+        table.add_row(percent(outcome.weight), names, shown(_movements(outcome)))
+    console.print(table)
+
+
+def _movements(outcome: WorldOutcome) -> str:
+    """What moves in a world, in words."""
+    moved = {name: outcome.moved[name] for name in sorted(outcome.moved) if outcome.moved[name] > _MOVED}
+    told = [f"{name} moves by {1e3 * distance:.0f} mm" for name, distance in moved.items()]
+    return outcome.refused or ", ".join(told) or "all stays"

@@ -57,6 +57,9 @@ class CausalContext:
         if beyond is None and first <= known + 1:
             self.vector[rid] = last
             return
+        if beyond is not None and first > beyond[-1][1] + 1:  # in order, as they are sent
+            beyond.append((first, last))
+            return
         beyond = self.cloud.setdefault(rid, [])
         _insert(beyond, max(first, known + 1), last)
         if beyond[0][0] == known + 1:
@@ -157,6 +160,31 @@ def _insert(ranges: list[tuple[int, int]], first: int, last: int) -> None:
     if begin < end:
         first, last = min(first, ranges[begin][0]), max(last, ranges[end - 1][1])
     ranges[begin:end] = [(first, last)]
+
+
+def without(ranges: Iterable[DotRange], dots: Iterable[Dot]) -> Iterator[DotRange]:
+    """The ranges with these dots taken out; the cost follows the ranges and the dots, not their product."""
+    holes: dict[str, list[int]] = {}
+    for rid, counter in sorted(set(dots)):
+        holes.setdefault(rid, []).append(counter)
+    for rid, first, last in ranges:
+        start, counters = first, holes.get(rid, ())
+        for hole in counters[bisect_left(counters, first) : bisect_right(counters, last)]:
+            if start < hole:
+                yield rid, start, hole - 1
+            start = hole + 1
+        if start <= last:
+            yield rid, start, last
+
+
+def apart(ranges: list[DotRange]) -> list[DotRange]:
+    """The same dots in ranges that are in order and do not overlap, so that nobody looks at a dot twice."""
+    ends: dict[str, int] = {}
+    for rid, first, last in ranges:
+        if first <= ends.get(rid, 0):
+            return list(CausalContext(sorted(ranges)).ranges())
+        ends[rid] = last
+    return ranges
 
 
 def to_ranges(dots: Iterable[Dot]) -> Iterator[DotRange]:

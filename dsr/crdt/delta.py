@@ -15,6 +15,10 @@ Key = str | EdgeKey
 """A node's name, or an edge's key."""
 
 
+MAX_ENDS = 1000
+"""Creation dots at one end of an edge: agents that made one node at once. Each look at the edge looks at all."""
+
+
 class Tombstone:
     """The value of an attribute that was taken away; it dies with its node or edge."""
 

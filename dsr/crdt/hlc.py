@@ -45,10 +45,15 @@ class HybridClock:
         """The greatest stamp that it would follow at the last tick."""
         return stamp_at(self._ticked + MAX_LEAD)
 
-    def observe(self, stamp: int, now: float) -> None:
-        """Take note of a stamp from elsewhere at physical time `now` (s): later ones of ours are greater."""
-        if self.latest < stamp <= stamp_at(now + MAX_LEAD):
-            self.latest = stamp
+    def observe(self, stamp: int, now: float) -> bool:
+        """Take note of a stamp from elsewhere at physical time `now` (s): later ones of ours are greater.
+
+        False if it is too far ahead to be followed.
+        """
+        if stamp > stamp_at(now + MAX_LEAD):
+            return False
+        self.latest = max(self.latest, stamp)
+        return True
 
 
 def physical_time(stamp: int) -> float:

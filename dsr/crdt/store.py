@@ -10,13 +10,12 @@ arrived waits in a bounded buffer, outside the context, so that synchronisation 
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable, Iterable, MutableMapping
 from functools import lru_cache
 
 from msgspec.structs import replace
 
-from dsr.crdt.context import CausalContext, Dot, to_ranges
+from dsr.crdt.context import CausalContext, Dot, to_ranges, without
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.dots import OrderedDots
 
@@ -51,11 +50,11 @@ class Observer:
     def entry_copied(self, old: Incarnation, new: Incarnation) -> None:
         """`new` takes the place of `old`, which others go on reading, and is about to change."""
 
-    def entry_added(self, entry: Incarnation) -> None:
-        """`entry` became live, with the registers that came with it."""
+    def entries_added(self, key: Key, entries: list[Incarnation]) -> None:
+        """`entries` of one element became live, with the registers that came with them."""
 
-    def entry_removed(self, entry: Incarnation) -> None:
-        """`entry` is not live any more."""
+    def entries_removed(self, key: Key, entries: list[Incarnation]) -> None:
+        """`entries` of one element are not live any more."""
 
     def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """A register got another value (or a tombstone)."""
@@ -92,13 +91,16 @@ class Store:
             self.recorder(self._to_be_kept(delta))
         if delta.live is not None:
             self._remove_absent(delta)
-        for dot in delta.removed:
-            self._remove(dot)
+        if delta.removed:
+            self._remove(delta.removed)
         added = [entry for add in delta.adds if (entry := self._add(add))] if delta.adds else []
         writes = self._fill(added, delta.writes) if added else delta.writes
         held_back = []
         for write in writes:
-            if not self._write(write) and write.dot:
+            entry = self.entries.get(write.owner)
+            if entry is not None:
+                self._set(entry, write)
+            elif not self._write(write) and write.dot:
                 held_back.append(write.dot)
         if held_back:
             self._learn(delta, held_back)
@@ -126,20 +128,20 @@ class Store:
         return others
 
     def _announce(self, added: list[Incarnation]) -> None:
-        """Nodes first, so that whoever looks on never sees an edge without its ends."""
+        """Nodes first, so that whoever looks on never sees an edge without its ends; each element once."""
         known = self.context.vector.get
         for rid, counter in [entry.dot for entry in added]:
             if counter > known(rid, 0):
                 self.context.add((rid, counter))
-        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)) if len(added) > 1 else added:
-            if entry.dot in self.entries:
-                entry.announced = True
-                self._observer.entry_added(entry)
+        for key, entries in _by_key(added):
+            if present := [entry for entry in entries if entry.dot in self.entries]:
+                for entry in present:
+                    entry.announced = True
+                self._observer.entries_added(key, present)
 
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""
-        for dot in self._absent(delta):
-            self._remove(dot)
+        self._remove(self._absent(delta))
 
     def _absent(self, delta: Delta) -> list[Dot]:
         """What is held here, and the sender of a reply has seen and does not hold."""
@@ -161,7 +163,13 @@ class Store:
         removed = [*delta.removed, *self._absent(delta)] if delta.live is not None else delta.removed
         return Delta(adds, delta.writes, removed, delta.context)
 
-    def _remove(self, dot: Dot) -> None:
+    def _remove(self, dots: list[Dot]) -> None:
+        """Remove all that lives under these dots, before anybody is told; each element is told once."""
+        gone = [entry for dot in dots if (entry := self._take_out(dot))]
+        for key, entries in _by_key(gone):
+            self._observer.entries_removed(key, entries)
+
+    def _take_out(self, dot: Dot) -> Incarnation | None:
         """A removal is final for its dot, also when it arrives before the addition."""
         self.context.add(dot)
         self._forget_waiting(dot)
@@ -169,14 +177,14 @@ class Store:
             self._observer.before_change(self.entries[dot].key)
         entry = self.entries.pop(dot, None)
         if entry is None:
-            return
+            return None
         siblings = self.by_key[entry.key]
         del siblings[dot]
         if not siblings:
             del self.by_key[entry.key]
         self._leave_order(dot)
         self.fingerprint ^= dot_hash(dot)
-        self._observer.entry_removed(entry)
+        return entry
 
     def _add(self, add: Add) -> Incarnation | None:
         """A dot already in the context lives already, or was removed: then a late addition is void."""
@@ -204,7 +212,7 @@ class Store:
 
     def _write(self, write: Write) -> bool:
         """Apply a write; false if its dot must not yet count as seen."""
-        entry = self.entries.get(write.owner) or self.find(write.owner)
+        entry = self.find(write.owner)
         if entry is None:
             return write.owner in self.context or self._wait(write)
         self._set(entry, write)
@@ -311,14 +319,8 @@ class Store:
 
     def _learn(self, delta: Delta, held_back: list[Dot]) -> None:
         """Take over the delta's context, except the dots of writes that could not be applied yet."""
-        holes: dict[str, list[int]] = {}
-        for rid, counter in sorted(held_back):
-            holes.setdefault(rid, []).append(counter)
-        for rid, first, last in delta.context:
-            counters = holes.get(rid, [])
-            inside = counters[bisect_left(counters, first) : bisect_right(counters, last)]
-            for start, hole in zip([first, *(h + 1 for h in inside)], [*inside, last + 1], strict=True):
-                self.context.add_range(rid, start, hole - 1)
+        for rid, first, last in without(delta.context, held_back):
+            self.context.add_range(rid, first, last)
 
     def rebuild(self) -> None:
         """Derive all else from the entries again, after a join that was broken off half way."""
@@ -351,6 +353,16 @@ class Store:
                 self.unsettled[(owner, attribute)] = passes + 1
         delta.context = list(to_ranges(write.dot for write in delta.writes if write.dot))
         return delta
+
+
+def _by_key(entries: list[Incarnation]) -> Iterable[tuple[Key, list[Incarnation]]]:
+    """Incarnations by element, nodes before edges."""
+    if len(entries) < 2:
+        return [(entry.key, [entry]) for entry in entries]
+    found: dict[Key, list[Incarnation]] = {}
+    for entry in entries:
+        found.setdefault(entry.key, []).append(entry)
+    return sorted(found.items(), key=lambda item: not isinstance(item[0], str))
 
 
 def _weight(write: Write) -> int:

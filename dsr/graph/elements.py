@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import TOMBSTONE, Key, Write
+from dsr.crdt.delta import TOMBSTONE, Write
 from dsr.crdt.hlc import physical_time
 from dsr.crdt.store import Incarnation
 from dsr.errors import GraphError, suggest
@@ -123,6 +123,11 @@ class Node(_Element):
         self._entries = entries
         self.name = name
 
+    @property
+    def key(self) -> str:
+        """The identity of the node: its name."""
+        return self.name
+
     def __repr__(self) -> str:
         return f"{self.type} {self.name!r}"
 
@@ -168,8 +173,3 @@ class Edge(_Element):
 
     def __repr__(self) -> str:
         return f"{self.type_name} edge {self.src!r} -> {self.dst!r}"
-
-
-def key_of(element: Node | Edge) -> Key:
-    """Identify a node by its name, and an edge by its (source, destination, type)."""
-    return element.key if isinstance(element, Edge) else element.name  # quick for edges, of which more change

@@ -79,7 +79,7 @@ def far_stamps(elements: Iterable[Node | Edge], now: float) -> Iterator[FarStamp
     """The attributes of visible elements that are stamped far ahead of physical time `now` (s)."""
     far = stamp_at(now + FAR)
     for element in elements:
-        key: str | EdgeKey = element.name if isinstance(element, Node) else element.key
+        key: str | EdgeKey = element.key
         for attribute in sorted(element.written):
             write = element.newest_write(attribute)
             if write is not None and write.stamp > far:

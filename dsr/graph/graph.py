@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any
 
 from dsr.crdt.context import Dot, DotRange
-from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
+from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, NodeTypeError, suggest
-from dsr.graph.elements import Edge, Node, key_of, type_of
+from dsr.graph.elements import Edge, Node, type_of
 from dsr.graph.far_stamps import FarStamps
 from dsr.graph.schema import RECORDS, Schema
 from dsr.graph.sharing import Groups
@@ -24,6 +24,9 @@ from dsr.math3d.transforms import Pose
 from dsr.network.keys import part_of
 
 _POSE = "pose"
+_LOOKS = 64
+"""Edges without ends that are looked at again for each change that is joined: somebody may send edges whose ends
+never come, and others must not pay for all of them with each change."""
 
 
 class Graph(Stamping):
@@ -47,6 +50,7 @@ class Graph(Stamping):
         self.why_empty = ""
         """For people, why it holds nothing."""
         self._unattached: dict[Dot, Incarnation] = {}
+        self._unlooked = 0
         self.counter = 0
         """How many dots were issued here under the replica id."""
 
@@ -106,7 +110,7 @@ class Graph(Stamping):
         """Write attributes of a visible element. Raises `SchemaError`."""
         entries = element._entries
         owners = [entries[0].dot] if len(entries) == 1 else [entry.dot for entry in entries]
-        return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
+        return self._commit(element.key, owners, None, self.schema.to_values(attributes), now)
 
     def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
         """Write the poses of visible edges of one type, by source and destination, at one time.
@@ -135,7 +139,7 @@ class Graph(Stamping):
         if attribute not in element:
             return Delta()
         owners = [entry.dot for entry in element._entries]
-        return self._commit(key_of(element), owners, None, {attribute: TOMBSTONE}, now)
+        return self._commit(element.key, owners, None, {attribute: TOMBSTONE}, now)
 
     def remove_node(self, name: str) -> Delta:
         """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
@@ -159,6 +163,22 @@ class Graph(Stamping):
             self._heed(delta.writes, now)
         self._apply(delta)
         if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
+            self._look_sometimes(delta)
+
+    def _look_sometimes(self, delta: Delta) -> None:
+        """Look again at edges without ends, so often that a change costs no more than `_LOOKS` of them.
+
+        The end of an answer may decide about all of them.
+        """
+        self._unlooked += 1 + len(delta)
+        is_end = delta.live is not None and not delta.adds
+        if is_end or self._unlooked * _LOOKS >= len(self._unattached):
+            self.look_again()
+
+    def look_again(self) -> None:
+        """Look again at edges that wait for an end that is not here; the graph must be locked."""
+        self._unlooked = 0
+        if self._unattached:
             self._attach_or_bury()
 
     def restore(self, delta: Delta, now: float) -> None:
@@ -176,6 +196,8 @@ class Graph(Stamping):
         catches the last samples of a writer that died before it could do so itself. The dots of the
         delta returned are seen here when it is joined.
         """
+        if self._unlooked:
+            self.look_again()
 
         def due(write: Write, passes: int) -> bool:
             return write.writer == self.rid or passes >= patience
@@ -186,7 +208,8 @@ class Graph(Stamping):
         return delta
 
     def _ends_at(self, name: str) -> tuple[Dot, ...]:
-        return tuple(entry.dot for entry in self.node(name)._entries)
+        dots = tuple(entry.dot for entry in self.node(name)._entries)
+        return dots if len(dots) <= MAX_ENDS else tuple(sorted(dots)[-MAX_ENDS:])
 
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
         return [add.dot] if add else [entry.dot for entry in self.live(key)]
@@ -280,17 +303,29 @@ class Graph(Stamping):
 
     # ---- what the store reports: keep the visible elements and the indexes
 
-    def entry_added(self, entry: Incarnation) -> None:
-        """Show the new incarnation and what depends on it."""
-        if isinstance(entry.key, str):
-            self._refresh_node(entry.key)
-            self._refresh_edges_at(entry.key)
+    def entries_added(self, key: Key, entries: list[Incarnation]) -> None:
+        """Show the new incarnations and what depends on them."""
+        by_key = self.store.by_key
+        if isinstance(key, str):
+            is_new = len(by_key[key]) == len(entries)
+            self._refresh_node(key)
+            for edge in self.incident_keys(key) if key in self.incident else ():
+                if is_new or edge not in self.edges or len(by_key.get(edge, ())) > 1:  # others had this end before
+                    self._refresh_edge(edge)
             return
-        self._note_incident(entry.key)
-        if self._has_ends(entry):
-            is_new = len(self.store.by_key[entry.key]) == 1 and self.store.owned is None
-            self._refresh_edge(entry.key, (entry,) if is_new else None)
-        elif self._is_dead(entry):
+        self._note_incident(key)
+        whole = [entry for entry in entries if self._has_ends(entry)]
+        if whole:
+            is_new = len(by_key[key]) == 1 and self.store.owned is None
+            self._refresh_edge(key, (whole[0],) if is_new else None)
+        if len(whole) < len(entries):
+            for entry in entries:
+                if not self._has_ends(entry):
+                    self._await_ends(entry)
+
+    def _await_ends(self, entry: Incarnation) -> None:
+        """Wait for the ends of an edge that has just come, unless they are known to be gone."""
+        if self._is_dead(entry):
             self._bury([entry])
         else:
             self._unattached[entry.dot] = entry
@@ -303,22 +338,29 @@ class Graph(Stamping):
                 keys = incident.setdefault(name, {})
             keys[key] = None
 
-    def entry_removed(self, entry: Incarnation) -> None:
-        """Hide the incarnation and what depended on it."""
-        if isinstance(entry.key, str):
-            self._refresh_edges_at(entry.key)
-            self._refresh_node(entry.key)
-            at_node = list(self.incident.get(entry.key, ()))
-            self._detach_or_bury([e for key in at_node for e in self.store.by_key.get(key, {}).values()])
+    def entries_removed(self, key: Key, entries: list[Incarnation]) -> None:
+        """Hide the incarnations and what depended on them."""
+        by_key = self.store.by_key
+        if isinstance(key, str):
+            edges = self.incident_keys(key) if key in self.incident else []
+            if key in by_key:  # others of it are left, and so are edges that are bound to those alone
+                gone = {entry.dot for entry in entries}
+                edges = [edge for edge in edges if any(_is_bound(e, gone) for e in by_key.get(edge, {}).values())]
+            for edge in edges:
+                self._refresh_edge(edge)
+            self._refresh_node(key)
+            self._detach_or_bury([e for edge in edges for e in by_key.get(edge, {}).values()])
             return
-        if entry.key not in self.store.by_key:
-            for name in entry.key[:2]:
+        for entry in entries:
+            self._unattached.pop(entry.dot, None)
+        if key not in by_key:
+            for name in key[:2]:
                 keys = self.incident.get(name)
                 if keys is not None:
-                    keys.pop(entry.key, None)
+                    keys.pop(key, None)
                     if not keys:
                         del self.incident[name]
-        self._refresh_edge(entry.key)
+        self._refresh_edge(key)
 
     def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """Pass on a change of a visible element."""
@@ -336,7 +378,7 @@ class Graph(Stamping):
             self._change_node(old, entries)
         elif old is not None:
             del self.nodes[name]
-            del self.nodes_by_type[old.type][name]
+            _leave(self.nodes_by_type, old.type, name)
             self.watches.removed(old)
         elif entries:
             node = self.nodes[name] = Node(name, entries)
@@ -349,7 +391,7 @@ class Graph(Stamping):
         if type == node.type:
             self._change_incarnations(node, entries)
             return
-        del self.nodes_by_type[node.type][node.name]
+        _leave(self.nodes_by_type, node.type, node.name)
         self.watches.removed(node)
         node._entries = entries
         self.nodes_by_type.setdefault(type, {})[node.name] = node
@@ -365,11 +407,6 @@ class Graph(Stamping):
             if before.get(attribute) is not element.get(attribute):
                 self.watches.updated(element, attribute)
 
-    def _refresh_edges_at(self, name: str) -> None:
-        keys = self.incident.get(name)
-        for key in list(keys) if keys is not None else ():
-            self._refresh_edge(key)
-
     def _refresh_edge(self, key: EdgeKey, entries: tuple[Incarnation, ...] | None = None) -> None:
         """Show an edge as it is now; `entries` are its incarnations with both ends, if known."""
         if entries is None:
@@ -382,9 +419,7 @@ class Graph(Stamping):
             self._change_incarnations(old, entries)
         elif old is not None:
             for index, name in self._edge_indexes(key):
-                del index[name][key]
-                if not index[name]:
-                    del index[name]
+                _leave(index, name, key)
             del self.edges[key]
             self.watches.removed(old)
         elif entries:
@@ -397,36 +432,62 @@ class Graph(Stamping):
         return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]
 
     def _has_ends(self, entry: Incarnation) -> bool:
-        live = self.store.entries.keys()
-        return not live.isdisjoint(entry.sources) and not live.isdisjoint(entry.destinations)
+        """Whether a living node is under a creation dot of each end, and is called as the edge says."""
+        key = entry.key
+        return self._is_there(key[0], entry.sources) and self._is_there(key[1], entry.destinations)
+
+    def _is_there(self, name: str, dots: tuple[Dot, ...]) -> bool:
+        for dot in dots:
+            node = self.element(dot)
+            if node is not None and node.key == name:
+                return True
+        return False
 
     def _is_dead(self, entry: Incarnation) -> bool:
-        """Whether an end was removed for good: then the edge can never be seen again."""
-        live, seen = self.store.entries, self.store.context
-        return any(
-            all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
-        )
+        """Whether an end was removed for good, or never was: then the edge can never be seen again."""
+        key = entry.key
+        return self._is_gone(key[0], entry.sources) or self._is_gone(key[1], entry.destinations)
+
+    def _is_gone(self, name: str, dots: tuple[Dot, ...]) -> bool:
+        return all(map(self.is_known, dots)) and not self._is_there(name, dots)
 
     def _detach_or_bury(self, entries: list[Incarnation]) -> None:
         """Look again at edges that have lost an end: another incarnation of it may be still to come."""
         for entry in entries:
             if not self._has_ends(entry):
                 self._unattached[entry.dot] = entry
-        self._attach_or_bury()
+                self._settle(entry)
 
     def _attach_or_bury(self) -> None:
         """Look again at edges that came before their ends: an end may have come, or turn out to be removed."""
-        for dot, entry in list(self._unattached.items()):
-            if self._has_ends(entry) or dot not in self.store.entries:
-                del self._unattached[dot]
-            elif self._is_dead(entry):
-                del self._unattached[dot]
-                self._bury([entry])
-            elif all(part_of(end[0]) or self.is_known(end) for end in entry.sources + entry.destinations):
-                del self._unattached[dot]  # it waits for a part of the graph alone, which is not held here (dsr/parts)
+        for entry in list(self._unattached.values()):
+            self._settle(entry)
+
+    def _settle(self, entry: Incarnation) -> None:
+        """Look again at one of these edges."""
+        if self._has_ends(entry) or self.element(entry.dot) is None:
+            self._unattached.pop(entry.dot, None)
+        elif self._is_dead(entry):
+            self._unattached.pop(entry.dot, None)
+            self._bury([entry])
+        elif all(part_of(end[0]) or self.is_known(end) for end in entry.sources + entry.destinations):
+            self._unattached.pop(entry.dot, None)  # it waits for a part alone, which is not held here (dsr/parts)
 
     def _bury(self, dead: list[Incarnation]) -> None:
         """Drop edges that no replica can ever show again, so that state does not grow with history."""
         delta = Delta()
         delta.removed = [entry.dot for entry in dead]
         self.store.join(delta)
+
+
+def _is_bound(edge: Incarnation, dots: set[Dot]) -> bool:
+    """Whether one of these is an end of the edge."""
+    return not dots.isdisjoint(edge.sources) or not dots.isdisjoint(edge.destinations)
+
+
+def _leave(groups: Groups[Any, Any], name: str, key: Key) -> None:
+    """Take an element out of its group; of an empty group no trace is left."""
+    group = groups[name]
+    del group[key]
+    if not group:
+        del groups[name]

@@ -193,6 +193,15 @@ def is_name(name: object) -> bool:
     return isinstance(name, str) and _NAME.fullmatch(name) is not None
 
 
+def is_own_name(name: str, type: str) -> bool:
+    """Whether name and type of a node fit: entries about the graph itself have both, all other nodes neither.
+
+    Else a node of any type that gets the name of an entry would hide that entry.
+    """
+    prefix = RECORDS.get(type)
+    return not name.startswith(_RECORD_PREFIXES) if prefix is None else name.startswith(prefix)
+
+
 def records_are_own(what: str) -> str:
     """The message for somebody who writes a node about the graph itself, told in `what`."""
     return (

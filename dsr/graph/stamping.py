@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
-from dsr.crdt.hlc import MAX_LEAD, MAX_STAMP, HybridClock, stamp_at
+from dsr.crdt.hlc import MAX_STAMP, HybridClock, stamp_at
 from dsr.crdt.store import Incarnation
 from dsr.errors import NoRoomError
-from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FAR, FarStamps
 from dsr.graph.schema import Schema
 from dsr.graph.sharing import Sharing
@@ -87,9 +87,8 @@ class Stamping(Sharing):
 
     def _heed(self, writes: list[Write], now: float) -> None:
         """Let the clock follow what arrives at physical time `now` (s), and notice what it does not follow."""
-        greatest = max(write.stamp for write in writes)
-        if greatest <= stamp_at(now + MAX_LEAD):
-            self.hlc.observe(greatest, now)
+        greatest = writes[0].stamp if len(writes) == 1 else max([write.stamp for write in writes])
+        if self.hlc.observe(greatest, now):
             return
         self.far.notice(writes, self.store, now)
         for write in writes:
@@ -176,7 +175,7 @@ class Stamping(Sharing):
 
     def _again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> Add:
         """The addition of an element that is there; `made` begins with that of the node `renewed`, if it is one."""
-        return Add(self.new_dot(), key_of(element), element.type, *self._ends_again(element, renewed, made))
+        return Add(self.new_dot(), element.key, element.type, *self._ends_again(element, renewed, made))
 
     def _ends_again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> list[tuple[Dot, ...]]:
         """The ends of an element that is made anew; none of a node."""

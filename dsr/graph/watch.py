@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 
 from dsr.crdt.delta import Key
-from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import RECORDS
 
 ChangeKind = Literal["added", "updated", "removed"]
@@ -159,7 +159,7 @@ class Watch:
         """Called by the memory for every change that the watch wants."""
         if self._closed or (self._where is not None and kind != "removed" and not self._where(element)):
             return
-        key = key_of(element)
+        key = element.key
         with self._lock:
             first = not self._pending
             pending = self._pending.get(key)

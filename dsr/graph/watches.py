@@ -108,7 +108,8 @@ class Watches:
             for overlay in self._told():
                 overlay.below_changed(element, attribute)
         if self._watches:
-            for watch in self._who_want(element, attribute):
+            found = self._wanting.get((element.__class__, element.type, attribute))
+            for watch in self._who_want(element, attribute) if found is None else found:
                 watch.offer("updated", element, attribute)
 
     def incarnations_changed(self, element: Node | Edge) -> None:

@@ -1,9 +1,13 @@
-"""Carries a plan out in a world, step by step by physics, and reports the outcome, so that plans can be compared."""
+"""Carries a plan out in a world, step by step by physics, and reports the outcome, so that plans can be compared.
+
+Each step is tried in several worlds of the belief: what nobody sees may be elsewhere than it most probably is.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from dsr.errors import ConfigError
@@ -15,13 +19,15 @@ from dsr.memory import Memory
 from dsr.spatial import Box
 from dsr.timeline import Chronicle
 from dsr.vocabulary.relations import SURFACES, THINGS
-from dsr.vocabulary.what_if import Answer, Question
+from dsr.vocabulary.sentences import percent
+from dsr.vocabulary.what_if import USUAL_WORLDS, Answer, Question, WorldOutcome
 
 _STEP = re.compile(r"(?P<skill>pick|place|remove)\s+(?P<target>\S+)(?:\s+(?P<how>on|at)\s+(?P<where>.+))?\s*")
 _SECONDS = 1.0  # simulated after each step
 _RAISED = 0.15  # m, what is picked
 _ABOVE = 5e-4  # m, over what something is placed on
 _DISTURBED = 0.01  # m, from which a thing counts as moved
+_CERTAIN = 0.99  # 1, probability from which a plan is not told to be in doubt
 
 
 class Step(NamedTuple):
@@ -61,14 +67,19 @@ class Outcome(NamedTuple):
     """Things that lie on the floor at the end and did not before."""
     moved: Mapping[str, float]
     """m, how far things were moved that no step is about, by more than 10 mm."""
+    probability: float = 1.0
+    """1, that each step does what it should: the least of all steps, by the worlds of the belief."""
 
     @property
-    def cost(self) -> tuple[bool, int, float, int]:
-        """Less is better: a plan that is carried out, then less fallen, less disturbed, fewer steps."""
-        return bool(self.failed), len(self.fallen), round(sum(self.moved.values()), 3), self.steps
+    def cost(self) -> tuple[bool, int, float, float, int]:
+        """Less is better: a plan that is carried out, then less fallen, more probable, less disturbed, fewer steps."""
+        doubt, disturbed = round(1.0 - self.probability, 1), round(sum(self.moved.values()), 3)
+        return bool(self.failed), len(self.fallen), doubt, disturbed, self.steps
 
     def __str__(self) -> str:
         parts = [self.failed or f"{self.steps} steps"]
+        if not self.failed and self.probability < _CERTAIN:
+            parts.append(f"{percent(self.probability)} probable")
         parts += [f"{name} falls" for name in self.fallen]
         parts += [f"{name} moves by {1e3 * distance:.0f} mm" for name, distance in sorted(self.moved.items())]
         return "; ".join(parts)
@@ -95,9 +106,9 @@ def parse_step(text: str) -> Step:
 def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[Outcome]:
     """Carry a plan out in `world`, whose content changes to the outcome; each step is simulated for a second.
 
-    A step fails if its thing does not end up where it is put. What is put on something is tried a little beside its
-    middle first, where what only balances falls, and then put in the middle. What happened is told in the timeline of
-    `world`.
+    A step fails if its thing does not end up where it is put, in the world that the graph shows. What is put on
+    something is tried a little beside its middle first, where what only balances falls, and then put in the middle.
+    What happened is told in the timeline of `world`.
 
     Args:
         base: the world whose belief is simulated.
@@ -110,7 +121,7 @@ def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[O
     chronicle = Chronicle(world)
     start = {name: pose for name in _things(world, steps) if (pose := place_of(world, name)) is not None}
     held: set[str] = set()
-    done, failed, answer = 0, "", Answer()
+    done, failed, answer, probability = 0, "", Answer(), 1.0
     for number, step in enumerate(steps):
         if step.skill == "remove":
             world.update_node(step.target, present=False)
@@ -123,10 +134,12 @@ def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[O
             continue
         for goal in goals:
             elsewhere = {} if goal is None else {step.target: goal}
-            answer = yield Question(_SECONDS, differences(base, world, held=held, elsewhere=elsewhere))
-            failed = answer.refused or _failure(step, answer)
+            changes = differences(base, world, held=held, elsewhere=elsewhere)
+            answer = yield Question(_SECONDS, changes, worlds=USUAL_WORLDS)
+            failed = _failure(step, answer)
             if failed:
                 break
+            probability = min(probability, answer.probability(partial(_succeeds, step)))
         if not answer.refused:
             keep(world, answer)
         text = f"{step}: {failed}" if failed else str(step)
@@ -134,7 +147,7 @@ def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[O
         if failed:
             break
         done = number + 1
-    return Outcome(done, failed, _fallen(world, answer, start), _moved(world, steps, start))
+    return Outcome(done, failed, _fallen(world, answer, start), _moved(world, steps, start), probability)
 
 
 def best(outcomes: Mapping[str, Outcome]) -> str:
@@ -164,10 +177,14 @@ def _goals(world: Memory, step: Step) -> list[Pose]:
     return [Pose((x + IMPRECISE[0], y + IMPRECISE[1], z), here.q), Pose((x, y, z), here.q)]
 
 
-def _failure(step: Step, answer: Answer) -> str:
+def _succeeds(step: Step, outcome: WorldOutcome) -> bool:
+    return not _failure(step, outcome)
+
+
+def _failure(step: Step, answer: WorldOutcome) -> str:
     """Why a step has not done what it should; empty if it has."""
-    if step.skill != "place":
-        return ""
+    if answer.refused or step.skill != "place":
+        return answer.refused
     if step.target in answer.on_floor:
         return f"{step.target} would fall to the floor"
     if step.destination and step.destination not in answer.rests_on.get(step.target, ()):

@@ -8,7 +8,7 @@ from dsr.believing.distribution import Alternative, Whereabouts, are_at_one_plac
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import position_deviation
 from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, place_of, place_words
-from dsr.vocabulary.sentences import listed
+from dsr.vocabulary.sentences import listed, percent
 
 LEAST = 0.05
 """1, probability from which an alternative is told in a sentence"""
@@ -69,14 +69,6 @@ def alternative_words(one: Alternative) -> str:
     if deviation >= _VAGUE:
         place = f"within about {100.0 * deviation:.0f} cm of {place.removeprefix('at ')}"
     return ", ".join([*parts, place])
-
-
-def percent(probability: float) -> str:
-    """A probability in words: `62 %`; what is neither certain nor impossible is never told as 100 or 0 %."""
-    rounded = round(100.0 * probability)
-    if rounded in (0, 100) and 0.0 < probability < 1.0:
-        return "less than 1 %" if rounded == 0 else "more than 99 %"
-    return f"{rounded} %"
 
 
 def _is_told_apart(one: Alternative, best: Alternative) -> bool:

@@ -33,6 +33,8 @@ MAX_ASKERS = 64
 class Qos(enum.Enum):
     """Quality of service of a message: what happens to it when a link is slow."""
 
+    __hash__ = object.__hash__  # that of `Enum` is written in Python, and one is needed for each message
+
     RELIABLE = "reliable"
     """Kept and sent before everything else; the sender waits (deltas)."""
     STREAM = "stream"

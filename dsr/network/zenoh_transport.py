@@ -155,7 +155,7 @@ class ZenohTransport:
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Send to all current subscribers elsewhere; blocks only for `Qos.RELIABLE` on a full link."""
-        publisher = self._publisher(key, qos)
+        publisher = self._publishers.get((key, qos)) or self._declare_publisher(key, qos)
         try:
             publisher.put(payload)
         except zenoh.ZError as error:

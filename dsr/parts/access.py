@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from dsr.clock import Clock
 from dsr.errors import PartError
-from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import PART_RECORD, Schema, checked_names
 from dsr.network.keys import check_part, part_of
 from dsr.parts.held import HeldParts, not_parted
@@ -108,7 +108,7 @@ class PartAccess:
         An edge is in the part of its source.
         """
         if self._held is not None:
-            return self._held.graph.part(key_of(element))
+            return self._held.graph.part(element.key)
         return part_of(max(element.created)[0])
 
     def _parts(self, what: str) -> HeldParts:

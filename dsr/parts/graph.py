@@ -16,7 +16,6 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.store import Incarnation
 from dsr.errors import AgentError, NodeTypeError, PartError
-from dsr.graph.elements import key_of
 from dsr.graph.far_stamps import FAR
 from dsr.graph.graph import Graph
 from dsr.graph.schema import Schema
@@ -45,7 +44,11 @@ class PartGraph(Graph):
             self._heed(delta.writes, now)
         self._apply(delta)
         if delta.context or delta.removed:
-            self._whole.look_again()
+            self._whole._look_sometimes(delta)
+
+    def look_again(self) -> None:
+        """See `Graph.look_again`."""
+        self._whole.look_again()
 
     def make_durable(self, patience: int = 3) -> Delta:
         """See `Graph.make_durable`; edges that died of an end in another part are removed with it."""
@@ -105,9 +108,7 @@ class PartedGraph(Graph):
             return
         try:
             for entry in self.parts.pop(part).store.detach():
-                self._unattached.pop(entry.dot, None)
-                self._condemned.pop(entry.dot, None)
-                self.entry_removed(entry)
+                self.entries_removed(entry.key, [entry])
             self.look_again()
         except BaseException:  # see `Graph._apply`
             self._recover()
@@ -176,18 +177,13 @@ class PartedGraph(Graph):
             self._heed(delta.writes, now)
         self._apply_in(self, delta)
         if delta.context or delta.removed:
-            self.look_again()
+            self._look_sometimes(delta)
 
     def restore(self, delta: Delta, now: float) -> None:
         """See `Graph.restore`; what is of parts that are not held is left out."""
         for part in parts_in(delta):
             if part == WHOLE or part in self.parts:
                 (self.parts[part] if part else self).join(portion(delta, part), now)
-
-    def look_again(self) -> None:
-        """Look again at edges that wait for an end that is not here; the graph must be locked."""
-        if self._unattached:
-            self._attach_or_bury()
 
     def make_durable(self, patience: int = 3) -> Delta:
         """See `Graph.make_durable`; edges that died of an end in another part are removed with it."""
@@ -328,12 +324,12 @@ class PartedGraph(Graph):
     def renew(self, key: Key, now: float) -> Delta:
         """See `Stamping.renew`; everything is made anew in its part."""
         renewed = self.renewals(key)
-        homes = [self._home(key_of(each.element)) for each in renewed]
+        homes = [self._home(each.element.key) for each in renewed]
         keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
         changes, tick, far = Changes(self._member), self.hlc.tick(now), stamp_at(now + FAR)
         changes.remove([entry.dot for each in keys for entry in self.live(each)])
         for (element, writes), home in zip(renewed, homes, strict=True):
-            add = Add(home.new_dot(), key_of(element), element.type, *self._ends_again(element, key, changes.adds))
+            add = Add(home.new_dot(), element.key, element.type, *self._ends_again(element, key, changes.adds))
             changes.adds.append(add)
             for write in writes:
                 stamp = write.stamp if write.stamp <= far else tick
@@ -346,12 +342,12 @@ class PartedGraph(Graph):
 
     # ---- what the stores report
 
-    def entry_removed(self, entry: Incarnation) -> None:
-        """See `Graph.entry_removed`."""
-        if not isinstance(entry.key, str):
+    def entries_removed(self, key: Key, entries: list[Incarnation]) -> None:
+        """See `Graph.entries_removed`."""
+        for entry in () if isinstance(key, str) else entries:
             self._condemned.pop(entry.dot, None)
             self._wait_no_more(entry)
-        super().entry_removed(entry)
+        super().entries_removed(key, entries)
 
     def _wait_no_more(self, entry: Incarnation) -> None:
         """Forget that an edge waits for parts; of a part for which nothing waits no trace is left."""
@@ -360,34 +356,25 @@ class PartedGraph(Graph):
             if waiting is not None and waiting.pop(entry.dot, None) is not None and not waiting:
                 del self._beyond[part]
 
-    def _has_ends(self, entry: Incarnation) -> bool:
-        element = self.element
-        return any(map(element, entry.sources)) and any(map(element, entry.destinations))
-
-    def _is_dead(self, entry: Incarnation) -> bool:
-        known, element = self.is_known, self.element
-        return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
-
     def _parts_beyond(self, entry: Incarnation) -> set[str]:
         """The parts of an edge's ends, but its own."""
         return {part_of(rid) for rid, _ in (*entry.sources, *entry.destinations)} - {part_of(entry.dot[0])}
 
-    def _attach_or_bury(self) -> None:
-        """See `Graph._attach_or_bury`; edges that wait for other parts alone are set aside until those are held.
+    def _settle(self, entry: Incarnation) -> None:
+        """See `Graph._settle`; edges that wait for other parts alone are set aside until those are held.
 
         An edge of which an end is still to come in a part that is held is not set aside. That end may turn out to be
         removed, which nobody would tell the edge.
         """
-        for dot, entry in list(self._unattached.items()):
-            if self._has_ends(entry) or self.element(dot) is None:
-                del self._unattached[dot]
-            elif self._is_dead(entry):
-                del self._unattached[dot]
-                self._bury([entry])
-            elif (missing := self._parts_missing(entry)) and self._is_settled(entry, missing):
-                del self._unattached[dot]
-                for part in missing:
-                    self._beyond.setdefault(part, {})[dot] = entry
+        if self._has_ends(entry) or self.element(entry.dot) is None:
+            self._unattached.pop(entry.dot, None)
+        elif self._is_dead(entry):
+            self._unattached.pop(entry.dot, None)
+            self._bury([entry])
+        elif (missing := self._parts_missing(entry)) and self._is_settled(entry, missing):
+            self._unattached.pop(entry.dot, None)
+            for part in missing:
+                self._beyond.setdefault(part, {})[entry.dot] = entry
 
     def _parts_missing(self, entry: Incarnation) -> set[str]:
         """The parts of an edge's ends that are not held."""
@@ -412,8 +399,8 @@ class PartedGraph(Graph):
 def _dies_alone(store: PartStore, entry: Incarnation) -> bool:
     """Whether an end was removed in the part of the edge itself."""
     return any(
-        all(dot in store.context and dot not in store.entries for dot in ends)
-        for ends in (entry.sources, entry.destinations)
+        all(dot in store.context and ((node := store.entries.get(dot)) is None or node.key != name) for dot in ends)
+        for name, ends in zip(entry.key, (entry.sources, entry.destinations), strict=False)
     )
 
 

@@ -20,6 +20,9 @@ from dsr.replication.holders import HOLDER_PATIENCE, gathered
 from dsr.replication.polling import Poller
 from dsr.replication.replica import Replica
 
+MOST_PARTS = 1000
+"""Parts that who asks for all holds at once: each takes a thread, and who may list parts may list any number."""
+
 _log = logging.getLogger("dsr.parts")
 
 
@@ -56,6 +59,7 @@ class HeldParts:
         """Whether parts that others list are held here, too."""
         self._swept: Mapping[str, PartInfo] | None = None
         self._refused: set[str] = set()
+        self._is_full = False
 
     @property
     def graph(self) -> PartedGraph:
@@ -98,7 +102,11 @@ class HeldParts:
                     self.graph.leave(part)
                     raise
             if self._poller is not None:
-                replica.start(self._poller)
+                try:
+                    replica.start(self._poller)
+                except RuntimeError as error:
+                    self._give_back(part)
+                    raise TransportError(f"part {part!r}: {error}") from error
             return replica
 
     def sweep(self) -> None:
@@ -106,10 +114,19 @@ class HeldParts:
         listed = self.listed.parts
         if self._ended or not self.holds_all or listed is self._swept:
             return
-        missing = [name for name in listed if not self._holds(name)]
+        missing = self._room_for([name for name in listed if not self._holds(name)])
         refused = [name for name in missing if not self._is_taken(name)]
         if not refused:
             self._swept = listed
+
+    def _room_for(self, parts: list[str]) -> list[str]:
+        """Those of `parts` that are held if all are asked for; the others are told once."""
+        room = max(0, MOST_PARTS - len(self._replica.parts))
+        if (over := len(parts) - room) > 0 and not self._is_full:
+            self._is_full = True
+            _log.warning("%d parts that are listed are not held: at most %d are; name those that you want", over,
+                         MOST_PARTS)  # fmt: skip
+        return parts[:room]
 
     def _is_taken(self, part: str) -> bool:
         try:
@@ -135,8 +152,9 @@ class HeldParts:
         names = dict.fromkeys(check_interest(parts))
         if ALL in names:
             self.holds_all = True
-            names = dict.fromkeys([*names, *self.listed.parts])
             del names[ALL]
+            listed = [name for name in self.listed.parts if name not in names and not self._holds(name)]
+            names = dict.fromkeys([*names, *self._room_for(listed)])
         for name in () if unlisted else names:
             self.listed.info(name)
         begun = [name for name in names if not self._holds(name)]

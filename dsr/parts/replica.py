@@ -10,7 +10,8 @@ from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import Piece
 from dsr.network.keys import WHOLE
 from dsr.replication.portions import parts_in, portion
-from dsr.replication.replica import Replica, Statistics
+from dsr.replication.replica import Replica
+from dsr.replication.statistics import Statistics
 
 
 class PartedReplica(Replica):

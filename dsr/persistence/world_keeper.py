@@ -26,6 +26,11 @@ from dsr.threads import new_thread
 
 PERIOD = 0.25
 """s between two looks at the list of worlds."""
+RETRY = 5.0
+"""s until worlds that could not be kept are tried again."""
+MOST_WORLDS = 256
+"""Worlds that are kept: each takes two threads, and who may list worlds may list any number. Those that the folder
+holds come first."""
 
 _log = logging.getLogger("dsr.persistence")
 
@@ -53,6 +58,8 @@ class WorldKeeper:
         self._keepers: dict[Path, StateKeeper] = {}
         self._parts: dict[str, StateKeeper] = {}
         self._refused: set[Path] = set()
+        self._told: set[Path] = set()
+        self._retry_at = 0.0
         self._stop = threading.Event()
         self._looking = threading.Lock()
         self.base = StateKeeper(memory, folder, threaded=threaded)
@@ -94,9 +101,18 @@ class WorldKeeper:
             for folder in [folder for folder in self._keepers if folder not in wanted]:
                 self._keepers.pop(folder).close()
             self._remove_others(set(wanted))
-            for folder, name in wanted.items():
-                if folder not in self._keepers and folder not in self._refused:
-                    self._keep(name, folder)
+            self._told = {folder for folder in self._told if folder in wanted or folder.parent == self._parts_folder}
+            new = [folder for folder in wanted if folder not in self._keepers and folder not in self._refused]
+            now = self._memory.clock.monotonic()
+            if now < self._retry_at:
+                new = [folder for folder in new if folder not in self._told]
+            else:
+                self._retry_at = now + RETRY
+            for folder in sorted(new, key=lambda folder: not folder.exists()):
+                if len(self._keepers) < MOST_WORLDS:
+                    self._keep(wanted[folder], folder)
+                else:
+                    self._tell(folder, f"world {wanted[folder]!r} is not kept: {MOST_WORLDS} others are")
             self._keep_parts(self._memory.interest)
 
     def _hold_parts(self, interest: Collection[str]) -> None:
@@ -118,8 +134,8 @@ class WorldKeeper:
                 continue
             try:
                 self._parts[name] = StateKeeper(self._memory, folder, threaded=self._threaded, part=name)
-            except DsrError as error:
-                _log.warning("part %r is not kept: %s", name, error)
+            except (DsrError, RuntimeError) as error:
+                self._tell(folder, f"part {name!r} is not kept: {error}")
                 if folder.exists():
                     self._refused.add(folder)
 
@@ -128,10 +144,10 @@ class WorldKeeper:
         parents = {info.name: info.looks_through_to for info in self._memory.worlds()}
         ordered: dict[str, None] = {}
         for name in sorted(set(names) - {BASE}):
-            chain: list[str] = []
+            chain: dict[str, None] = {}
             at: str | None = name
-            while at is not None and at in names and at not in chain:
-                chain.append(at)
+            while at is not None and at in names and at not in chain and at not in ordered:
+                chain[at] = None
                 at = parents.get(at)
             ordered |= dict.fromkeys(reversed(chain))
         return list(ordered)
@@ -142,10 +158,16 @@ class WorldKeeper:
                 content = tuple(Generations(folder).restored())
             world = self._memory.hold_world(name, content=content)
             self._keepers[folder] = StateKeeper(world, folder, threaded=self._threaded, content=content)
-        except (DsrError, OSError) as error:  # try again, unless the folder is what is wrong
-            _log.warning("world %r is not kept: %s", name, error)
+        except (DsrError, OSError, RuntimeError) as error:  # try again, unless the folder is what is wrong
+            self._tell(folder, f"world {name!r} is not kept: {error}")
             if folder.exists():
                 self._refused.add(folder)
+
+    def _tell(self, folder: Path, text: str) -> None:
+        """Log what is wrong with a world, once."""
+        if folder not in self._told:
+            self._told.add(folder)
+            _log.warning("%s", text)
 
     def _remove_others(self, wanted: set[Path]) -> None:
         """Deleted worlds leave no files."""

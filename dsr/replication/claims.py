@@ -23,6 +23,7 @@ from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
 from dsr.crdt.delta import Delta
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
+from dsr.network.keys import part_of
 
 MAX_GAPS = 1000
 """Gaps among the counters of one replica: as many messages lost one by one as wait for a slow reader."""
@@ -58,6 +59,24 @@ class Claims:
         if now >= self._while_ends:
             self._newcomers.clear()
             self._while_ends = now + WHILE
+
+    def is_plain(self, sender: str, delta: Delta, part: str | None) -> bool:
+        """Whether it is one write of another replica's own, the next of its counters, as nearly all deltas are.
+
+        Such a one keeps all bounds, and speaks for nobody else. `part` is that of which all dots must be, if any.
+        """
+        if len(delta.writes) != 1 or delta.adds or delta.removed or delta.live is not None or sender in self._early:
+            return False
+        write, context = delta.writes[0], delta.context
+        if sender == self._graph.rid or not (part is None or part == part_of(sender) == part_of(write.owner[0])):
+            return False
+        if write.dot is None:
+            return not context
+        rid, counter = write.dot
+        if rid != sender or len(context) != 1 or context[0] != (sender, counter, counter):
+            return False
+        known = self._graph.store.context.vector.get(sender)
+        return known is not None and counter <= known + 1
 
     def own_part(self, sender: str, delta: Delta) -> Delta:
         """Select the part of a delta that may be joined.

@@ -5,10 +5,15 @@ A fetch that is broken off has lost nothing: what came is joined, and the next f
 
 from __future__ import annotations
 
-from dsr.crdt.context import CausalContext, Dot, DotRange
+from dsr.crdt.context import CausalContext, Dot, DotRange, without
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, Place
+from dsr.crdt.store import Store
 from dsr.replication.piece_wire import Request, encode_request
+
+MAX_UNJOINED = 1 << 20
+"""Changes of one answer that cannot be joined, such as those that others may not hand on: 150 MB or about. Who has more
+of them to tell is not listened to any longer."""
 
 
 class Fetch:
@@ -26,12 +31,14 @@ class Fetch:
         """Whether the peer had joined when it began to answer."""
         self.begin: Place | None = START
         """Of the piece to ask for; None if all have come."""
+        self.before = (0, 0)
+        """Hashes of what the asker had seen and held when it began to ask."""
         self._seen = seen
         self._insists = insists
         self._whole: list[DotRange] = []
-        self._examined: list[DotRange] = []
         self._live: set[Dot] = set()
         self._held_back: set[Dot] = set()
+        self._refused = 0
 
     def request(self, rid: str) -> bytes:
         """The question for the next piece, of replica `rid`."""
@@ -44,21 +51,28 @@ class Fetch:
             return False
         if piece.begin == START:
             self._whole, self.joined = piece.whole or [], piece.joined
-            self._examined, self._live = [], set()
-        self._examined += piece.examined
-        self._live.update(add.dot for add in piece.adds)
-        self._live.update(piece.kept)
+            self._live = set()
         self.begin = piece.end
         return True
 
-    def note_held_back(self, piece: Piece, known: CausalContext) -> None:
-        """Note that the piece was joined into a replica that now knows `known`.
+    def note_joined(self, piece: Piece, store: Store) -> None:
+        """Note that the piece was joined into `store`.
 
-        Changes that wait for others, or may not be judged yet, must not count as seen in the end.
+        Changes that wait for others, or may not be judged yet, must not count as seen in the end. What lives elsewhere
+        and was removed here never comes back, so it need not be kept in mind.
         """
-        seen = known.vector.get
+        seen, entries = store.context.vector.get, store.entries
         beyond = [dot for write in piece.writes if (dot := write.dot) is not None and dot[1] > seen(dot[0], 0)]
-        self._held_back.update(dot for dot in beyond if dot not in known)
+        self._held_back.update(dot for dot in beyond if dot not in store.context)
+        self._live.update(dot for dot in piece.kept if dot in entries)
+        for add in piece.adds:
+            self._live.add(add.dot)
+            self._refused += add.dot not in entries
+
+    @property
+    def is_useless(self) -> bool:
+        """Whether the peer sends no end of changes that cannot be joined."""
+        return self._refused + len(self._held_back) > MAX_UNJOINED
 
     def rest(self) -> Delta:
         """Make the delta to be joined in the end: the peer's whole context of the moment when it began to answer.
@@ -66,27 +80,9 @@ class Fetch:
         It tells once more what was gone there. An addition of that may have come between two pieces.
         """
         whole = list(without(self._whole, self._held_back))
-        return Delta(context=whole, live=frozenset(self._live), examined=self._examined)
+        return Delta(context=whole, live=frozenset(self._live), examined=self._whole)
 
 
 def is_refusal(piece: Piece) -> bool:
     """Whether the peer only says that it has not joined."""
     return not piece.joined and piece.begin == START and piece.whole is None
-
-
-def without(ranges: list[DotRange], dots: set[Dot]) -> list[DotRange]:
-    """The ranges with these dots taken out."""
-    holes: dict[str, list[int]] = {}
-    for rid, counter in sorted(dots):
-        holes.setdefault(rid, []).append(counter)
-    left: list[DotRange] = []
-    for rid, first, last in ranges:
-        start = first
-        for hole in holes.get(rid, ()):
-            if first <= hole <= last:
-                if start < hole:
-                    left.append((rid, start, hole - 1))
-                start = hole + 1
-        if start <= last:
-            left.append((rid, start, last))
-    return left

@@ -23,9 +23,6 @@ class Outbox:
         """How often everything was given up because too much waited."""
         self._under_way: tuple[list[Delta], Delta] = ([], Delta())
         """What was taken, until it is `sent`."""
-        self._empty()
-
-    def _empty(self) -> None:
         self._bundles = [Delta()]
         self._samples: dict[_Register, Write] = {}
 
@@ -56,9 +53,12 @@ class Outbox:
         Ctrl-C at any line loses nothing. What comes twice harms nobody.
         """
         before, samples = self._under_way
-        bundles = [*before, *(bundle for bundle in self._bundles if bundle)]
+        bundles = list(before)
+        for bundle in self._bundles:
+            if bundle.writes or bundle:
+                bundles.append(bundle)
         self._under_way = bundles, Delta(writes=[*samples.writes, *self._samples.values()])
-        self._empty()
+        self._bundles, self._samples = [Delta()], {}
         return self._under_way
 
     def sent(self) -> None:
@@ -87,4 +87,4 @@ class Outbox:
         self._bundles = [whole]
         if len(whole) > MAX_WAITING:
             self.overflowed += 1
-            self._empty()
+            self._bundles, self._samples = [Delta()], {}

@@ -7,7 +7,8 @@ that the synchroniser's repair closes: whoever lost one of the messages must not
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from dsr.crdt.context import to_ranges
 from dsr.crdt.delta import Add, Delta, Write
@@ -17,14 +18,12 @@ MAX_PARCEL = MAX_STRUCTURE
 """Bytes; a single longer change travels in a longer message."""
 
 
-def parcels(delta: Delta) -> Iterator[bytes]:
+def parcels(delta: Delta) -> Iterable[bytes]:
     """Split `delta` into messages, in an order in which additions come before the writes to them."""
     payload = encode_delta(delta)
     if len(payload) <= MAX_PARCEL or len(delta) <= 1:
-        yield payload
-        return
-    for part in _parts(delta, len(payload) // MAX_PARCEL + 1):
-        yield from parcels(part)
+        return (payload,)
+    return chain.from_iterable(map(parcels, _parts(delta, len(payload) // MAX_PARCEL + 1)))
 
 
 def _parts(delta: Delta, count: int) -> Iterator[Delta]:

@@ -12,7 +12,6 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
 
 from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
@@ -27,6 +26,7 @@ from dsr.replication.parcels import parcels
 from dsr.replication.piece_wire import asker_of, encode_piece
 from dsr.replication.polling import Poller
 from dsr.replication.renaming import going_on_as, next_id, unconfirmed
+from dsr.replication.statistics import Statistics
 from dsr.replication.sync import REQUEST_TIMEOUT, ChangeGate, Synchroniser
 from dsr.replication.wire import encode_delta
 from dsr.threads import new_thread
@@ -40,31 +40,12 @@ IDLE = 0.002
 """s since anything was sent, after which a write is sent by the thread that made it: nobody need be woken."""
 GATHER = 0.001
 """s for which the sending thread lets further writes gather."""
+HEARD_LASTS = 1.0
+"""s for which a key counts as heard on which somebody listened: to ask the network costs as much as to send."""
 LEFT_OVER = 1.0
 """s after which the sending thread looks for what a writer that was interrupted has left behind."""
 
 _log = logging.getLogger("dsr.replication.replica")
-
-
-class Statistics(NamedTuple):
-    """Counts of the faults that a replica has met since it began; all of them are repaired."""
-
-    repairs: int
-    """Number of requests to peers for missed changes."""
-    outbox_overflows: int
-    """Number of times when too many changes waited for a congested network, and were left to the repair."""
-    skipped: int
-    """Messages passed over because merging could not keep up."""
-    forgotten: int
-    """Writes that came so long before their node that they were forgotten."""
-    malformed: int
-    """Messages that made no sense, from all senders."""
-    far_stamps: int
-    """Values that came stamped days ahead of this clock, from all agents."""
-    passed_over: int
-    """Claims beyond what is taken from one sender (`replication.claims`), and replicas beyond those listened to."""
-    new_ids: int
-    """Number of times when somebody spoke in the replica's name, so that it took another id."""
 
 
 class Replica:
@@ -101,6 +82,8 @@ class Replica:
         self._progress = threading.Condition()
         self._sending = threading.RLock()  # where Ctrl-C leaves it locked, that thread can still send
         self._sent_at = -math.inf
+        self._heard_at: dict[str, float] = {}
+        """When somebody was known to listen, by key."""
         self._merging = threading.Lock()
         self._holds = 0
         self._stopped = threading.Event()
@@ -194,8 +177,10 @@ class Replica:
     def _publish_as(self, rid: str, bundles: list[Delta], samples: Delta) -> None:
         """Publish what was taken from the outbox; what fails is left to the repair, what Ctrl-C breaks off is not."""
         try:
-            self._publish(self._keys.stream(rid), [samples] if samples else [], Qos.STREAM)
-            self._publish(self._keys.delta(rid), bundles, Qos.RELIABLE)
+            if samples.writes:
+                self._publish(self._keys.stream(rid), [samples], Qos.STREAM)
+            if bundles:
+                self._publish(self._keys.delta(rid), bundles, Qos.RELIABLE)
         except Exception:
             self._outbox.sent()
             raise
@@ -204,10 +189,14 @@ class Replica:
 
     def _publish(self, key: str, deltas: list[Delta], qos: Qos) -> None:
         """Publish, unless nobody listens: whoever comes gets a snapshot."""
-        if deltas and self._transport.is_heard(key, qos):
-            for delta in deltas:
-                for message in parcels(delta):
-                    self._transport.publish(key, message, qos)
+        now = self._clock.monotonic()
+        if now - self._heard_at.get(key, -math.inf) > HEARD_LASTS:
+            if not self._transport.is_heard(key, qos):
+                return
+            self._heard_at[key] = now
+        for delta in deltas:
+            for message in parcels(delta):
+                self._transport.publish(key, message, qos)
 
     # ---- receiving
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from dsr.clock import Clock
 from dsr.crdt.delta import Delta, Key
 from dsr.errors import AgentError, ClockDriftError, NoRoomError
-from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FarStamp, far_stamps
 from dsr.graph.graph import Graph
 from dsr.replication.clock_votes import ClockVerdict
@@ -125,7 +125,7 @@ class StampAccess:
 
     def _seen(self, element: Node | Edge) -> Node | Edge:
         """The element of its key as it is now: it may have been made anew."""
-        return next(self._elements((key_of(element),)), element)
+        return next(self._elements((element.key,)), element)
 
     def _renew(self, key: Key) -> None:
         for element, writes in self._graph.renewals(key):

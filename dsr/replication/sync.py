@@ -62,6 +62,10 @@ LONG_WAIT = 1.0
 """s of waiting after which a newcomer says for which replicas it waits."""
 JOIN_RETRY = 0.02
 """s after which a newcomer asks the same peer again, whose answer found no way yet."""
+TURN = SILENCE
+"""s after which another peer is asked, if there is one that may have something else: an answer may never end."""
+MAX_PAUSED = 8
+"""Answers that wait for their next turn; of others the next request begins at the beginning."""
 
 
 class ChangeGate(Protocol):
@@ -102,7 +106,9 @@ class Synchroniser:
     """Monotonic time since when it is known that something is missing here; None if nothing is."""
     _peers: Peers = field(default_factory=Peers)
     _fetch: Fetch | None = None
-    _before: tuple[int, int] = (0, 0)
+    _paused: dict[str, Fetch] = field(default_factory=dict)
+    _turn_ends: float = math.inf
+    _turn_over: bool = False
     _broken_off: set[str] = field(default_factory=set)
     _requests: int = 0
     _pieces_before: int = 0
@@ -141,6 +147,7 @@ class Synchroniser:
     def _forget(self, rid: str) -> None:
         """Expect nothing more of a replica."""
         self.joining.gone(rid)
+        self._paused.pop(rid, None)
         if self._fetch is not None and self._fetch.peer == rid:
             self._give_up()
 
@@ -150,6 +157,8 @@ class Synchroniser:
             delta = decode_delta(payload)
             if delta.live is not None:
                 raise WireError("a synchronisation reply that nobody asked for")
+            if self.gate is None and self.claims.is_plain(sender, delta, self.part):
+                return self.graph.join(delta, physical)
             self._check_identity(sender, delta)
             self._check_part(delta)
             store = self.graph.store
@@ -179,11 +188,10 @@ class Synchroniser:
             digest = decode_digest(payload)
             if digest.replica != sender:
                 raise WireError(f"a digest of {digest.replica!r}")
+            if sender == self.graph.rid:
+                raise WireError("a digest in the name of this replica")
         except WireError as error:
             self.complaints.drop(sender, error)
-            return
-        if digest.replica == self.graph.rid:
-            self.complaints.drop(sender, WireError("a digest in the name of this replica"))
             return
         known = self._peers.get(sender)
         before = known and (known.ahead, known.digest is not None and self.graph.rid in known.digest.ahead)
@@ -245,16 +253,20 @@ class Synchroniser:
             self._note_answer(sender, useful=False)
             self._give_up()
         else:
-            fetch.note_held_back(piece, self.graph.store.context)
+            fetch.note_joined(piece, self.graph.store)
             if fetch.begin is None:
                 self._finish(fetch, physical)
+            elif fetch.is_useless:
+                self.complaints.drop(sender, WireError("too many changes in one answer that cannot be joined"))
+                self._note_answer(sender, useful=False)
+                self._give_up()
 
     def _take(self, fetch: Fetch, piece: Piece) -> bool:
         """Whether it is the piece that was asked for; then the next one is asked for, if there is any."""
         self._under_way = None
         if not fetch.take(piece):
             return False
-        if fetch.begin is not None and self.ask_ahead is not None:
+        if fetch.begin is not None and self.ask_ahead is not None and not self._turn_over:
             self._asked_ahead = True
             self.ask_ahead(self._request(fetch))
         return True
@@ -284,7 +296,8 @@ class Synchroniser:
         self._fetch = self._under_way = None
         if fetch.joined and not self._broken_off and self.claims.tidy(fetch.peer, rest):
             self.complaints.say(fetch.peer, "after a reply of %s too many gaps were left: the lowest are given up")
-        changed = self._state != self._before
+            self.graph.look_again()
+        changed = self._state != fetch.before
         self._note_answer(fetch.peer, useful=changed)
         self._wants_everything = False
         if self.joined:
@@ -355,10 +368,8 @@ class Synchroniser:
         if self.impersonation.is_new_id_due(now):
             return [TakeId()]
         self._forget_gone(now)
-        if self._pace.settling_due(now):
-            settled = self.make_durable()
-            if settled:
-                outputs.append(PublishDelta(settled))
+        if self._pace.settling_due(now) and (settled := self.make_durable()):
+            outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
             self._compare_clocks(now)
             outputs.append(PublishDigest(self.digest(physical)))
@@ -372,23 +383,48 @@ class Synchroniser:
         self._note_time(now)
         if self._asked_ahead:
             self._asked_at, self._asked_ahead = now, False
+        if self._fetch is not None and now >= self._turn_ends and not self._turn_over:
+            self._turn_over = self._others_wait(now)
         if self._under_way is not None:
             answering = self._fetch is not None and self._fetch.begin != START
             if now - self._asked_at < (LAST_PATIENCE if answering else self._pace.patience):
                 return []
             self._pace.unanswered()
             self._give_up()
+        elif self._fetch is not None and self._turn_over:
+            self._pause(self._fetch)
         if self._fetch is None:
             peer = self._peer_to_ask(now)
             if peer is None:
                 return []
             self._peers[peer].asked += 1
             self._peers[peer].asked_at = now
-            ranges = () if self._wants_everything else self.graph.store.context.ranges()
-            insists = self.joined or self.joining.insists
-            self._fetch, self._before = Fetch(peer, CausalContext(ranges), insists=insists), self._state
+            self._fetch, self._turn_ends, self._turn_over = self._begun(peer), now + TURN, False
         self._asked_at = now
         return [self._request(self._fetch)]
+
+    def _begun(self, peer: str) -> Fetch:
+        """The answer of a peer that is asked next: a new one, or one that goes on."""
+        paused = self._paused.pop(peer, None)
+        if paused is not None and not self._wants_everything:
+            return paused
+        ranges = () if self._wants_everything else self.graph.store.context.ranges()
+        fetch = Fetch(peer, CausalContext(ranges), insists=self.joined or self.joining.insists)
+        fetch.before = self._state
+        return fetch
+
+    def _pause(self, fetch: Fetch) -> None:
+        """Let others answer; this answer goes on when it is the turn of who gives it."""
+        self._give_up()
+        if len(self._paused) < MAX_PAUSED:
+            self._paused[fetch.peer] = fetch
+
+    def _others_wait(self, now: float) -> bool:
+        """Whether somebody else may have what is missing here."""
+        answering = self._fetch.peer if self._fetch is not None else ""
+        if not self.joined:
+            return any(rid != answering and self.joining.may_have_more(rid) for rid in self._peers)
+        return any(rid != answering and self._is_due(self._peers[rid], now) for rid in self._known_ahead(now))
 
     def _request(self, fetch: Fetch) -> Ask:
         self._requests += 1
@@ -533,7 +569,10 @@ class Synchroniser:
     def _differs(self, digest: Digest) -> bool:
         """Whether somebody holds something else and has seen the same: one of us cannot account for a removal."""
         store = self.graph.store
-        return digest.fingerprint != store.fingerprint and digest.seen.hash == store.context.hash
+        if digest.fingerprint == store.fingerprint or digest.seen.hash != store.context.hash:
+            return False
+        self.graph.look_again()  # edges that turned out to be dead may still be here
+        return digest.fingerprint != store.fingerprint
 
     def _trusts(self, rid: str) -> bool:
         return self.gate is None or self.gate.trusts(rid)

@@ -7,8 +7,7 @@ Delta:   [version, replica ids, adds, writes, removed, context, live]
   removed  [replica, counter, ...] flat; context [replica, first, last, ...] flat; live as removed, or nil
 Digest:  [version 2, replica id, now, recent, hash, fingerprint, [replicas whose clock is ahead]]
   recent   [[replica id, first, last, ...], ...]: what was seen of those that changed last; hash: of the whole context
-Replicas are indexes into the list of replica ids. A pose is extension type 1: little-endian doubles
-x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row by row.
+Replicas are indexes into the list of replica ids; see `values.py` for values.
 
 Rules for changing this file: a reader must refuse what it does not understand, so every change of the
 layout increments its version; the golden bytes in tests/dsr/test_wire.py change only together with it.
@@ -21,30 +20,23 @@ from __future__ import annotations
 
 import itertools
 import math
-import struct
 from collections.abc import Iterable
 from typing import Annotated, Any
 
 import msgspec
 
-from dsr.crdt.context import CausalContext, Dot, DotRange
-from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.crdt.context import CausalContext, Dot, DotRange, apart
+from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import MAX_STAMP
 from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
-from dsr.errors import WireError
-from dsr.graph.schema import MAX_LENGTH
-from dsr.math3d.transforms import Pose
+from dsr.graph.schema import is_own_name
 from dsr.network.decoding import decoded
+from dsr.replication.values import encode_extension, to_value
 
 VERSION = 1
 """Version of the format of deltas, replies and requests."""
 DIGEST_VERSION = 2
 """Version of the format of digests: those of version 1 held the whole context."""
-_POSE_CODE = 1
-_POSE = struct.Struct("<8d")
-_POSE_COVARIANCE = struct.Struct("<44d")
-_UNIT_TOLERANCE = 1e-12
-"""Rounding of a unit quaternion: within it the sender's numbers are taken as they are."""
 MAX_NAME = 256
 _MAX_COUNTER = 1 << 53
 MAX_MESSAGE = 1 << 24
@@ -160,33 +152,9 @@ class Digest(msgspec.Struct, frozen=True):
     """Replicas whose physical clock the sender saw too far in its future."""
 
 
-def _encode_extension(value: Any) -> Any:
-    if isinstance(value, Pose):
-        numbers = (*value.t, *value.q, value.stamp)
-        if value.cov is None:
-            return msgspec.msgpack.Ext(_POSE_CODE, _POSE.pack(*numbers))
-        return msgspec.msgpack.Ext(_POSE_CODE, _POSE_COVARIANCE.pack(*numbers, *value.cov))
-    raise TypeError(f"{type(value).__name__} cannot be sent")
-
-
-def _decode_extension(code: int, data: bytes | bytearray | memoryview) -> Pose:
-    if code == _POSE_CODE and len(data) == _POSE.size:
-        tx, ty, tz, x, y, z, w, stamp = _POSE.unpack(data)
-        if abs(x * x + y * y + z * z + w * w - 1.0) < _UNIT_TOLERANCE and math.isfinite(tx + ty + tz + stamp):
-            return Pose.unchecked((tx, ty, tz), (x, y, z, w), stamp)
-        return Pose((tx, ty, tz), (x, y, z, w), stamp)
-    if code == _POSE_CODE and len(data) == _POSE_COVARIANCE.size:
-        numbers = _POSE_COVARIANCE.unpack(data)
-        return Pose(numbers[:3], numbers[3:7], numbers[7], numbers[8:])
-    raise WireError(f"extension {code} of {len(data)} bytes")
-
-
-_Plain = None | bool | int | float | str | list[float] | msgspec.msgpack.Ext
-encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
+encoder = msgspec.msgpack.Encoder(enc_hook=encode_extension)
 _sent_decoder = msgspec.msgpack.Decoder(_SentDelta)
 _kept_decoder = msgspec.msgpack.Decoder(_KeptDelta)
-_plain_decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(_Plain)
-_bytes_decoder = msgspec.msgpack.Decoder(bytes)
 _digest_decoder = msgspec.msgpack.Decoder(_Digest)
 _first_digest_decoder = msgspec.msgpack.Decoder(_FirstDigest)
 _head_decoder = msgspec.msgpack.Decoder(_Head)
@@ -210,6 +178,8 @@ class Indexes(dict[str, int]):
 
 def encode_delta(delta: Delta) -> bytes:
     """A delta or synchronisation reply as bytes."""
+    if len(delta.writes) == 1 and not delta.adds and not delta.removed and delta.live is None:
+        return _encode_one(delta.writes[0], delta.context)
     index = Indexes()
     adds = add_rows(index, delta.adds)
     writes = write_rows(index, delta.writes)
@@ -217,6 +187,24 @@ def encode_delta(delta: Delta) -> bytes:
     context = index.flat_ranges(delta.context)
     live = None if delta.live is None else index.flat(sorted(delta.live))
     return encoder.encode((VERSION, list(index), adds, writes, removed, context, live))
+
+
+def _encode_one(write: Write, context: list[DotRange]) -> bytes:
+    """A delta of one write alone, as nearly all are: the same bytes, sooner."""
+    (rid, counter), writer, value = write.owner, write.writer, write.value
+    dot_rid, dot_counter = write.dot or (writer, 0)
+    names = [rid] if rid == writer else [rid, writer]
+    if dot_rid not in names:
+        names.append(dot_rid)
+    flat: list[int] = []
+    for owner, first, last in context:
+        if owner not in names:
+            names.append(owner)
+        flat += (names.index(owner), first, last)
+    if value is TOMBSTONE:
+        value = None
+    row = 0, counter, write.attribute, write.stamp, names.index(writer), names.index(dot_rid), dot_counter, value
+    return encoder.encode((VERSION, names, (), (row,), (), flat, None))
 
 
 def add_rows(index: Indexes, adds: Iterable[Add]) -> list[SentAdd]:
@@ -247,10 +235,19 @@ def decode_delta(payload: bytes) -> Delta:
 
 def decode_kept(payload: bytes) -> Delta:
     """The delta or snapshot in `payload`, which was read from a file; it may be of any length. Raises `WireError`."""
-    return decoded(payload, f"delta of {len(payload)} bytes", lambda kept: _to_delta(_kept_decoder.decode(kept)))
+    return decoded(payload, f"delta of {len(payload)} bytes", _read_kept)
+
+
+def _read_kept(payload: bytes) -> Delta:
+    """Nodes that nobody takes from the network are left out: an older version may have kept them."""
+    message = _kept_decoder.decode(payload)
+    message.adds = [row for row in message.adds if type(row.key) is not str or is_own_name(row.key, row.type)]
+    return _to_delta(message)
 
 
 def _read_sent(payload: bytes) -> Delta:
+    if len(payload) <= MAX_STRUCTURE:
+        return _to_delta(_sent_decoder.decode(payload))
     check_length(payload)
     message = _sent_decoder.decode(payload)
     check_structure(payload, message.writes)
@@ -277,11 +274,20 @@ def _check_version(version: int, ours: int = VERSION) -> None:
 def _to_delta(message: _KeptDelta) -> Delta:
     _check_version(message.version)
     names = message.replicas
+    if len(message.writes) == 1 and not message.adds and not message.removed and message.live is None:
+        return _to_one(names, message.writes[0], message.context)
     delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
     delta.removed = to_dots(names, message.removed)
     delta.context = to_ranges(names, message.context)
     delta.live = None if message.live is None else frozenset(to_dots(names, message.live))
     return delta
+
+
+def _to_one(names: list[str], row: WriteRow, context: list[int]) -> Delta:
+    """A delta of one write alone, as nearly all are, sooner."""
+    dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
+    owner, writer, value = (names[row.replica], row.counter), names[row.writer], to_value(row.value)
+    return Delta([], [Write(owner, row.attribute, row.stamp, writer, dot, value)], [], to_ranges(names, context))
 
 
 def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
@@ -308,7 +314,7 @@ def to_writes(names: list[str], rows: list[WriteRow]) -> list[Write]:
             replica, counter = row.replica, row.counter
             owner = names[replica], counter
         dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
-        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, _to_value(row.value)))
+        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, to_value(row.value)))
     return writes
 
 
@@ -317,60 +323,20 @@ def _to_key(add: AddRow) -> Key:
     if type(key) is str:
         if not _is_name(key):
             raise ValueError(f"a node's name of {len(key)} characters")
+        if not is_own_name(key, add.type):
+            raise ValueError("a node about the graph itself whose name and type do not fit")
         if add.sources or add.destinations:
             raise ValueError("a node with endpoints")
         return key
     if not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
         raise ValueError(f"an edge's key with a name of none or more than {MAX_NAME} characters")
-    if not add.sources or not add.destinations:
-        raise ValueError("an edge without creation dots at both ends")
+    if not 0 < len(add.sources) <= 2 * MAX_ENDS or not 0 < len(add.destinations) <= 2 * MAX_ENDS:
+        raise ValueError(f"an edge without creation dots at both ends, or with more than {MAX_ENDS}")
     return key
 
 
 def _is_name(value: str) -> bool:
     return 0 < len(value) <= MAX_NAME
-
-
-_SHORTEST_NUMBER = 5
-"""Bytes of a float of 32 bits."""
-_LONG = 1 << 10
-"""Bytes of a value above which its numbers are counted before they are read."""
-_LENGTHS = {0xDC: struct.Struct(">xH"), 0xDD: struct.Struct(">xI")}
-"""How arrays of MessagePack that are not short tell their length, by first byte."""
-
-
-def _to_value(raw: msgspec.Raw) -> Any:
-    """The value in MessagePack; raises `ValueError` if no attribute may have it."""
-    if len(raw) > _LONG:
-        _check_numbers(memoryview(raw))
-    try:
-        value = _plain_decoder.decode(raw)
-    except msgspec.ValidationError:  # one type for both text and bytes is beyond msgspec 0.22
-        value = _bytes_decoder.decode(raw)
-    kind = type(value)
-    if kind is msgspec.msgpack.Ext:
-        return _decode_extension(value.code, value.data)
-    if kind is list:
-        if len(value) <= MAX_LENGTH and (math.isfinite(sum(value)) or all(map(math.isfinite, value))):
-            return tuple(value)
-    elif kind is str or kind is bytes:
-        if len(value) <= MAX_LENGTH:
-            return value
-    elif kind is float:
-        if math.isfinite(value):
-            return value
-    elif value is None:
-        return TOMBSTONE
-    elif kind is bool or -(1 << 63) <= value < (1 << 63):
-        return value
-    raise ValueError(f"a {kind.__name__} that no attribute may have")
-
-
-def _check_numbers(raw: memoryview) -> None:
-    """Raise `ValueError` for a long array that holds something smaller than floats: as such it would grow."""
-    length = _LENGTHS.get(raw[0])
-    if length is not None and _SHORTEST_NUMBER * length.unpack_from(raw)[0] > len(raw):
-        raise ValueError("an array of something else than floats")
 
 
 def _positive(counter: int) -> int:
@@ -398,9 +364,12 @@ def to_ranges(names: list[str], flat: list[int]) -> list[DotRange]:
 
     Raises `ValueError` or `IndexError` for a number that is not valid.
     """
+    if len(flat) == 3:
+        return [_checked_range(names[flat[0]], flat[1], flat[2])]
     if len(flat) % 3:
         raise ValueError("a context is triples of a replica's index, first and last counter")
-    return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
+    ranges = [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
+    return apart(ranges) if len(ranges) > 1 else ranges
 
 
 def _checked_range(rid: str, first: int, last: int) -> DotRange:
@@ -454,4 +423,4 @@ def _pairs(counters: list[int]) -> tuple[tuple[int, int], ...]:
 
 def to_context(ranges: list[tuple[str, int, int]]) -> CausalContext:
     """A context as it was received; raises `ValueError`."""
-    return CausalContext(_checked_range(*dots) for dots in ranges)
+    return CausalContext(sorted([_checked_range(*dots) for dots in ranges]))

@@ -19,7 +19,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from dsr.crdt.context import Dot, DotRange
+from dsr.crdt.context import Dot, without
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.store import Store
 from dsr.errors import AgentError
@@ -94,7 +94,7 @@ class _Screening:
         own = [dots for dots in self._delta.context if dots[0] == self._sender]
         judged = all(self._is_known(dot) for dot in self._delta.removed)
         if judged:
-            passed.context = list(_without(own, self._undecided))
+            passed.context = list(without(own, self._undecided))
         else:
             passed.context = accounted_for(self._sender, self._delta, self._undecided)
         return passed
@@ -105,7 +105,7 @@ class _Screening:
         passed.adds = self._take_adds(self._delta.adds)
         passed.writes = [write for write in self._delta.writes if self._may_write(write)]
         passed.removed, passed.live, passed.examined = self._delta.removed, self._delta.live, self._delta.examined
-        passed.context = list(_without(self._delta.context, self._undecided))
+        passed.context = list(without(self._delta.context, self._undecided))
         return passed
 
     def own_part(self) -> Delta:
@@ -122,7 +122,7 @@ class _Screening:
         ]
         passed.removed = list(self._removable(self._absent(), self._could_have))
         own = [dots for dots in self._delta.context if agent_of(dots[0]) == agent]
-        passed.context = list(_without(own, self._undecided))
+        passed.context = list(without(own, self._undecided))
         return passed
 
     def _is_own_dot(self, dot: Dot) -> bool:
@@ -200,16 +200,3 @@ class _Screening:
 
     def _refuse(self, reason: str) -> None:
         self._gate.refuse(self._sender, reason)
-
-
-def _without(ranges: Iterable[DotRange], dots: Iterable[Dot]) -> Iterator[DotRange]:
-    """The ranges with these dots taken out."""
-    out = sorted(set(dots))
-    for rid, first, last in ranges:
-        start = first
-        for hole in (counter for owner, counter in out if owner == rid and first <= counter <= last):
-            if start < hole:
-                yield rid, start, hole - 1
-            start = hole + 1
-        if start <= last:
-            yield rid, start, last

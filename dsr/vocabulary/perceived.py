@@ -1,4 +1,4 @@
-"""Whether somebody perceives a thing or a hand now: its node says so, and said so lately.
+"""Whether somebody perceives a thing or a hand now, and whether a camera stands still enough for that.
 
 What writes `perceived` may have died since, and then nobody takes it back.
 """
@@ -11,6 +11,11 @@ BY_DEPTH = "depth"
 """Attribute `source` of things that were found by their shape alone, in depth images."""
 MOST_SILENT = 1.0
 """s since `last_seen`, from which what a node says of being perceived counts no more: longer than writers wait."""
+
+CAMERA_SPEED = 0.02
+"""m/s up to which a camera counts as at rest: what it shows while it moves faster is not used."""
+CAMERA_TURN = 0.05
+"""rad/s likewise"""
 
 
 def is_perceived(node: Node, now: float) -> bool:

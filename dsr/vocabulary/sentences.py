@@ -1,4 +1,4 @@
-"""Has the words of sentences: of explanations (`cube_3 moved, and cube_4 beneath it moved along`) and of relations."""
+"""Has the words of sentences: explanations (`cube_3 moved, and cube_4 beneath it moved along`), relations, numbers."""
 
 from __future__ import annotations
 
@@ -126,3 +126,11 @@ def _told(same: Sequence[ExplainedChange]) -> str:
         alone = _told([ExplainedChange(kind.removeprefix(HELD_TOO), groups)])
         return f"{alone}; something holds {groups[0][0]}"
     return str(same[0])
+
+
+def percent(probability: float) -> str:
+    """A probability in words: `62 %`; what is neither certain nor impossible is never told as 100 or 0 %."""
+    rounded = round(100.0 * probability)
+    if rounded in (0, 100) and 0.0 < probability < 1.0:
+        return "less than 1 %" if rounded == 0 else "more than 99 %"
+    return f"{rounded} %"

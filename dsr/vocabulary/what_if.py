@@ -1,13 +1,15 @@
 """What if? Any agent asks the belief's simulator what would become of the objects, and disturbs nothing by it.
 
 A question says what to change of the scene as it is believed to be now, and how many seconds to simulate; the answer
-says where everything is then and what rests on what. Both are MessagePack maps with the field names below, on
+says where everything is then and what rests on what. A question may be tried in several worlds of the belief; the
+answer then tells the outcome of each, with its probability. Both are MessagePack maps with the field names below, on
 `Keys.service("what_if")`. Everything is in the world frame, in m, rad and s, quaternions (x, y, z, w).
 """
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 import msgspec
@@ -25,6 +27,10 @@ SERVICE = "what_if"
 """Name of the service, see `Keys.service`."""
 MAX_SECONDS = 10.0
 MAX_CHANGES = 1000
+MAX_WORLDS = 16
+"""Worlds of the belief in which a question may be tried."""
+USUAL_WORLDS = 8
+"""In which plans and places are tried: what may be so besides is improbable."""
 _MOST_NUMBERS = 11 * MOST_PARTS  # of the shape of what is added
 TIMEOUT = 5.0
 """s to wait for an answer, unless told otherwise."""
@@ -83,16 +89,22 @@ class Question(msgspec.Struct, frozen=True, omit_defaults=True):
     changes: Annotated[tuple[Supposed, ...], msgspec.Meta(max_length=MAX_CHANGES)] = ()
     expires: float = 0.0
     """s, when nobody waits for the answer any more, on the asker's clock; 0 for never. `WhatIf` fills it in."""
+    worlds: Annotated[int, msgspec.Meta(ge=1, le=MAX_WORLDS)] = 1
+    """In how many worlds of the belief it is tried, at most: the one that the graph shows, then the most probable."""
 
 
-class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
-    """The answer to a what-if question.
+class WorldOutcome(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """The outcome in one world of the belief.
 
     It is about objects only; static bodies occur only in `rests_on` and `touches`.
     """
 
     refused: str = ""
-    """Why there is no answer, for people; then all else is empty."""
+    """Why this world cannot be changed so, for people; then all about its end is empty."""
+    weight: float = 1.0
+    """1, probability of the world"""
+    otherwise: tuple[str, ...] = ()
+    """Names of the objects that are elsewhere in this world than the graph shows, or held otherwise; sorted."""
     stamp: float = 0.0
     """s, time of the belief that the simulation began with."""
     seconds: float = 0.0
@@ -116,6 +128,26 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
         """world_from_object of an object at the end. Raises `KeyError`."""
         numbers = self.poses[name]
         return Pose(numbers[:3], numbers[3:], self.stamp + self.seconds)
+
+
+class Answer(WorldOutcome, frozen=True, omit_defaults=True, kw_only=True):
+    """The answer to a what-if question: the outcome in the world that the graph shows, and in others that were tried.
+
+    If it is `refused`, there is no answer at all.
+    """
+
+    others: Annotated[tuple[WorldOutcome, ...], msgspec.Meta(max_length=MAX_WORLDS)] = ()
+    """The outcomes in other worlds, the most probable first."""
+
+    @property
+    def outcomes(self) -> tuple[WorldOutcome, ...]:
+        """All that were tried, that of the world that the graph shows first."""
+        return (self, *self.others)
+
+    def probability(self, test: Callable[[WorldOutcome], bool]) -> float:
+        """Probability (0 to 1) of the worlds whose outcome passes `test`, among those that were tried."""
+        total = sum(one.weight for one in self.outcomes)
+        return sum(one.weight for one in self.outcomes if test(one)) / total if total > 0.0 else 0.0
 
 
 _encoder = msgspec.msgpack.Encoder()

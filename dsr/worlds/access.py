@@ -136,7 +136,7 @@ class WorldAccess(OpenWorld, Generic[World]):
             SchemaError: for values of `values` or `own` that do not fit.
             AgentError: if this agent may not write that.
         """
-        key = element.name if isinstance(element, Node) else element.key
+        key = element.key
         writes = list(_writes(element, None if values is None else self.schema.to_values(values)))
         with self._replica.lock:
             graph = self._replica.graph
@@ -156,7 +156,7 @@ class WorldAccess(OpenWorld, Generic[World]):
 
         It stays if others created it too. False if this agent did not. Raises `AgentError` if it may not write it.
         """
-        key = element.name if isinstance(element, Node) else element.key
+        key = element.key
         with self._replica.lock:
             self._check_write("node" if isinstance(key, str) else "edge", element.type, ())
             delta = self._replica.graph.withdraw(key, lambda rid: agent_of(rid) == self.agent)

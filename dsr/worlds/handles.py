@@ -61,7 +61,7 @@ class SharedEdge(Edge):
 def _same(own: Mapping[Any, Any], key: Any, other: Node | Edge) -> bool:
     """Whether `other` is the element of that key in the same fork, taken over or not."""
     if isinstance(other, SharedNode | SharedEdge | LiveNode | LiveEdge):
-        return other._own is own and (other.name if isinstance(other, Node) else other.key) == key
+        return other._own is own and other.key == key
     return own.get(key) is other
 
 

@@ -25,7 +25,7 @@ class LayerObserver(Observer):
 
 
 FEW = 1000
-"""Dots in a row that are looked up one by one; instead of more, all that the parent shows is looked at."""
+"""Dots that are looked up one by one; instead of more, all that the parent shows is looked at."""
 
 
 class Layer(Store):
@@ -57,12 +57,13 @@ class Layer(Store):
     def join(self, delta: Delta) -> None:
         """See `Store.join`."""
         super().join(delta)
-        if delta.live is not None or any(last - first >= FEW for _, first, last in delta.context):
+        if delta.live is not None or sum([last - first + 1 for _, first, last in delta.context]) > FEW:
             self._observer.replied()
             return
+        removed = set(delta.removed)
         for rid, first, last in delta.context:  # the end of an answer, or of a journal, may hide what nobody removes
             for dot in [(rid, counter) for counter in range(first, last + 1)]:
-                if self._below(dot) is not None and dot not in delta.removed:
+                if self._below(dot) is not None and dot not in removed:
                     self._observer.hidden(dot)
 
     def find(self, dot: Dot) -> Incarnation | None:
@@ -103,13 +104,14 @@ class Layer(Store):
             entry.registers = patch.registers
         return entry
 
-    def _remove(self, dot: Dot) -> None:
-        own = dot in self.entries
+    def _take_out(self, dot: Dot) -> Incarnation | None:
+        own, known = dot in self.entries, dot in self.context
         if self.patches.pop(dot, None) is not None and not own:
             self._leave_order(dot)
-        super()._remove(dot)
-        if not own:
+        entry = super()._take_out(dot)
+        if not own and not known:
             self._observer.hidden(dot)
+        return entry
 
     def rebuild(self) -> None:
         """See `Store.rebuild`."""

@@ -166,13 +166,13 @@ class Mirror:
 
     def _is_another(self, here: Node | Edge, makers: list[_Found]) -> bool:
         """Whether an element that we made is none that the sources hold."""
-        key = here.name if isinstance(here, Node) else here.key
+        key = here.key
         return not makers or key in self._gone or here.type != makers[0].element.type
 
     def _make_equal(self, element: Node | Edge, values: Mapping[str, Any], ours: bool) -> None:
         """Overrule what is newer here; and if the element is ours, take away what the input does not have."""
         target = self._target
-        key: Key = element.name if isinstance(element, Node) else element.key
+        key: Key = element.key
         here = _of(target, key)
         if here is None:
             return

@@ -18,6 +18,7 @@ from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import WORLD_RECORD, Schema
+from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.network.keys import BASE, Keys, check_name
 from dsr.network.transport import Transport
@@ -31,6 +32,7 @@ from dsr.worlds.overlay import Overlay
 from dsr.worlds.overlay_frames import OverlayFrames
 from dsr.worlds.registry import (
     BASE_INFO,
+    MOST_OVERLAYS,
     ROOT,
     Record,
     WorldInfo,
@@ -39,6 +41,7 @@ from dsr.worlds.registry import (
     find_record,
     followers_of,
     is_orphan,
+    is_too_deep,
     node_name,
     records,
     to_attribute,
@@ -174,6 +177,9 @@ class Worlds(Generic[World]):
         self._open: dict[str, World] = {}
         self._opening = threading.RLock()
         self._count = 0
+        self._watch: Watch | None = None
+        self._changes, self._swept = 0, -1
+        """How often the list, or what is open, has changed; and at which of these changes all of it was looked at."""
 
     # ---- the list
 
@@ -228,10 +234,12 @@ class Worlds(Generic[World]):
         """Take part in a world that is listed; its parent, too, if it looks through to that."""
         record = self._record(name)
         info, graph = record.info, self.base.replica.graph
-        if is_orphan(graph, record):
-            raise WorldNotFoundError(f"world {name!r} shows {info.parent!r}, which was deleted; delete {name!r}, too")
         if circle := circle_of(graph, record):
             raise WorldNotFoundError(f"world {name!r} is empty: {', '.join(circle)} show one another; delete one")
+        if is_too_deep(graph, record):
+            raise WorldError(f"world {name!r} is the last of more than {MOST_OVERLAYS} that show one another")
+        if is_orphan(graph, record):
+            raise WorldNotFoundError(f"world {name!r} shows {info.parent!r}, which was deleted; delete {name!r}, too")
         below = self.hold(info.parent, timeout) if info.follows and info.parent is not None else None
         return self._take_world_handle(record, below, content=content)
 
@@ -256,6 +264,9 @@ class Worlds(Generic[World]):
             if self._is_known(name):
                 raise WorldError(f"world {name!r} exists already; delete it or take another name")
             source = self.open(of, timeout)
+            under = None if source.world_handle is None else source.world_handle.record
+            if follow and under is not None and is_too_deep(self.base.replica.graph, under, and_one_more=True):
+                raise WorldError(f"world {name!r} would be one of more than {MOST_OVERLAYS} that show one another")
             memory = self._make(WorldInfo(name, of, follow), source)
             memory.replica.synchroniser.nobody_there()
             return memory
@@ -296,6 +307,7 @@ class Worlds(Generic[World]):
                 raise TransportError(f"the memory of graph {self.base.graph_name!r} is closed")
             memory = self._memory_for(world_handle)
             self._open = {**self._open, record.info.name: memory}
+            self._changes += 1
         return memory
 
     def _wait_joined(self, memory: World, name: str, timeout: float) -> None:
@@ -327,15 +339,29 @@ class Worlds(Generic[World]):
 
     def sweep(self) -> None:
         """Drop what is not in the list any more, and meet where the list says; called after each poll of the base."""
-        if not self._open or not self._opening.acquire(blocking=False):
+        if not self._open or self._swept == self._changes or not self._opening.acquire(blocking=False):
             return
         try:
+            self._watch_list()
+            changes = self._changes
             for name, memory in list(self._open.items()):
                 if self.base.closed:  # worlds that close are not to be opened anew
                     return
                 self._follow_list(name, memory)
+            self._swept = changes
         finally:
             self._opening.release()
+
+    def _watch_list(self) -> None:
+        """Count the changes of the list from now on."""
+        if self._watch is None:
+            self._watch = Watch(ChangeFilter(node_types=frozenset({WORLD_RECORD})), notify=self._outdate)
+            self.base.replica.graph.watches.follow(self._watch, ())
+
+    def _outdate(self) -> None:
+        if self._watch is not None:
+            self._watch.poll()
+        self._changes += 1
 
     def _follow_list(self, name: str, memory: World) -> None:
         world_handle = memory.world_handle
@@ -395,6 +421,7 @@ class Worlds(Generic[World]):
         """Called by a memory that closes."""
         with self.lock:
             self._open = {name: other for name, other in self._open.items() if other is not memory}
+            self._changes += 1
 
     def opened(self) -> tuple[World, ...]:
         """The worlds beside the base that are open."""

@@ -14,7 +14,7 @@ from typing import Any
 from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
 from dsr.crdt.store import Incarnation
-from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
 from dsr.graph.watches import Watches
 from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
@@ -95,14 +95,6 @@ class Overlay(Graph, LayerObserver):
         """See `Graph.is_known`."""
         return self.store.is_known(dot)
 
-    def _has_ends(self, entry: Incarnation) -> bool:
-        element = self.store.element
-        return any(map(element, entry.sources)) and any(map(element, entry.destinations))
-
-    def _is_dead(self, entry: Incarnation) -> bool:
-        known, element = self.store.is_known, self.store.element
-        return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
-
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """See `Graph.newest_stamp`; the parent's counts, too, unless it is further ahead than the clock follows."""
         below = self.parent.newest_stamp(owner, attribute)
@@ -127,20 +119,19 @@ class Overlay(Graph, LayerObserver):
 
     # ---- what the layer's store reports
 
-    def entry_added(self, entry: Incarnation) -> None:
-        """See `Graph.entry_added`."""
-        if not isinstance(entry.key, str):
-            self._note_incident(entry.key)
-            if not self._has_ends(entry):
-                if self._is_dead(entry):
-                    self._bury([entry])
-                else:
-                    self._unattached[entry.dot] = entry
-        self._refresh(entry.key)
+    def entries_added(self, key: Key, entries: list[Incarnation]) -> None:
+        """See `Graph.entries_added`."""
+        if not isinstance(key, str):
+            self._note_incident(key)
+            for entry in entries:
+                if not self._has_ends(entry):
+                    self._await_ends(entry)
+        self._refresh(key)
 
-    def entry_removed(self, entry: Incarnation) -> None:
-        """See `Graph.entry_removed`."""
-        key = entry.key
+    def entries_removed(self, key: Key, entries: list[Incarnation]) -> None:
+        """See `Graph.entries_removed`."""
+        for entry in entries:
+            self._unattached.pop(entry.dot, None)
         if not isinstance(key, str) and key not in self.store.by_key:
             for name in key[:2]:
                 keys = self.incident.get(name, {})
@@ -194,7 +185,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_came(self, element: Node | Edge) -> None:
         """Note that the parent shows an element that it did not show before."""
-        key = key_of(element)
+        key = element.key
         self._outdate(element)
         if key in self._taken or self._concerns(element):
             self._refresh(key, was_below=False)
@@ -207,7 +198,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_went(self, element: Node | Edge) -> None:
         """The parent does not show an element any more."""
-        key = key_of(element)
+        key = element.key
         self._outdate(element)
         if key in self._taken:
             self._refresh(key)
@@ -218,7 +209,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_changed(self, element: Node | Edge, attribute: str) -> None:
         """An attribute of an element of the parent changed."""
-        key = key_of(element)
+        key = element.key
         shown = self._visible(key)
         if isinstance(shown, LayeredNode | LayeredEdge) and shown.layer_write(attribute) is not None:
             return
@@ -227,7 +218,7 @@ class Overlay(Graph, LayerObserver):
 
     def below_has_others(self, element: Node | Edge) -> None:
         """Other incarnations of an element of the parent are seen there now."""
-        key = key_of(element)
+        key = element.key
         if key in self._taken or self._concerns(element):
             self._show_others(key)
         elif (shown := self._visible(key)) is not None:
@@ -246,7 +237,7 @@ class Overlay(Graph, LayerObserver):
 
     def _outdate(self, element: Node | Edge) -> None:
         """What was listed for readers may be other elements now."""
-        key = key_of(element)
+        key = element.key
         if isinstance(key, str):
             self._nodes.forget(key)
             _outdate(self.nodes_by_type, element.type)

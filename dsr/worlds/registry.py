@@ -25,6 +25,8 @@ ROOT = "world"
 """Name and type of the root node that a new world has."""
 VIA = "via"
 """Attribute of an element that a filter made: the worlds through which it came, comma-separated, first one first."""
+MOST_OVERLAYS = 32
+"""Overlays that may show one another in a row: each hands on what changes below, in calls within calls."""
 _PREFIX = RECORDS[WORLD_RECORD]
 
 
@@ -128,9 +130,14 @@ def are_one(record: Record, other: Record) -> bool:
 
 
 def is_orphan(graph: Graph, record: Record) -> bool:
-    """Whether the world that an overlay shows, or one that this shows, was deleted, or deleted and made anew."""
+    """Whether the world that an overlay shows, or one that this shows, was deleted, or deleted and made anew.
+
+    Overlays beyond `MOST_OVERLAYS` in a row are orphans, too: nobody opens them.
+    """
     passed: set[str] = set()
     while (parent := record.info.looks_through_to) is not None and parent != BASE and parent not in passed:
+        if len(passed) >= MOST_OVERLAYS:
+            return True
         passed.add(parent)
         found = find_record(graph, parent)
         if found is None or not _shows(record, found):
@@ -149,14 +156,25 @@ def _shows(overlay: Record, parent: Record) -> bool:
     return not overlay.below or bool(overlay.below & parent.dots)
 
 
+def is_too_deep(graph: Graph, record: Record, *, and_one_more: bool = False) -> bool:
+    """Whether more than `MOST_OVERLAYS` show one another down from this one, or from one over it; also in a circle."""
+    for _ in range(MOST_OVERLAYS - and_one_more):
+        parent = record.info.looks_through_to
+        found = None if parent is None or parent == BASE else find_record(graph, parent)
+        if found is None:
+            return False
+        record = found
+    return True
+
+
 def circle_of(graph: Graph, record: Record) -> list[str]:
     """Names of the overlays that follow one another in a circle, this one among or above them; empty if there is no
-    circle.
+    circle of `MOST_OVERLAYS` or less.
     """
     names: list[str] = []
     at: Record | None = record
-    while at is not None and at.info.name not in names:
+    while at is not None and at.info.name not in names and len(names) <= MOST_OVERLAYS:
         names.append(at.info.name)
         parent = at.info.looks_through_to
         at = None if parent is None else find_record(graph, parent)
-    return [] if at is None else names[names.index(at.info.name) :]
+    return names[names.index(at.info.name) :] if at is not None and at.info.name in names else []

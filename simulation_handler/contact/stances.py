@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,10 +21,22 @@ _YAWS = 8
 """count of directions in half a turn that are tried where a body would be in the way of its neighbours"""
 
 
-def likeliest_stance(
+class Stance(NamedTuple):
+    """One way in which a body may rest where it is perceived."""
+
+    cost: float
+    """nats: half its squared Mahalanobis distance from the percept"""
+    solid: Solid
+    """The body there"""
+
+
+def stances(
     percept: Solid, covariance: Array, turning: Array, others: Sequence[Solid], config: BeliefConfig
-) -> tuple[Quaternion, bool]:
-    """The rotation, of those with a face down, in which a body rests most likely where it is perceived.
+) -> list[Stance]:
+    """The ways in which a body may rest where it is perceived, one for each face that may be down; likeliest first.
+
+    How it is believed to rest comes first while no other way is better by `nats.AS_GOOD`. None where nothing can carry
+    any of them. Turned about the vertical, for nobody sees that, where its neighbours would else push it aside.
 
     Args:
         percept: the body as it is perceived, turned as it is believed to be.
@@ -31,32 +44,48 @@ def likeliest_stance(
         turning: (3, 3) rad^2 of its rotation.
         others: all other solids.
         config: tolerances.
-
-    Returns:
-        The rotation, and whether none at another height is about as likely. The rotation of `percept`, for sure, where
-        nothing can carry any of them. Turned about the vertical, for nobody sees that, where its neighbours would else
-        push it aside.
-
-    Each costs half its squared Mahalanobis distance from the percept.
     """
 
-    def weighed(rotation: Quaternion) -> tuple[float, Solid]:
+    def weighed(rotation: Quaternion) -> Stance:
         solid = place(percept.turned(rotation), covariance, others, config).solid
-        return misfit(_beside(solid, others), percept, covariance, turning), solid
+        return Stance(misfit(_beside(solid, others), percept, covariance, turning), solid)
 
-    def ways(rotation: Quaternion) -> Iterator[tuple[float, Solid]]:
-        cost, solid = weighed(rotation)
-        yield cost, solid
-        if _beside(solid, others) is not solid:
-            yield from ((cost + nats.AS_GOOD, turned) for cost, turned in map(weighed, _turned(solid.rotation)))
+    def ways(rotation: Quaternion) -> Iterator[Stance]:
+        first = weighed(rotation)
+        yield first
+        if _beside(first.solid, others) is not first.solid:
+            turned = map(weighed, _turned(first.solid.rotation))
+            yield from (one._replace(cost=one.cost + nats.AS_GOOD) for one in turned)
 
     rotations = [q for q in percept.stances() if place(percept.turned(q), covariance, others, config).rests]
-    if not rotations:
-        return percept.rotation, True
-    found = [min(ways(rotation), key=lambda entry: entry[0]) for rotation in rotations]
-    least, best = min(found, key=lambda entry: entry[0])
-    rivals = [cost for cost, other in found if abs(other.position[2] - best.position[2]) > config.divergence]
-    return best.rotation, all(cost - least > nats.AS_GOOD for cost in rivals)
+    found = [min(ways(rotation), key=lambda stance: stance.cost) for rotation in rotations]
+    turned = [abs(sum(a * b for a, b in zip(rotation, percept.rotation, strict=True))) for rotation in rotations]
+    as_before = found[turned.index(max(turned))] if found else None
+    return sorted(found, key=lambda stance: stance.cost - nats.AS_GOOD * (stance is as_before))
+
+
+def likeliest_stance(
+    percept: Solid, covariance: Array, turning: Array, others: Sequence[Solid], config: BeliefConfig
+) -> Quaternion:
+    """The rotation of the likeliest of `stances`; that of `percept` where there is none."""
+    found = stances(percept, covariance, turning, others, config)
+    return found[0].solid.rotation if found else percept.rotation
+
+
+def is_sure(found: Sequence[Stance], config: BeliefConfig) -> bool:
+    """Whether no stance at another height is about as likely as the first one, or likelier."""
+    return all(
+        stance.cost - found[0].cost > nats.AS_GOOD
+        for stance in found
+        if abs(stance.solid.position[2] - found[0].solid.position[2]) > config.divergence
+    )
+
+
+def probabilities(found: Sequence[Stance]) -> list[float]:
+    """How probable each stance is among these, if people put the thing on any of its faces as often."""
+    likelihoods = [math.exp(found[0].cost - stance.cost) for stance in found]
+    total = sum(likelihoods)
+    return [likelihood / total for likelihood in likelihoods]
 
 
 def _beside(solid: Solid, others: Sequence[Solid]) -> Solid:

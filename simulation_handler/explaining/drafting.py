@@ -113,7 +113,7 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
             others = list(scene.values())
             turned = solid
             if seen is not None and not seen.shows_stance:
-                turned = solid.turned(likeliest_stance(solid, covariance, seen.turning, others, situation.config)[0])
+                turned = solid.turned(likeliest_stance(solid, covariance, seen.turning, others, situation.config))
             placements[name] = place(turned, covariance, others, situation.config)
         scene[name] = placements[name].solid
     return placements

@@ -11,9 +11,12 @@ import numpy as np
 
 from dsr.errors import DsrError
 from dsr.graph.elements import Edge
+from dsr.math3d.tolerance import PoseTolerance
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.noise import NOTHING_SEEN
 from dsr.visibility import LEAST_SHARE, is_enough
+from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
 from simulation_handler.hands.state import HALF
@@ -26,13 +29,15 @@ from simulation_handler.shapes.meshes import Forms
 SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
 """Attributes of the edges."""
 _NEWS_STEP = 0.1  # of a share or probability, that is news
+_NOTHING = ExpectedVisibility(0.0, "")
 
 
 class Seeing:
     """Keeps edges `sees` from cameras to objects in step with a belief.
 
     `share`, `visible` and `hidden_by` are about the whole image of an object, as in all edges `sees`; `detectable` and
-    `covered_by` are about what it is recognised by, of which only this agent tells.
+    `covered_by` are about what it is recognised by, of which only this agent tells. A camera that moves recognises
+    nothing, since what it shows meanwhile is not used: that it does not show an object is no evidence.
     """
 
     def __init__(self, memory: Memory, belief: Reasoner, forms: Forms | None = None) -> None:
@@ -40,6 +45,8 @@ class Seeing:
         self._memory = memory
         self._belief = belief
         self._last = -math.inf
+        self._poses: dict[str, Pose] = {}
+        """world_from_camera at the last look"""
         self._rays = _Rays()
         self.visibility: VisibilityQuery | None = None
         """What the cameras should see by the last look; None without a camera."""
@@ -48,15 +55,25 @@ class Seeing:
         """Look with each camera at the belief of time `now` (s), at most ten times a second, and write the changes."""
         if self._last <= now < self._last + FRAME - TICK_SLACK:
             return
-        self._last = now
+        elapsed, self._last = now - self._last, now
         with contextlib.suppress(np.linalg.LinAlgError):
             cameras, memory = views(self._memory), self._memory
             hiding = [*obstacles(memory), *modelled(memory, self._forms), *hands(memory, now), *persons(memory, now)]
-            self._rays = rays = self._rays.seen_from(cameras, hiding, by_color(memory))
+            standing = self._standing(cameras, elapsed)
+            self._rays = rays = self._rays.seen_from(cameras, standing, hiding, by_color(memory))
             self.visibility = rays.recognised.visibilities if cameras else None
             solids = self._belief.solids()
+            recognised = rays.recognised.visibilities(solids)
             whole = rays.whole.visibilities(solids)
-            self._write({key: (whole[key], visible) for key, visible in rays.recognised.visibilities(solids).items()})
+            self._write({key: (visible, recognised.get(key, _NOTHING)) for key, visible in whole.items()})
+
+    def _standing(self, cameras: Sequence[CameraView], elapsed: float) -> frozenset[str]:
+        """Names of the cameras that have stood still since the last look, `elapsed` s ago."""
+        before, self._poses = self._poses, {view.camera: view.world_from_camera for view in cameras}
+        if not 0.0 < elapsed < math.inf:
+            return frozenset(self._poses)
+        still = PoseTolerance(CAMERA_SPEED, CAMERA_TURN).scaled(elapsed)
+        return frozenset(name for name, pose in self._poses.items() if still.covers(before.get(name, pose), pose))
 
     def _write(self, visibilities: Mapping[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]]) -> None:
         """Of the whole of each object, and of what it is recognised by."""
@@ -82,17 +99,28 @@ class _Rays:
     """What cameras should see, as long as they, what hides, and what has a colour are as they are."""
 
     def __init__(
-        self, cameras: Sequence[CameraView] = (), hiding: Sequence[Solid] = (), by_color: Collection[str] = ()
+        self,
+        cameras: Sequence[CameraView] = (),
+        standing: Collection[str] = (),
+        hiding: Sequence[Solid] = (),
+        by_color: Collection[str] = (),
     ) -> None:
-        self._asked = list(cameras), list(hiding), set(by_color)
-        self.recognised = RayVisibility(cameras, hiding, by_color)
+        self._asked = list(cameras), set(standing), list(hiding), set(by_color)
+        self.recognised = RayVisibility([view for view in cameras if view.camera in standing], hiding, by_color)
         """Of what objects are recognised by"""
         self.whole = RayVisibility(cameras, hiding, whole=True)
         """Of the whole of each object"""
 
-    def seen_from(self, cameras: Sequence[CameraView], hiding: Sequence[Solid], by_color: Collection[str]) -> _Rays:
+    def seen_from(
+        self,
+        cameras: Sequence[CameraView],
+        standing: Collection[str],
+        hiding: Sequence[Solid],
+        by_color: Collection[str],
+    ) -> _Rays:
         """These rays, if all is as it was; or else other ones."""
-        return self if (list(cameras), list(hiding), set(by_color)) == self._asked else _Rays(cameras, hiding, by_color)
+        asked = list(cameras), set(standing), list(hiding), set(by_color)
+        return self if asked == self._asked else _Rays(cameras, standing, hiding, by_color)
 
 
 def _is_news(written: Edge, values: Mapping[str, Any], tag: ExpectedVisibility) -> bool:

@@ -1,11 +1,13 @@
-"""Answers what-if questions (dsr/vocabulary/what_if.py) by simulating a copy of the believed scene."""
+"""Answers what-if questions (dsr/vocabulary/what_if.py) by simulating copies of the believed scene, one a world."""
 
 from __future__ import annotations
 
 import logging
 import math
 import threading
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+
+import msgspec
 
 from dsr.clock import Clock
 from dsr.errors import DsrError, SchemaError, suggest
@@ -15,7 +17,7 @@ from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
-from dsr.vocabulary.what_if import SERVICE, Answer, Question, Supposed, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, Question, Supposed, WorldOutcome, decode_question, encode_answer
 from simulation_handler.contact.relations import STEEP
 from simulation_handler.graph_io.reading import FARTHEST
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
@@ -23,6 +25,8 @@ from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, Roll
 from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
+from simulation_handler.worlds.joint import JointWorld, leading
+from simulation_handler.worlds.model import Island
 
 KEY = f"service/{SERVICE}"
 """Key of the service below the graph's root: a secured graph must grant it."""
@@ -46,16 +50,16 @@ class WhatIfService:
 
     def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
         self._clock = clock
-        self._offered: tuple[RolloutScene, float] | None = None
+        self._offered: tuple[RolloutScene, Sequence[Island], float] | None = None
         self._engine: Engine | None = None
         self._closed = False
         self._one_at_a_time = threading.Lock()
         self._seats = threading.BoundedSemaphore(_MOST_QUESTIONS)
         self._subscription = bus.serve(keys.service(SERVICE), lambda _, payload: encode_answer(self.answer(payload)))
 
-    def offer(self, scene: RolloutScene, now: float) -> None:
-        """Answer from this scene, as it is at `now` (s), from now on."""
-        self._offered = (scene, now)
+    def offer(self, scene: RolloutScene, islands: Sequence[Island], now: float) -> None:
+        """Answer from this scene, and what may be otherwise in it by `islands`, as it is at `now` (s), from now on."""
+        self._offered = (scene, islands, now)
 
     def close(self) -> None:
         """Answer no more and free the simulation; harmless when repeated."""
@@ -92,12 +96,27 @@ class WhatIfService:
             )
         if self._offered is None or self._closed:
             raise RefusedError("the simulation handler holds no scene; it has just started, or ends")
-        scene, now = self._offered
+        scene, islands, now = self._offered
+        first, *others = leading(islands, scene, question.worlds) if question.worlds > 1 else [JointWorld()]
+        best = self._outcome(scene, question, first, now)
+        tried = [self._tried(scene, question, world, now) for world in others]
+        return Answer(**msgspec.structs.asdict(best), others=tuple(tried))
+
+    def _tried(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
+        """The outcome in another world than the simulated one, which may be that it cannot be changed so."""
+        try:
+            return self._outcome(scene, question, world, now)
+        except RefusedError as error:
+            otherwise = tuple(sorted(world.otherwise))
+            return WorldOutcome(refused=str(error), weight=world.weight, otherwise=otherwise, stamp=now)
+
+    def _outcome(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
+        scene = world.scene(scene)
         for change in question.changes:
             scene = changed(scene, change)
         check_room(scene, {change.object for change in question.changes if change.pose is not None})
         self._engine = self._engine or Engine()
-        return _described(scene, self._engine.run(scene, question.seconds), now)
+        return _described(scene, self._engine.run(scene, question.seconds), world, now)
 
 
 def changed(scene: RolloutScene, change: Supposed) -> RolloutScene:
@@ -166,7 +185,7 @@ def _placing(name: str, numbers: tuple[float, ...]) -> Placing:
     return pose.t, pose.q
 
 
-def _described(scene: RolloutScene, outcome: RolloutOutcome, now: float) -> Answer:
+def _described(scene: RolloutScene, outcome: RolloutOutcome, world: JointWorld, now: float) -> WorldOutcome:
     objects = [body for body in scene.bodies if body.mass > 0.0]
     contacts = [contact for contact in outcome.contacts if FLOOR not in contact[:2]]
     rests_on: dict[str, list[str]] = {body.name: [] for body in objects}
@@ -174,7 +193,9 @@ def _described(scene: RolloutScene, outcome: RolloutOutcome, now: float) -> Answ
         if contact.steepness >= STEEP and contact.upper in rests_on:
             rests_on[contact.upper].append(contact.lower)
     pairs = {(min(contact[:2]), max(contact[:2])) for contact in contacts}
-    return Answer(
+    return WorldOutcome(
+        weight=world.weight,
+        otherwise=tuple(sorted(world.otherwise)),
         stamp=now,
         seconds=outcome.seconds,
         at_rest=outcome.at_rest,

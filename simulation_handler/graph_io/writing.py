@@ -39,7 +39,8 @@ class Writing:
         config = belief.config
         near = PoseTolerance(config.surprise_distance, config.surprise_angle)
         self._alternatives = AlternativesWriter(memory, config.worlds, near)
-        self._islands: Sequence[Island] = ()
+        self.islands: Sequence[Island] = ()
+        """Of the belief when its distributions were looked at last."""
         self._due = -math.inf
         self._related: set[tuple[str, Relation]] = set()
 
@@ -72,8 +73,8 @@ class Writing:
         related = {(kind, relation) for kind, relations in kinds for relation in relations}
         if self._due - LOOK_PERIOD <= now < self._due and related == self._related:
             return
-        self._due, self._related, self._islands = now + LOOK_PERIOD, related, self._belief.islands()
-        self._alternatives.update(self._islands)
+        self._due, self._related, self.islands = now + LOOK_PERIOD, related, self._belief.islands()
+        self._alternatives.update(self.islands)
 
     def _write_pose(self, name: str, now: float) -> None:
         pose = self._belief.pose(name)
@@ -140,7 +141,7 @@ class Writing:
     def _probability(self, kind: str, relation: Relation, written: Edge | None) -> float:
         """That a relation holds, by the weighted worlds; what is written, if that says so within the tolerance."""
         known = None if written is None else written.get("probability")
-        now = probability(self._islands, kind, relation)
+        now = probability(self.islands, kind, relation)
         if known is not None and abs(known - now) <= LEAST:
             return float(known)
         return round(now, 2)

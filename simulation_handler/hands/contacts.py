@@ -137,7 +137,7 @@ class Contacts:
         for solid in solids:
             near = meet(solid, touching)
             gaps = {(tip, item.name): met.gap for tip, met in near.items()}
-            touch = self._gaps.touching(gaps, known, now) if is_seen else within(gaps, known)
+            touch = self._gaps.touching(gaps, known, item.noise, now) if is_seen else within(gaps, known)
             met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met

@@ -19,7 +19,8 @@ NEAR = 0.010
 FAR = 0.018
 """m between surfaces up to which a touch goes on, at most"""
 
-_OF_THE_NEWEST = 0.4  # weight of the newest gap in what it is now
+_OF_THE_NEWEST = 0.4  # weight of the newest gap in what it is now, if its percept is no noisier than usual
+_USUAL_NOISE = 0.5 * NEAR  # m, of percepts for which `NEAR` is 95 % of a Gaussian
 _LEAST_GAP = -0.002  # m, as which less than that counts: fingertips are not in objects
 _TIP_REACH = 0.040  # m, further than which no fingertip is at an object
 _DEEPEST_TIP = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
@@ -43,17 +44,25 @@ class Gaps:
     def __init__(self) -> None:
         self._gaps: dict[Relation, tuple[float, float, float]] = {}  # now and while it touched, m; when, s
 
-    def touching(self, gaps: Mapping[Relation, float], known: Collection[Relation], now: float) -> set[Relation]:
-        """Find the pairs (fingertip, object) that touch at time `now` (s), by `gaps` (m) and the pairs that touched
-        before.
+    def touching(
+        self, gaps: Mapping[Relation, float], known: Collection[Relation], noise: float, now: float
+    ) -> set[Relation]:
+        """Find the pairs (fingertip, object) that touch at time `now` (s).
 
-        Those that were not near enough to have a gap for some time are forgotten: they come to touch anew.
+        Pairs that were not near enough to have a gap for some time are forgotten: they come to touch anew.
+
+        Args:
+            gaps: m, of one object, that is seen.
+            known: the pairs that touched before.
+            noise: m, of its newest percept: of what is half covered a percept is off, and its gaps count less.
+            now: s.
         """
+        weight = _weight_of(noise)
         self._gaps = {relation: gap for relation, gap in self._gaps.items() if gap[2] >= now - 2.0 * UNSEEN}
         found = set()
         for relation, gap in gaps.items():
             here, touched, _ = self._gaps.get(relation, (gap, math.inf, now))
-            here = gap if math.isinf(touched) else here + _OF_THE_NEWEST * (gap - here)
+            here = gap if math.isinf(touched) else here + weight * (gap - here)
             most = min(FAR, touched + NEAR) if relation in known else min(NEAR, touched + 0.5 * NEAR)
             if here <= most:
                 found.add(relation)
@@ -61,6 +70,12 @@ class Gaps:
                     touched = gap if math.isinf(touched) else touched + SLOWLY * (gap - touched)
             self._gaps[relation] = here, max(touched, _LEAST_GAP), now
         return found
+
+
+def _weight_of(noise: float) -> float:
+    """The gain of a steady Kalman filter whose percepts have that noise (m): `_OF_THE_NEWEST` for the usual one."""
+    ratio = max(1.0, noise / _USUAL_NOISE)
+    return 1.0 / (1.0 + (1.0 / _OF_THE_NEWEST - 1.0) * ratio**2)
 
 
 def within(gaps: Mapping[Relation, float], known: Collection[Relation]) -> set[Relation]:

@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.tolerance import PoseTolerance
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, separate
-from simulation_handler.contact.stances import likeliest_stance
+from simulation_handler.contact.stances import Stance, stances
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning
 from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
@@ -97,7 +96,7 @@ class Correction:
         """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
         item.notice_restart()
         if not item.shows_stance:
-            item.stance, item.is_sure_of_stance = self._stance(item, around)
+            item.take_stances(self._stances(item, around), self._config)
         is_astray = self._bodies.has_left(item)
         if is_astray:
             item.strike(now)
@@ -132,12 +131,12 @@ class Correction:
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
         return self._leaning.find(item, *self._bodies.without_own_bias(item), flat, around.of(item)) or flat
 
-    def _stance(self, item: BelievedObject, around: Neighbourhood) -> tuple[Quaternion, bool]:
-        """How an object, whose percepts do not tell, is turned most likely by its height; and whether that is sure."""
+    def _stances(self, item: BelievedObject, around: Neighbourhood) -> list[Stance]:
+        """How an object, whose percepts do not tell, may be turned by its height."""
         percept, covariance = self._bodies.without_own_bias(item)
         above = self._bodies.above(item, percept.position)
         others = [solid for name, solid in around.of(item).items() if name not in above]
-        return likeliest_stance(percept, covariance, item.turning(), others, self._config)
+        return stances(percept, covariance, item.turning_of_one(), others, self._config)
 
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""

@@ -344,7 +344,7 @@ class Driving:
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config)
         if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
-            seen = seen.turned(likeliest_stance(seen, covariance, item.turning(), others, config)[0])
+            seen = seen.turned(likeliest_stance(seen, covariance, item.turning_of_one(), others, config))
             placement = place(seen, covariance, others, config)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
             as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)

@@ -86,8 +86,9 @@ class Simulator:
         self.fingers = FingerBodies(self._client, self._ids, FINGER_RADIUS)
         """Fingertips that push; they are none of the bodies."""
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
+        # files are not kept: each shape of hulls is read once, from a file of its own
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self._client
+            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, enableFileCaching=0, physicsClientId=self._client
         )
 
     def __enter__(self) -> Simulator:

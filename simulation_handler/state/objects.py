@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import Placement
+from simulation_handler.contact.stances import Stance, is_sure, probabilities
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
@@ -67,6 +69,8 @@ class BelievedObject:
     """How it is believed to be turned in the world, for percepts that do not tell; None as long as it has no place."""
     is_sure_of_stance: bool = True
     """Whether it is clear which of its sides is down, if that makes a difference of its height."""
+    otherwise: tuple[tuple[float, Quaternion], ...] = ()
+    """How it may be turned instead of `stance`, as far as percepts tell: probability, and rotation from it to that."""
     hovering_since: float | None = None
     """Time (s) since when the object hovers; None if it does not."""
     prop: Solid | None = None
@@ -143,6 +147,18 @@ class BelievedObject:
         """Whether percepts tell which of its sides is down."""
         return self.shows_rotation or self.shows_tilt
 
+    def take_stances(self, found: Sequence[Stance], config: BeliefConfig) -> None:
+        """Take in how it may rest, the likeliest first; as it is perceived, for sure, if nothing can carry it."""
+        if not found:
+            self.stance, self.is_sure_of_stance, self.otherwise = self.percept().rotation, True, ()
+            return
+        self.stance, self.is_sure_of_stance = found[0].solid.rotation, is_sure(found, config)
+        back, chances = quaternions.conjugate(self.stance), probabilities(found)
+        self.otherwise = tuple(
+            (chance, quaternions.product(back, stance.solid.rotation))
+            for chance, stance in zip(chances[1:], found[1:], strict=True)
+        )
+
     def percept(self) -> Solid:
         """The object at its perceived pose, without the known systematic error; turned as it is believed to be, if
         percepts do not tell that.
@@ -165,6 +181,11 @@ class BelievedObject:
         """(3, 3) rad^2 of the rotation of `percept`."""
         assert self.track.estimate is not None
         covariance: Array = self.track.estimate.rotation_covariance + TURN_FLOOR**2 * np.eye(3)
+        return covariance
+
+    def turning_of_one(self) -> Array:
+        """(3, 3) rad^2 of the rotation of its newest percept: what none of them tells, their average does not tell."""
+        covariance: Array = self.track.trail[-1].rotation_covariance
         return covariance
 
     def is_carried(self) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsr.math3d.quaternions import Vector3
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
@@ -76,6 +78,8 @@ class ObjectEvidence:
     """Names of the human hands that touch it, sorted"""
     let_go_at: float = -np.inf
     """s, when a hand was last known to let go of it"""
+    otherwise: tuple[tuple[float, Quaternion], ...] = ()
+    """How it may be turned instead, if its percepts do not tell: probability, and rotation from `believed` to that."""
 
     @property
     def seen_at(self) -> float:
@@ -190,6 +194,7 @@ class EvidenceReader:
             supports=supports,
             touched_by=tuple(hand for hand, thing in touches if thing == name),
             let_go_at=item.let_go_at,
+            otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 
     def _believed(self, item: BelievedObject, pose: Pose, now: float) -> Pose:
@@ -205,6 +210,14 @@ class EvidenceReader:
         solid = item.percept()
         pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
         return with_world_covariances(pose, item.percept_covariance(self._config), item.turning())
+
+
+def _otherwise(item: BelievedObject, pose: Pose, config: BeliefConfig) -> tuple[tuple[float, Quaternion], ...]:
+    """How a thing at rest may be turned instead; none once it does not stand as percepts had it."""
+    if item.stance is None or item.shows_stance or item.is_led or item.hand:
+        return ()
+    down, before = (quaternions.rotate(quaternions.conjugate(q), (0.0, 0.0, 1.0)) for q in (pose.q, item.stance))
+    return item.otherwise if math.dist(down, before) < config.tilt_tolerance else ()
 
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:

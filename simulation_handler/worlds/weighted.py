@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsr.errors import ConfigError
+from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
+from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
     ELSEWHERE,
     FOLLOWED,
@@ -49,6 +51,8 @@ WRONG = "something unknown is wrong"
 """Reason of a world in which an object is further from its believed place than its circumstance tells"""
 PERCEIVED = "as perceived"
 """Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
+OTHER_SIDE = "on another side"
+"""Reason of a world in which another side of an object is down, for percepts do not tell how it is turned"""
 LOOK_PERIOD = 0.2
 """s between two times at which it is worked out what cameras should see of an unseen object"""
 
@@ -219,6 +223,7 @@ class WeightedWorlds:
         ]
         if perceived is not None:
             parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
+        parts = [turned for part in parts for turned in _turned(part, thing)]
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
         held = self._parameters.holding.get(followed.circumstance, 0.0)
@@ -282,6 +287,22 @@ def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[flo
     apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
     odds = float(odds_of_percepts(noise, apart))
     return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
+
+
+def _turned(world: _Weighted, thing: ObjectEvidence) -> Iterator[_Weighted]:
+    """A world, and those that are like it but for the side of the object that is down, which percepts do not tell."""
+    weight, state, reason = world
+    pose = state.pose
+    if pose is None:
+        yield world
+        return
+    yield weight * (1.0 - sum(chance for chance, _ in thing.otherwise)), state, reason
+    for chance, turn in thing.otherwise:
+        turned = quaternions.product(pose.q, turn)
+        if weight * chance > ROUNDING:
+            place, spread = pose.parent_covariances()
+            there = with_world_covariances(Pose.unchecked(pose.t, turned, pose.stamp), place, spread)
+            yield weight * chance, replace(state, pose=there), OTHER_SIDE
 
 
 def _hand_of(thing: ObjectEvidence) -> str:

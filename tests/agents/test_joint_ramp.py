@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.joint_ramp import ACCELERATION, CATCH_UP, JERK, Ramp
+from agents.joint_ramp import ACCELERATION, ASIDE, CATCH_UP, JERK, Ramp
 
 STEP = 1 / 240
 LIMITS = (1.4, 0.5)
@@ -55,12 +55,44 @@ def test_a_trajectory_is_passed_through_in_time_and_its_end_is_kept() -> None:
     assert ramp.velocities.tolist() == [0.0, 0.0]
 
 
-def test_a_trajectory_that_begins_elsewhere_is_caught_up_with_within_the_limits() -> None:
+def test_a_trajectory_that_begins_beside_the_arm_is_joined_within_the_limits() -> None:
     ramp = Ramp((0.0, 0.0), LIMITS, STEP)
-    ramp.follow((0.0, 0.1), [(1.0, 0.0), (1.0, 0.1)])
-    positions = np.vstack([[0.0, 0.0], run(ramp, 480)])
-    assert (np.abs(np.diff(positions, axis=0)) / STEP <= np.array(LIMITS) * CATCH_UP + 1e-9).all()
-    assert positions[-1] == pytest.approx((1.0, 0.1))
+    ramp.follow((0.0, 3.0), [(ASIDE, -ASIDE), (ASIDE, -ASIDE)])
+    positions = np.vstack([np.zeros((3, 2)), run(ramp, 1000)])
+    velocities = np.diff(positions, axis=0) / STEP
+    accelerations = np.diff(velocities, axis=0) / STEP
+    assert (np.abs(velocities) <= (CATCH_UP - 1.0) * np.array(LIMITS) + 1e-9).all()
+    assert (np.abs(accelerations) <= ACCELERATION + 1e-6).all()
+    assert (np.abs(np.diff(accelerations, axis=0)) <= JERK * STEP + 1e-6).all()
+    assert ramp.is_resting and positions[-1].tolist() == [ASIDE, -ASIDE]
+
+
+def test_a_moving_arm_changes_to_another_trajectory_within_the_limits() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS, STEP)
+    ramp.follow(*AWAY)
+    before = run(ramp, 60)
+    here = ramp.positions
+    ramp.follow((0.0, 1.0), [here, here - np.array((0.2, 0.0))])
+    positions = np.vstack([before[-4:], run(ramp, 480)])
+    accelerations = np.diff(positions[:230], n=2, axis=0) / STEP**2  # until the way ends at once, as it is told
+    assert (np.abs(accelerations) <= ACCELERATION + 1e-6).all()
+    assert positions[-1] == pytest.approx(here - np.array((0.2, 0.0)))
+
+
+def test_the_joints_take_the_time_until_the_first_positions() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS, STEP)
+    ramp.follow((1.0,), [(0.6, -0.4)])
+    positions = run(ramp, 300)
+    assert positions[119] == pytest.approx((0.3, -0.2))
+    assert positions[-1].tolist() == [0.6, -0.4]
+
+
+def test_joints_rest_where_they_were_measured() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS, STEP)
+    ramp.follow(*AWAY)
+    run(ramp, 100)
+    ramp.rest((0.2, 0.1))
+    assert ramp.is_resting and run(ramp, 10)[-1].tolist() == [0.2, 0.1]
 
 
 def test_a_stop_ends_a_trajectory() -> None:

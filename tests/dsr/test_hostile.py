@@ -11,13 +11,14 @@ from dsr import Memory, SchemaError
 from dsr.clock import ManualClock
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import Delta, Write
+from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.store import Store
+from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.sync import Synchroniser
-from dsr.replication.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
+from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
 from tests.dsr.conftest import Net
 
 
@@ -146,3 +147,39 @@ def test_a_record_that_nests_without_end_is_no_record_and_stops_nobody(net: Net,
     b.add_node("d1", "drone")
     net.pump(0.5)
     assert "d1" in a
+
+
+def test_an_edge_is_bound_to_the_nodes_that_it_names(net: Net) -> None:
+    """Else an edge is seen of which an end is not there: whoever follows it fails."""
+    memory, liar = net.join("me"), "liar-1"
+    ends = [tuple(memory.add_node(name, "cube").created) for name in ("a", "b")]
+    memory.add_edge("a", "b", "on")
+    keys = [("nowhere", "b", "on"), ("a", "nowhere", "on"), ("b", "a", "on"), ("a", "b", "near")]
+    adds = [Add((liar, number + 1), key, key[2], *ends) for number, key in enumerate(keys)]
+    edge = next(iter(memory.edge("a", "b", "on").created))
+    adds.append(Add((liar, 5), ("a", "b", "in"), "in", (edge,), ends[1]))  # bound to an edge
+    memory.replica.synchroniser.receive_delta(liar, encode_delta(Delta(adds=adds, context=[(liar, 1, 5)])), 0.0)
+    assert {edge.key for edge in memory.edges()} == {("a", "b", "on"), ("a", "b", "near")}
+    assert len(memory.replica.graph.store.entries) == 4, "what can never be seen is kept"
+    assert not memory.dropped
+
+
+@pytest.mark.parametrize("type", ["cube", "part_record"])
+def test_no_other_node_takes_the_name_of_an_entry_about_the_graph(net: Net, type: str) -> None:
+    """Else who may make cubes hides the list of worlds, and so deletes them for all."""
+    memory = net.join("me")
+    world, liar = memory.create_world("dream"), "zz-1"
+    for number, (name, kind) in enumerate(((".world.dream", type), ("plain", "world_record"))):
+        delta = Delta(adds=[Add((liar, number + 1), name, kind)], context=[(liar, number + 1, number + 1)])
+        memory.replica.synchroniser.receive_delta(liar, encode_delta(delta), 0.0)
+        with pytest.raises(WireError):
+            decode_delta(encode_delta(delta))
+    memory.poll()
+    assert [info.name for info in memory.worlds()] == ["base", "dream"] and not world.closed
+    assert memory.dropped[liar] == 2
+
+
+def test_what_an_older_version_kept_of_such_nodes_is_left_out() -> None:
+    delta = Delta(adds=[Add(("a-1", 1), ".world.dream", "cube"), Add(("a-1", 2), "b", "cube")], context=[("a-1", 1, 2)])
+    kept = decode_kept(encode_delta(delta))
+    assert kept.adds == delta.adds[1:] and kept.context == delta.context

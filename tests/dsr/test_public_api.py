@@ -57,8 +57,9 @@ MODULES = {
         "visibility",
     },
     "dsr.vocabulary.what_if": {
-        "Action", "Answer", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE", "Supposed",
-        "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
+        "Action", "Answer", "MAX_CHANGES", "MAX_SECONDS", "MAX_WORLDS", "Numbers", "Pending", "Question", "SERVICE",
+        "Supposed", "TIMEOUT", "USUAL_WORLDS", "WhatIf", "WorldOutcome", "decode_answer", "decode_question",
+        "encode_answer", "encode_question",
     },
     "dsr.worlds": {
         "ROOT", "Client", "Difference", "Filter", "FilterConfig", "Hosted", "HostedConfig", "Monitor", "Provider",

@@ -8,9 +8,10 @@ from dsr import AgentError, ClockDriftError, Memory, Pose
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.crdt.hlc import MAX_LEAD, MAX_STAMP, stamp_at
+from dsr.errors import WireError
 from dsr.graph.access import Access, WriteGuard
 from dsr.graph.elements import Edge, Node
-from dsr.replication.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
+from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from tests.dsr.conftest import Net
 
 DAY = 86_400.0

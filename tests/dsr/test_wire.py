@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import struct
+from typing import Any
 
 import msgpack
 import pytest
@@ -71,6 +72,25 @@ def test_round_trip() -> None:
     reply = sample()
     reply.live = frozenset({("a", 1), ("b", 9)})
     assert decode_delta(encode_delta(reply)).live == reply.live
+
+
+@pytest.mark.parametrize("owner", ["a", "b", "c"])
+@pytest.mark.parametrize("writer", ["a", "b"])
+@pytest.mark.parametrize("dot", [None, ("a", 4), ("b", 4), ("c", 9)])
+@pytest.mark.parametrize("context", [[], [("a", 4, 4)], [("b", 1, 4), ("a", 2, 3)]])
+@pytest.mark.parametrize("value", [0.25, TOMBSTONE, "text"])
+def test_one_write_alone_has_the_bytes_of_the_layout(
+    owner: str, writer: str, dot: tuple[str, int] | None, context: list[tuple[str, int, int]], value: Any
+) -> None:
+    delta = Delta(writes=[Write((owner, 3), "note", 99, writer, dot, value)], context=context)
+    dot_rid, dot_counter = dot or (writer, 0)
+    names = list(dict.fromkeys([owner, writer, dot_rid, *(rid for rid, _, _ in context)]))
+    index = names.index
+    sent = None if value is TOMBSTONE else value
+    row = [index(owner), 3, "note", 99, index(writer), index(dot_rid), dot_counter, sent]
+    flat = [number for rid, first, last in context for number in (index(rid), first, last)]
+    assert msgpack.unpackb(encode_delta(delta)) == [1, names, [], [row], [], flat, None]
+    assert as_tuple(decode_delta(encode_delta(delta))) == as_tuple(delta)
 
 
 def test_plain_messagepack_reads_it() -> None:

@@ -7,7 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import msgspec
+
 from dsr import Access, Agent, GraphError, Memory, Pose
+from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts, encoded
 from dsr.graph.elements import Node
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
@@ -24,6 +27,8 @@ PLACES = {
     "cube_5": (0.30, -0.08),
     "cube_6": (0.42, -0.08),
 }
+COVERED = (0.30, 0.08)
+"""Place of what comes to light when a cover is lifted"""
 TOWERS = "on(cube_3,cube_4) & on(cube_6,cube_5)"
 
 
@@ -82,7 +87,7 @@ class FakeArm(Agent):
     writes = Access(
         nodes=("action", "cube"),
         edges=("on", "grasping", "Virtual_RT"),
-        attributes=("status", "explanation", "hopeless", "source", "since", "size"),
+        attributes=("status", "explanation", "hopeless", "source", "since", "size", ATTRIBUTE),
     )
 
     def setup(self) -> None:
@@ -99,6 +104,10 @@ class FakeArm(Agent):
         """world_from_camera of every look."""
         self.hidden: dict[str, tuple[float, float]] = {}
         """Cubes, with their places (m), that are seen only from right above."""
+        self.on_look = lambda: None
+        """What a look brings to light besides."""
+        self.covered: dict[str, str] = {}
+        """Cubes of which it shows only when a cover (by name) is lifted that they are under it."""
         for node in self.memory.nodes("action"):
             if node.get("status") == "running" and arm_of_action(self.memory, node) == self.arm:
                 self.end(node, "failed", "the arm controller was started again")
@@ -158,9 +167,12 @@ class FakeArm(Agent):
             memory.add_edge("world", cube, "Virtual_RT", pose=Pose((0.3, 0.0, 0.4)))
         elif node["skill"] == "look":
             self.looks.append(node["target_pose"])
+            self.on_look()
             x, y, _ = node["target_pose"].t
             for name in [name for name, place in self.hidden.items() if math.dist(place, (x, y)) <= SIGHT]:
-                add_cube(memory, name, *self.hidden.pop(name))
+                self.show(name, self.hidden.pop(name))
+            for name in self.hidden:
+                rule_out(memory, name, (x, y))
         elif node["skill"] == "place":
             if held != [cube]:
                 return f"{cube} is not held"
@@ -171,7 +183,34 @@ class FakeArm(Agent):
                 return f"{cube} was lost on the way"
             pose = node.get("target_pose")
             move(memory, cube, goal, None if pose is None else pose.t[:2])
+            for name in [name for name, cover in self.covered.items() if cover == cube]:
+                self.show(name, COVERED)
         return ""
+
+    def show(self, name: str, place: tuple[float, float]) -> None:
+        """Let a cube be believed where it is now seen to be."""
+        if name not in self.memory:
+            add_cube(self.memory, name, *place)
+            return
+        self.memory.add_edge("world", name, "Virtual_RT", pose=Pose((*place, SIDE / 2)))
+        self.memory.update_node(name, **{ATTRIBUTE: ""})
+
+
+def believe(memory: Memory, name: str, *alternatives: Alternative) -> None:
+    """Let the belief of a thing be this distribution; the first alternative is what the graph shows."""
+    if alternatives[0].pose is not None:
+        memory.add_edge("world", name, "Virtual_RT", pose=alternatives[0].pose)
+    memory.update_node(name, **{ATTRIBUTE: encoded(Whereabouts(name, alternatives))})
+
+
+def rule_out(memory: Memory, name: str, place: tuple[float, float]) -> None:
+    """Let nobody believe any more that a thing is where a look has not shown it."""
+    where = memory.belief(name) if name in memory else None
+    if where is None:
+        return
+    left = [one for one in where.alternatives if one.pose is None or math.dist(one.pose.t[:2], place) > SIGHT]
+    total = sum(one.weight for one in left)
+    believe(memory, name, *(msgspec.structs.replace(one, weight=one.weight / total) for one in left))
 
 
 class Run:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
-from dsr.vocabulary.what_if import SERVICE, Answer, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, WorldOutcome, decode_question, encode_answer
 from planner import foresight
 from planner.config import PlannerConfig
 from tests.planner.table import Run, add_cube, supports
@@ -75,7 +76,32 @@ def test_a_refusal_is_no_verdict() -> None:
 
 def test_the_worst_movement_is_told() -> None:
     config = PlannerConfig()
-    assert foresight._movement(Answer(), config) == ""
-    assert foresight._movement(STAYS, config) == ""
-    assert foresight._movement(SLIDES, config) == "cube_3 would move by 40 mm"
-    assert foresight._movement(TURNS, config) == "cube_3 would turn by 0.8 rad"
+    assert foresight._problem(Answer(), config) == ""
+    assert foresight._problem(STAYS, config) == ""
+    assert foresight._problem(SLIDES, config) == "cube_3 would move by 40 mm"
+    assert foresight._problem(TURNS, config) == "cube_3 would turn by 0.8 rad"
+
+
+def in_doubt(sliding: float) -> Answer:
+    """In a world of this probability something slides, and not in the one that the graph shows."""
+    other = WorldOutcome(weight=sliding, otherwise=("cube_4",), moved=SLIDES.moved)
+    return msgspec.structs.replace(STAYS, weight=1.0 - sliding, others=(other,))
+
+
+@pytest.mark.parametrize(("sliding", "is_bad"), [(0.1, False), (0.3, True)])
+def test_a_place_on_the_table_has_to_be_safe_in_most_worlds(sliding: float, is_bad: bool) -> None:
+    with Run(what_if_patience=1.0) as run:
+        add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
+        asked = serve(run, [in_doubt(sliding), STAYS])
+        run.want("clear(cube_3) & handempty")
+        run.until("reached")
+        assert len(asked) == 1 + is_bad
+
+
+@pytest.mark.parametrize(("sliding", "end"), [(0.4, "reached"), (0.6, "failed")])
+def test_something_is_put_on_a_thing_if_it_stays_there_more_probably_than_not(sliding: float, end: str) -> None:
+    with Run(what_if_patience=1.0) as run:
+        serve(run, [in_doubt(sliding)])
+        run.want("on(cube_3,cube_4)")
+        run.until(end, 120.0)
+        assert end == "reached" or run.explanation.endswith("cube_3 would move by 40 mm (60 % probable)")

@@ -24,7 +24,7 @@ CONFIG = PlannerConfig()
 SIZE = (0.04, 0.04, 0.04)
 TABLE = KnownSolid((1.2, 0.8, 0.03), Pose((0.4, 0.0, 0.1)))
 DOWN = Pose((0.35, 0.0, 0.75), (0.70710678, -0.70710678, 0.0, 0.0))
-OVERHEAD = TableCamera(DOWN.inverse(), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
+OVERHEAD = TableCamera("overhead", DOWN.inverse(), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
 
 
 def world(*places: tuple[float, float], views: tuple[TableCamera, ...] = (), table: KnownSolid = TABLE) -> WorldState:

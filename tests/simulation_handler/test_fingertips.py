@@ -22,6 +22,7 @@ def test_gaps_and_ways_out_are_those_between_surfaces() -> None:
 
 
 TIP = ("thumb", "cube")
+USUAL = 0.005  # m, noise of percepts of what is in full view
 NOISE = (0.003, -0.004, 0.001, -0.002, 0.004, -0.002)
 
 
@@ -31,8 +32,8 @@ def touches(*gaps: float) -> bool:
     tracked = Gaps()
     for step, noise in enumerate(2 * NOISE * len(gaps)):
         gap = gaps[step // (2 * len(NOISE))] + noise
-        tracked.touching({("thumb", "other"): 0.03}, known, 0.05 * step)
-        known = tracked.touching({TIP: gap}, known, 0.05 * step)
+        tracked.touching({("thumb", "other"): 0.03}, known, USUAL, 0.05 * step)
+        known = tracked.touching({TIP: gap}, known, USUAL, 0.05 * step)
     return bool(known)
 
 
@@ -49,9 +50,19 @@ def test_a_fingertip_touches_until_it_is_further_away_than_while_it_touched(touc
 
 def test_what_was_far_away_is_forgotten() -> None:
     gaps = Gaps()
-    assert gaps.touching({TIP: 0.0}, (), 0.0) == {TIP}
-    assert gaps.touching({TIP: 0.014}, (), 0.3) == set()
-    assert gaps.touching({TIP: 0.009}, (), 1.3) == {TIP}
+    assert gaps.touching({TIP: 0.0}, (), USUAL, 0.0) == {TIP}
+    assert gaps.touching({TIP: 0.014}, (), USUAL, 0.3) == set()
+    assert gaps.touching({TIP: 0.009}, (), USUAL, 1.3) == {TIP}
+
+
+@pytest.mark.parametrize(("noise", "frames"), [(USUAL, 1), (2.0 * USUAL, 3)])
+def test_what_is_half_covered_is_off_and_its_touch_ends_later(noise: float, frames: int) -> None:
+    """A cube of colour that a hand covers more and more is seen ever farther from the fingertips that hold it."""
+    gaps = Gaps()
+    known = gaps.touching({TIP: 0.0}, (), noise, 0.0)
+    for number in range(1, 10):
+        known = gaps.touching({TIP: 0.028}, known, noise, 0.1 * number)
+        assert bool(known) == (number < frames)
 
 
 @pytest.mark.parametrize(("half", "is_pinch"), [(0.045 + TIP_RADIUS, True), (0.042 - TIP_RADIUS, False)])

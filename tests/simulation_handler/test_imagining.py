@@ -28,6 +28,7 @@ from dsr.timeline import query
 from dsr.vocabulary.what_if import Question, Supposed, WhatIf, encode_question
 from simulation_handler.graph_io.what_if import WhatIfService
 from simulation_handler.physics.rollouts.scene import RolloutBody
+from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 T = TypeVar("T")
@@ -56,7 +57,8 @@ class Room:
         memory.add_node("human_1", "person")
         memory.add_edge("world", "human_1", "RT", pose=Pose((0.9, 0.0, 0.6), (0.0, 0.0, 1.0, 0.0)))
         self.service = WhatIfService(self.network.connect("handler"), memory.keys, self.clock)
-        self.service.offer(scene_of(*bodies), 999.0)
+        self.scene = scene_of(*bodies)
+        self.service.offer(self.scene, (), 999.0)
         self.asked: list[Question] = []
 
     def fork(self) -> Memory:
@@ -223,6 +225,19 @@ def test_what_falls_and_what_is_disturbed_counts(room: Room) -> None:
     assert outcome.moved["cube_3"] > 0.03
     idea.delete_world("idea")
     assert "would fall to the floor" in carry_out(room, "place cube_1 at 0.515, 0, 0.0205").failed
+
+
+def test_a_plan_is_as_probable_as_the_worlds_in_which_it_succeeds(room: Room) -> None:
+    """One world has the support elsewhere, so that what is put down there falls; the plan is tried in both."""
+    here, beside = (ObjectState(Pose(place)) for place in ((0.3, 0.2, 0.02), (0.35, 0.2, 0.02)))
+    worlds = WeightedWorld(0.7, {"cube_2": here}), WeightedWorld(0.3, {"cube_2": beside})
+    room.service.offer(room.scene, [Island(("cube_2",), worlds)], 999.0)
+    steps = [parse_step("pick cube_1"), parse_step("place cube_1 on cube_2")]
+    outcome = room.think(carried_out(room.memory, room.fork(), steps))
+    assert outcome.steps == 2 and outcome.probability == pytest.approx(0.7)
+    assert str(outcome) == "2 steps; 70 % probable"
+    sure = Outcome(2, "", (), {"cube_3": 0.02})
+    assert best({"doubtful": outcome, "sure": sure}) == "sure"
 
 
 def test_the_best_plan_is_carried_out_and_disturbs_least() -> None:

@@ -245,3 +245,21 @@ def test_who_draws_pictures_from_cameras_leaves_edges_alone_that_tell_more() -> 
         assert edges.keys() == {("camera", "cube_1"), ("camera", "cube_2"), ("unknown", "cube_1")}
         assert all(("detectable" in edge) == (edge.src == "camera") for edge in edges.values())
         assert edges["unknown", "cube_1"]["visible"] is edges["camera", "cube_1"]["visible"] is True
+
+
+def test_a_camera_that_moves_recognises_nothing_and_is_no_witness_of_absence(table: Table) -> None:
+    """It comes along at 0.2 m/s, and sees the cube the whole time; its frames are not used. Then it stands."""
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(2.0)
+    assert seen(table) == {"cube_1": (1.0, "")}
+    table.truths.clear()  # what its frames show is not published
+    for step in range(1, 21):
+        table.memory.add_edge("world", "camera", "RT", pose=OVERHEAD @ Pose((0.0, 0.02 * (step % 5), 0.0)))
+        table.run(0.1)
+        assert step < 3 or seen(table) == {"cube_1": (0.0, "")}
+    edge = table.memory.edge("camera", "cube_1", "sees")
+    assert edge["share"] == 1.0 and edge["visible"] is True, "it is in view all the same"
+    where = table.memory.belief("cube_1")
+    assert where is not None and where.gone < 0.05
+    table.run(0.5)
+    assert seen(table) == {"cube_1": (1.0, "")}

@@ -12,7 +12,7 @@ from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.stances import likeliest_stance
+from simulation_handler.contact.stances import is_sure, likeliest_stance, probabilities, stances
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.perception.paths import Path
 from simulation_handler.shapes.geometry import Solid
@@ -107,10 +107,29 @@ def test_a_body_with_an_orientation_that_is_seen_is_not_turned() -> None:
     sure, tells_nothing = 1e-3 * np.eye(3), UNTOLD * np.eye(3)
     position = 1e-6 * np.eye(3)
     lower = percept.moved((0.35, 0.1, 0.03))
-    assert likeliest_stance(lower, position, sure, [FLOOR], CONFIG)[0] == pytest.approx(LYING)
-    standing, is_sure = likeliest_stance(lower, position, tells_nothing, [FLOOR], CONFIG)
-    assert is_sure and lower.turned(standing).half_height == pytest.approx(0.03)
-    assert not likeliest_stance(lower, 1e-2 * np.eye(3), tells_nothing, [FLOOR], CONFIG)[1]
+    assert likeliest_stance(lower, position, sure, [FLOOR], CONFIG) == pytest.approx(LYING)
+    found = stances(lower, position, tells_nothing, [FLOOR], CONFIG)
+    assert is_sure(found, CONFIG) and found[0].solid.half_height == pytest.approx(0.03)
+    assert probabilities(found)[0] > 0.999
+    found = stances(lower, 1e-2 * np.eye(3), tells_nothing, [FLOOR], CONFIG)
+    assert not is_sure(found, CONFIG) and probabilities(found) == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+@pytest.mark.parametrize(("height", "unsure"), [(0.015, False), (0.044, True)])
+def test_a_can_that_is_as_high_as_wide_may_stand_or_lie(height: float, unsure: bool) -> None:
+    """Its centre is 30 mm, or 1 mm, higher when it lies; the error of depth is 10 mm, and nothing else tells of it."""
+    size = (0.09, 0.09, 2.0 * height)
+    world = World()
+    world.add("can", size, (0.35, 0.1, height), (Part("cylinder", size),))
+    world.run(2.0)
+    (island,) = world.belief.islands()
+    lies = sum(
+        one.weight
+        for one in island.worlds
+        if (pose := one.objects["can"].pose) is not None and abs(float(pose.rotation_matrix[2, 2])) < 0.5
+    )
+    assert lies == pytest.approx(0.5, abs=0.2) if unsure else lies < 0.05
+    assert sum(one.weight for one in island.worlds) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("told", [False, True])

@@ -47,6 +47,7 @@ from simulation_handler import SimulationHandler
 from simulation_handler.graph_io.what_if import WhatIfService
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import RolloutScene
+from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 STACK = scene_of(cube("cube_1", 0.3, 0.0), cube("cube_2", 0.3, 0.0, 0.06), cube("cube_3", 0.0, 0.2))
@@ -59,7 +60,7 @@ def service() -> Iterator[WhatIfService]:
     """Serves the scene with a stack of two cubes, and one beside."""
     clock = ManualClock(1000.0)
     service = WhatIfService(LocalNetwork(clock).connect("handler"), Keys("g"), clock)
-    service.offer(STACK, 990.0)
+    service.offer(STACK, (), 990.0)
     yield service
     service.close()
 
@@ -75,6 +76,47 @@ def test_without_changes_everything_stays_as_it_is(service: WhatIfService) -> No
     assert answer.touches == (("cube_1", "cube_2"), ("cube_1", "table"), ("cube_3", "table"))
     assert set(answer.moved) == set(answer.turned) == set(answer.poses) == {"cube_1", "cube_2", "cube_3"}
     assert max(answer.moved.values()) < 5e-4 and max(answer.turned.values()) < 0.01
+
+
+def in_worlds(*worlds: tuple[float, dict[str, ObjectState]]) -> Island:
+    found = tuple(WeightedWorld(weight, objects) for weight, objects in worlds)
+    return Island(tuple(sorted(found[0].objects)), found)
+
+
+def test_a_question_is_tried_in_the_most_probable_worlds(service: WhatIfService) -> None:
+    here, beside, gone = (ObjectState(pose) for pose in (Pose((0.3, 0.0, 0.02)), Pose((0.3, 0.1, 0.02)), None))
+    third = ObjectState(Pose((0.0, 0.2, 0.02)))
+    service.offer(
+        STACK, [
+            in_worlds((0.6, {"cube_1": here}), (0.3, {"cube_1": beside}), (0.1, {"cube_1": gone})),
+            in_worlds((0.9, {"cube_3": third}), (0.1, {"cube_3": ObjectState(third.pose, hand="hand_0")})),
+        ], 990.0,
+    )  # fmt: skip
+    answer = service.answer(encode_question(Question(1.0, worlds=4)))
+    assert [(round(one.weight, 2), one.otherwise) for one in answer.outcomes] == [
+        (0.54, ()), (0.27, ("cube_1",)), (0.09, ("cube_1",)), (0.06, ("cube_3",)),
+    ]  # fmt: skip
+    assert answer.moved["cube_2"] < 5e-4 and answer.others[0].moved["cube_2"] == pytest.approx(0.04, abs=0.002)
+    assert "cube_1" not in answer.others[1].poses and answer.others[1].rests_on["cube_2"] == ("table",)
+    assert answer.probability(lambda one: one.moved["cube_2"] < 0.01) == pytest.approx(0.6 / 0.96)
+    alone = msgspec.structs.replace(answer, others=(), weight=1.0)
+    assert service.answer(encode_question(Question(1.0))) == alone
+
+
+def test_a_world_in_which_there_is_no_room_is_one_of_the_outcomes(service: WhatIfService) -> None:
+    elsewhere = ObjectState(Pose((0.0, 0.2, 0.06)))
+    island = in_worlds((0.7, {"cube_1": ObjectState(Pose((0.3, 0.0, 0.02)))}), (0.3, {"cube_1": elsewhere}))
+    service.offer(STACK, [island], 990.0)
+    question = Question(1.0, (Supposed.place("cube_2", ABOVE_3),), worlds=2)
+    answer = service.answer(encode_question(question))
+    assert answer.refused == "" and answer.others[0].refused == "'cube_2' would be 40 mm inside 'cube_1' there"
+    assert answer.probability(lambda one: not one.refused) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("worlds", [0, 17, "2"])
+def test_no_worlds_or_too_many_are_refused(service: WhatIfService, worlds: object) -> None:
+    payload = msgspec.msgpack.encode({"seconds": 1.0, "worlds": worlds})
+    assert "malformed what-if question" in service.answer(payload).refused
 
 
 def test_what_is_placed_well_stays_there(service: WhatIfService) -> None:
@@ -154,7 +196,7 @@ def test_before_the_first_scene_and_after_the_end_it_says_so() -> None:
     clock = ManualClock()
     service = WhatIfService(LocalNetwork(clock).connect("handler"), Keys("g"), clock)
     assert "holds no scene" in ask(service, 0.1).refused
-    service.offer(RolloutScene(()), 1.0)
+    service.offer(RolloutScene(()), (), 1.0)
     assert ask(service, 0.1).at_rest
     service.close()
     service.close()

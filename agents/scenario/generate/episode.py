@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -47,29 +47,47 @@ def generate(family: str, seed: int) -> Episode:
     Raises:
         ConfigError: for an unknown family, a negative seed, or a family of which no valid episode was drawn.
     """
-    kind = find_family(family)
+    return generate_of(find_family(family), seed, f"dsr scenario generate {family} --seed {seed}")
+
+
+def generate_of(family: Family, seed: int, command: str, why_not: Callable[[History], str] | None = None) -> Episode:
+    """The episode of any family and a seed, as `generate` does it.
+
+    Args:
+        family: also one that is not registered.
+        seed: 0 or more.
+        command: draws the same episode; the file tells it.
+        why_not: from the true course of a valid draw to why it is not wanted; empty if it is.
+
+    Raises:
+        ConfigError: for a negative seed, or a family of which no valid and wanted episode was drawn.
+    """
     if seed < 0:
         raise ConfigError(f"seed {seed}: expected 0 or more")
     refused: list[str] = []
     for attempt in range(MOST_DRAWS):
         try:
-            return Episode(family=family, seed=seed, text=_drawn(kind, seed, attempt), refused=refused)
+            text = _drawn(family, seed, attempt, command, why_not)
+            return Episode(family=family.name, seed=seed, text=text, refused=refused)
         except ConfigError as error:
             refused.append(str(error))
-    raise ConfigError(f"family {family!r}, seed {seed}: none of {MOST_DRAWS} draws is valid; the last: {refused[-1]}")
+    last = refused[-1]
+    raise ConfigError(f"family {family.name!r}, seed {seed}: none of {MOST_DRAWS} draws is valid; the last: {last}")
 
 
-def _drawn(family: Family, seed: int, attempt: int) -> str:
-    """One draw as the text of a file. Raises `ConfigError` if it is not valid."""
+def _drawn(
+    family: Family, seed: int, attempt: int, command: str, why_not: Callable[[History], str] | None
+) -> str:  # fmt: skip
+    """One draw as the text of a file. Raises `ConfigError` if it is not valid, or not wanted."""
     draft = EpisodeDraft(Draw(family.name, seed, attempt), family.system)
     family.draw(draft)
     name = f"{family.name}-{seed}"
-    heading = f"Drawn by `dsr scenario generate {family.name} --seed {seed}`."
+    heading = f"Drawn by `{command}`."
     scenario = draft.scenario(name, family.title)
     text = to_toml(scenario, heading)
     parse_scenario(text, name)
     history = _course(text)
-    if why := why_invalid(history, family):
+    if why := why_invalid(history, family) or (why_not(history) if why_not is not None else ""):
         raise ConfigError(why)
     scenario = msgspec.structs.replace(scenario, expectations=with_expectations(history).expectations)
     return to_toml(scenario, heading)

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from agents.arm_controller import ArmController
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.safety.watchdog import CLEARED
 from agents.plant import Plant
 from agents.plant.reality import Reality
 from benchmarks.pick_bench import CUBE, Bench, Block, BlockForm, cubes
@@ -34,6 +37,21 @@ def grasped(bench: Bench) -> list[str]:
 
 def tilt(pose: Pose) -> float:
     return math.acos(min(1.0, float(pose.rotation_matrix[2, 2])))
+
+
+def test_each_tick_of_the_controller_has_a_new_sample(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    controller = bench.lockstep.runner("arm_controller").agent
+    assert isinstance(controller, ArmController)
+    stamps = []
+    write = controller._body.write
+
+    def note(joints: Joints) -> None:
+        stamps.append(joints.stamp)
+        write(joints)
+
+    monkeypatch.setattr(controller._body, "write", note)
+    bench.run(2.0)
+    assert len(set(stamps)) == 2.0 * ArmController.rate_hz
 
 
 def test_four_cubes_become_two_towers(bench: Bench) -> None:
@@ -104,7 +122,7 @@ def test_a_restarted_controller_knows_what_it_holds(bench: Bench) -> None:
     bench.lockstep.kill("arm_controller")
     bench.run(0.5)
     bench.lockstep.restart("arm_controller")
-    bench.run(0.5)
+    bench.run(CLEARED + 0.1)  # the arm has stopped by itself, and says so until the controller lives
     node = bench.memory.node(name)
     assert (node["status"], node["explanation"]) == ("failed", "the arm controller was restarted")
     assert grasped(bench) == ["cube_3"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from agents.joint_ramp import ACCELERATION, JERK
+from agents.joint_ramp import ACCELERATION, CATCH_UP, JERK
 from agents.plant.arm import SimulatedArm
 from agents.plant.messages import Follow, KeepAlive
 from agents.plant.reality import Reality
@@ -190,3 +190,40 @@ def test_a_way_that_begins_where_the_arm_is_not_is_refused_and_told(make_reality
     play(reality, 1.5, start=0.3)
     state = reality.arm_state(1.8)
     assert state is not None and state.fault == "" and state.positions == pytest.approx(far, abs=1e-3)
+
+
+@pytest.mark.parametrize("beside", [(0.06, -0.06, 0.08), (-0.09, 0.09, 0.0)])
+def test_a_way_that_begins_beside_the_arm_is_joined_smoothly(
+    make_reality: MakeReality, play: Play, beside: tuple[float, ...]
+) -> None:
+    """As of a controller whose samples are false: the arm does not jump there, and a stop soon after it is short."""
+    reality = make_reality(config={"deadman": 0.0})
+    start = np.array(reality.arm.positions)
+    first = start + np.array((*beside, 0.0, 0.0, 0.0, 0.0))
+    reality.obey(Follow((0.0, 1.0), (tuple(first), tuple(first))))
+    play(reality, 0.1)
+    assert np.abs(reality.arm.velocities).max() < 2 * (CATCH_UP - 1.0) * 1.3963  # rad/s; the motors overshoot
+    reality.arm.stop()
+    play(reality, 0.5, start=0.1)
+    assert np.abs(reality.arm.positions - start).max() < 0.03
+
+
+def test_an_arm_that_meets_something_while_it_brakes_rests_there(
+    make_reality: MakeReality, play: Play, send: Send
+) -> None:
+    """It presses no further, and a way from where it is begins where it is."""
+    reality = make_reality(config={"deadman": 0.0})
+    send(reality.arm, ABOVE)
+    play(reality, 3.0)
+    low = np.array(AT) + 0.5 * (np.array(AT) - np.array(ABOVE))  # below the table
+    send(reality.arm, low)
+    while reality.arm.link_pose(reality.arm.model.tool).t[2] > 0.03:
+        reality.step(None)
+    reality.arm.stop()
+    play(reality, 1.0)
+    here = reality.arm.positions
+    assert not reality.arm.is_driven
+    reality.obey(Follow((0.0, 1.0), (here, ABOVE)))
+    state = reality.arm_state(0.0)
+    assert state is not None and state.fault == ""
+    assert np.abs(np.array(reality.arm._ramp.positions) - here).max() < 0.01

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from benchmarks.learning import __main__ as command
-from benchmarks.learning.holding import learn_holding
+from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import BEGUN, GROUPS, learn_circumstances, toml_of
+from benchmarks.learning.learn import BEGUN, GROUPS, learn_some, toml_of
 from benchmarks.learning.noise import START, Errors, learn_noise
 from benchmarks.learning.rates import RATES, learn_rates
 from benchmarks.learning.recognition import CURVES, Look, learn_recognition, looks_at
@@ -100,9 +100,15 @@ def test_what_leaves_the_scene_in_episodes_is_expected_to_leave() -> None:
 
 def test_how_often_a_hand_holds_is_counted() -> None:
     episode = course(gone=False, hand="hand", seconds=60.0)
-    found = learn_holding([(episode.moments, WeightedWorlds(PARAMETERS, episode.shares))])
+    one = episode.moments, WeightedWorlds(PARAMETERS, episode.shares)
+    other = [moment for moment in episode.moments if moment.time < 1.0], WeightedWorlds(PARAMETERS, episode.shares)
+    found, errors = learn_holding([one])
     assert found[HELD] == pytest.approx(15 / 26), "and one moment just after it was seen"
     assert found["held unseen"] < 0.1
+    assert max(errors.values()) == pytest.approx(0.0, abs=1e-9), "the same episode again is no other"
+    one = episode.moments, WeightedWorlds(PARAMETERS, episode.shares)
+    _, errors = learn_holding([one, other])
+    assert errors["held unseen"] > errors[HELD] > 0.0, "only one of them tells what is held unseen"
 
 
 def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
@@ -117,7 +123,7 @@ def test_some_circumstances_are_learned_alone(tmp_path: Path) -> None:
     errors = {(group, "any"): 0.5 for group in GROUPS}
     file.write_text(toml_of(PARAMETERS, {RESTS: {"level": 9.0}, HELD: {"level": 8.0}}, errors, SOURCES))
     (tmp_path / "stacks-7.pickle").write_bytes(pickle.dumps((settle, moments)))
-    text = learn_circumstances(tmp_path, [RESTS], file, lambda line: None)
+    text = learn_some(tmp_path, [RESTS], file, lambda line: None)
     file = tmp_path / "anew.toml"
     file.write_text(text)
     found, told = learned_parameters(file), tomllib.loads(text)
@@ -126,6 +132,20 @@ def test_some_circumstances_are_learned_alone(tmp_path: Path) -> None:
     assert msgspec.structs.replace(found, noise=kept) == PARAMETERS
     assert told["errors"]["noise"][RESTS]["level"] < 9.0 and told["errors"]["noise"][HELD]["level"] == 8.0
     assert told["source"] == {**SOURCES, RESTS: ["stacks-7"]}
+
+
+def test_what_hands_hold_is_learned_alone(tmp_path: Path) -> None:
+    file = tmp_path / "worlds.toml"
+    errors = {(group, "any"): 0.5 for group in (HOLDING, "rates", "absence", "elsewhere", "within")}
+    file.write_text(toml_of(PARAMETERS, {RESTS: {"level": 9.0}}, errors, SOURCES))
+    (tmp_path / "hands-7.pickle").write_bytes(pickle.dumps((0.0, [*course(gone=False, hand="hand").moments])))
+    text = learn_some(tmp_path, [HOLDING], file, lambda line: None)
+    (anew := tmp_path / "anew.toml").write_text(text)
+    found, told = learned_parameters(anew), tomllib.loads(text)
+    assert found.holding[HELD] > 0.5 and msgspec.structs.replace(found, holding=PARAMETERS.holding) == PARAMETERS
+    assert set(told["errors"][HOLDING]) == set(found.holding), "what was told of them before is forgotten"
+    assert told["errors"]["noise"] == {RESTS: {"level": 9.0}} and told["errors"]["rates"] == {"any": 0.5}
+    assert told["source"] == {**SOURCES, HOLDING: ["hands-7"]}
 
 
 def test_what_contradicts_a_place_bounds_how_unsure_it_is() -> None:

@@ -9,7 +9,8 @@ from dsr import Alternative, Memory, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE, encoded
 from dsr.narration import Basis, Moment, account, chances, chances_of_thing
 from dsr.narration.answers import answer_alone
-from dsr.narration.chances import alternative_words, percent
+from dsr.narration.chances import alternative_words
+from dsr.vocabulary.sentences import percent
 
 THERE = Pose((0.2, -0.3, 0.05), covariance=np.diag([0.04, 0.04, 0.01, 1.0, 1.0, 1.0]))
 

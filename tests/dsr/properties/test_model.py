@@ -65,11 +65,10 @@ def _add_what_was_removed(right: Any) -> Any:
 
 
 def _removals_of_what_is_here(right: Any) -> Any:
-    def remove(self: Store, dot: Dot) -> None:
-        if dot in self.entries:
-            right(self, dot)
+    def take_out(self: Store, dot: Dot) -> Any:
+        return right(self, dot) if dot in self.entries else None
 
-    return remove
+    return take_out
 
 
 def _last_wins(right: Any) -> Any:
@@ -90,7 +89,7 @@ def _whole_at_once(right: Any) -> Any:
 
 CODE: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
     "late additions resurrect": (Store, "_add", _add_what_was_removed),
-    "removals that come first are forgotten": (Store, "_remove", _removals_of_what_is_here),
+    "removals that come first are forgotten": (Store, "_take_out", _removals_of_what_is_here),
     "writes that came too early count as seen": (
         Store, "_learn", lambda right: lambda self, delta, held: right(self, delta, [])),
     "the last to arrive wins": (Store, "_set", _last_wins),

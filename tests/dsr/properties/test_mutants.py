@@ -316,7 +316,7 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Memories, CausalContext, "__contains__", ignore_whose_counter_it_is),
     (Deltas, Store, "_remove_absent", do_nothing),
     (Deltas, Store, "_add", resurrect),
-    (Deltas, Store, "_remove", forget_early_removals),
+    (Deltas, Store, "_take_out", forget_early_removals),
     (Deltas, Store, "_write", clamp_stamps),
     (Deltas, Store, "_write", ignore_the_writer),
     (Deltas, Store, "_learn", count_waiting_writes_as_seen),

@@ -76,7 +76,7 @@ class Room:
                 self.change()
             mine.join(piece.as_delta(), self._now)
             assert fetch.take(piece)
-            fetch.note_held_back(piece, mine.store.context)
+            fetch.note_joined(piece, mine.store)
             if not whole and self.random.random() < 0.3:
                 self.replay()
         mine.join(fetch.rest(), self._now)

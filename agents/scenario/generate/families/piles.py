@@ -17,7 +17,7 @@ PROPPED_AT = NumberRange(0.6, 0.95)
 """Share of its length from the end on the table, at which a thing lies on an edge: more than half, or it tips over"""
 STEEPEST = 1.1
 """rad from the horizontal, of what is propped up: steeper, and it slides down with most frictions"""
-_TOPPLING = 0.8
+TOPPLING = 0.8
 """s at most, that a topple takes, for the push and until the thing has fallen"""
 _COMING = 4.0
 """s at most, of a hand until it touches what it pushes, wherever it is"""
@@ -46,7 +46,7 @@ def stacks(draft: EpisodeDraft) -> None:
         top = draw.one_of(tall)[-1]
         hand = draw.one_of((0, None))
         topple = Topple(at=draft.now, object=top, direction=draw.direction(), hand=hand)
-        draft.do(topple, _TOPPLING + (_COMING if hand is not None else 0.0))
+        draft.do(topple, TOPPLING + (_COMING if hand is not None else 0.0))
 
 
 def _stack(draft: EpisodeDraft, source: list[str], target: list[str]) -> None:
@@ -105,7 +105,7 @@ def perturb(draft: EpisodeDraft, name: str, others: list[str]) -> None:
     elif what == "push":
         shove(draft, name, hand)
     elif what == "topple":
-        draft.do(Topple(at=draft.now, object=name, direction=draw.direction(), hand=hand), coming + _TOPPLING)
+        draft.do(Topple(at=draft.now, object=name, direction=draw.direction(), hand=hand), coming + TOPPLING)
     else:
         draft.vacate(name)
         draft.do(Remove(at=draft.now, object=name), 0.0)
@@ -124,7 +124,7 @@ def leaning(draft: EpisodeDraft) -> None:
     draw = draft.draw
     support = draft.stand(draw.one_of((box, wall))(draw) if draw.chance() else wall(draw), yaw=0.0)
     leaner = _lean(draft, support)
-    lying = [_lie(draft) for _ in range(draw.count(0, 2))]
+    lying = [lie(draft) for _ in range(draw.count(0, 2))]
     draft.bystanders()
     hand = maybe_hand(draw)
     what = draw.one_of(("support", "leaner", "remove", "tilt", *("lying" for _ in lying)))
@@ -151,7 +151,7 @@ def propped(draft: EpisodeDraft) -> None:
     """Planks and boxes lie aslant, one end on a thing and the other on the table; then something is moved or shoved."""
     draw = draft.draw
     pairs = [_propped_pair(draft) for _ in range(draw.count(1, 2))]
-    lying = [_lie(draft) for _ in range(draw.count(0, 1))]
+    lying = [lie(draft) for _ in range(draw.count(0, 1))]
     draft.bystanders()
     for support, leaner in draw.some_of(pairs, draw.count(1, len(pairs))):
         what = draw.one_of(("support", "leaner", "remove", "other"))
@@ -204,8 +204,8 @@ def _lean(draft: EpisodeDraft, support: str) -> str:
     return name
 
 
-def _lie(draft: EpisodeDraft) -> str:
-    """Let a can lie on its side."""
+def lie(draft: EpisodeDraft) -> str:
+    """Let a can lie on its side; returns its name."""
     body = can(draft.draw)
     x, y = draft.free_spot(body.radius + body.size[2] / 2)
     name = draft.add(body, (x, y, TOP + body.size[0] / 2 + CLEARANCE), lean=(round(math.pi / 2, 4), 0.0, 0.0))

@@ -1,0 +1,175 @@
+"""Makes sure, before the arm relies on where things are, that they are probably there: looks, or lifts a cover."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
+
+import numpy as np
+
+from dsr.believing.distribution import Alternative, Whereabouts
+from dsr.math3d.quaternions import Vector3, conjugate, rotate
+from dsr.memory import Memory
+from dsr.timeline import Chronicle
+from dsr.vocabulary.intentions import DONE
+from dsr.vocabulary.sentences import listed, percent
+from planner.arm import Arm, Script
+from planner.config import PlannerConfig
+from planner.errors import Failure, NoPlace, Outdated
+from planner.grounding import Skill, place_on_table
+from planner.looking import Search, carrier_of
+from planner.outlook import Look, Outlooks
+from planner.plan import PlanStep
+from planner.state import KnownSolid, WorldState, read_state
+
+LOOKED = "looked"
+"""Kind of the event of a look that comes before an action, or of a cover that is lifted, with the reason"""
+
+
+class Assurance:
+    """Looks before actions whose success is not probable enough.
+
+    Args:
+        memory: the graph, with the belief's distributions.
+        arm: carries the camera, and lifts covers.
+        looking: brings the camera somewhere.
+        config: how sure is sure enough.
+        now: gives the time, s.
+        log: says why there is a look, or none.
+    """
+
+    def __init__(
+        self, memory: Memory, arm: Arm, looking: Search, config: PlannerConfig, now: Callable[[], float],
+        log: logging.Logger,
+    ) -> None:  # fmt: skip
+        self._memory, self._arm, self._looking = memory, arm, looking
+        self._config, self._now, self._log = config, now, log
+        self._chronicle = Chronicle(memory)
+
+    def make_sure(self, step: PlanStep, following: PlanStep | None) -> Generator[None, None, bool]:
+        """Look until a pick, and the stacking that follows it, will probably succeed, or no look tells more.
+
+        Returns:
+            Whether there was a look.
+
+        Raises:
+            Outdated: if a cover was lifted, so that another plan may be wanted.
+            Failure: if a cover could not be lifted.
+        """
+        done: list[Look] = []
+        while step.name == "pick" and self._chance(step, following) < self._config.sure:
+            look = self._best_look(step, following, done)
+            if look is None:
+                break
+            done.append(look)
+            told = self._tell(look, step, following)
+            if look.view is None:
+                yield from self._lift(look.cover, told)
+                raise Outdated(told)
+            camera = self._looking.camera()
+            yield from self._looking.look_from(
+                look.view, camera, lambda: self._chance(step, following) < self._config.sure, told
+            )
+        return bool(done)
+
+    def _best_look(self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]) -> Look | None:
+        """The look that tells most; None if none is worth it, which is logged."""
+        camera = self._looking.camera()
+        problem = self._looking.problem
+        things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
+        outlooks = Outlooks(self._memory, read_state(self._memory, self._config), camera, self._config)
+        look = None if len(done) >= self._config.most_looks else outlooks.best(things, done)
+        if look is None:
+            sure = percent(self._chance(step, following))
+            self._log.info("going on, though %s will succeed with %s: %s", step, sure, problem or "no look tells more")
+        return look
+
+    def _tell(self, look: Look, step: PlanStep, following: PlanStep | None) -> str:
+        """Write into the timeline why there is a look; returns the text."""
+        chances = self._chances(step, following)
+        things = sorted(name for name, chance in chances.items() if chance < self._config.sure)
+        doubt = listed([f"{name} is where it is believed to be with {percent(chances[name])}" for name in things])
+        text = f"{look} before {step}: {doubt}; {look.information:.2f} nats are expected"
+        self._chronicle.happened(LOOKED, things, text=text, confidence=self._chance(step, following))
+        self._log.info("%s", text)
+        return text
+
+    def _chance(self, step: PlanStep, following: PlanStep | None) -> float:
+        return math.prod(self._chances(step, following).values())
+
+    def _chances(self, step: PlanStep, following: PlanStep | None) -> Mapping[str, float]:
+        """Probability of each thing that the arm relies on to be where it has to be for that."""
+        state, rooms = read_state(self._memory, self._config), {}
+        if step.thing in state.solids:
+            rooms[step.thing] = room_between_fingers(state.solids[step.thing].size, self._config)
+        stacks = following is not None and following.name == "stack" and following.thing == step.thing
+        if stacks and following is not None and following.support in state.solids:
+            x, y, z = state.solids[following.support].size
+            rooms[following.support] = (0.5 * x, 0.5 * y, 0.5 * z)
+        wheres = {name: self._memory.belief(name) for name in rooms if name in self._memory}
+        return {
+            name: chance_within(where, state.solids[name], rooms[name])
+            for name, where in wheres.items()
+            if where is not None
+        }
+
+    def _lift(self, cover: str, told: str) -> Script:
+        """Take a cover off and put it on the table. Raises `Failure` where that does not succeed."""
+        state = read_state(self._memory, self._config)
+        arm = self._lifting_arm(state)
+        try:
+            place = place_on_table(cover, state, self._config, arm=arm)
+        except NoPlace as error:
+            raise Failure(str(error)) from error
+        skills = [Skill("pick", cover, arm=arm), Skill("place", cover, state.table or "", place, arm)]
+        for skill in skills:
+            progress = yield from self._arm.run_apart(skill, told)
+            if progress.status != DONE:
+                raise Failure(f"{cover} cannot be lifted: {progress.explanation or progress.status}")
+
+    def _lifting_arm(self, state: WorldState) -> str:
+        """The arm that carries the camera, or the first one; empty for the only one."""
+        if not state.is_shared:
+            return ""
+        carrier = carrier_of(self._memory, self._looking.camera())
+        return carrier if carrier in state.arms else min(state.arms, default="")
+
+
+def room_between_fingers(size: Vector3, config: PlannerConfig) -> Vector3:
+    """M along its axes that a thing of this size (m) may be off and still be grasped.
+
+    The fingers close along its narrower side. There it is the free part of the opening; along the others the fingers
+    still meet the thing.
+    """
+    x, y, z = size
+    free = 0.5 * max(0.0, config.widest_grip - min(x, y))
+    return (free, 0.5 * y, 0.5 * z) if x <= y else (0.5 * x, free, 0.5 * z)
+
+
+def chance_within(where: Whereabouts, solid: KnownSolid, room: Vector3) -> float:
+    """Probability that a thing is off by less than `room` from where it is believed to be, and in nobody's hand.
+
+    Args:
+        where: its distribution.
+        solid: where it is believed to be.
+        room: m to both sides along each axis of the thing.
+    """
+    return sum(one.weight * _within(one, solid, room) for one in where.alternatives)
+
+
+def _within(one: Alternative, solid: KnownSolid, room: Vector3) -> float:
+    if one.pose is None or one.hand:
+        return 0.0
+    x, y, z = (mine - believed for mine, believed in zip(one.pose.t, solid.pose.t, strict=True))
+    off = rotate(conjugate(solid.pose.q), (x, y, z))
+    variances = np.zeros(len(off)) if one.pose.covariance is None else np.diag(one.pose.covariance)[: len(off)]
+    return math.prod(map(_normal_within, off, np.sqrt(np.maximum(variances, 0.0)).tolist(), room))
+
+
+def _normal_within(mean: float, deviation: float, room: float) -> float:
+    """Probability that a normal variable is within `room` of zero."""
+    if deviation <= 0.0:
+        return float(abs(mean) <= room)
+    scale = deviation * math.sqrt(2.0)
+    return 0.5 * (math.erf((room - mean) / scale) - math.erf((-room - mean) / scale))

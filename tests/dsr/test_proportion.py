@@ -1,0 +1,194 @@
+"""What a message costs follows its length, whatever it says: nobody can have one message stop all others."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import msgspec
+import pytest
+
+from dsr import Memory
+from dsr.crdt.context import CausalContext, DotRange, apart, without
+from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
+from dsr.errors import WireError
+from dsr.graph.graph import Graph
+from dsr.replication.piece_wire import decode_request
+from dsr.replication.sync import Synchroniser
+from dsr.replication.wire import decode_delta, encode_delta
+from dsr.security.gate import Gate
+from dsr.security.policy import Grant, checked
+from tests.dsr.conftest import Net
+
+LIAR = "liar-1"
+COUNT = 3000
+FACTOR = 40.0
+"""By how much a change may cost more than the addition of a node; what was squared cost it a thousand times."""
+
+
+def cost(action: Callable[[], object]) -> float:
+    """Processor time, s: others on this machine do not count."""
+    begin = time.process_time()
+    action()
+    return time.process_time() - begin
+
+
+def additions(count: int, name: Callable[[int], str] = "n{}".format, first: int = 1) -> Delta:
+    adds = [Add((LIAR, first + number), name(number), "cube") for number in range(count)]
+    return Delta(adds=adds, context=[(LIAR, first, first + count - 1)])
+
+
+@pytest.fixture
+def fair() -> float:
+    """Processor time of the addition of `COUNT` nodes, s."""
+    return cost(lambda: sent(Synchroniser(Graph("me-1"), joined=True), additions(COUNT)))
+
+
+def sent(synchroniser: Synchroniser, delta: Delta, sender: str = LIAR) -> None:
+    synchroniser.receive_delta(sender, encode_delta(delta), 0.0)
+    assert not synchroniser.dropped
+
+
+def test_one_node_made_many_times_in_one_message(fair: float) -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    many = additions(COUNT, lambda number: "n")
+    assert cost(lambda: sent(synchroniser, many)) < FACTOR * fair
+    assert len(synchroniser.graph.nodes["n"].created) == COUNT
+    gone = Delta(removed=[add.dot for add in many.adds], context=[(LIAR, COUNT + 1, COUNT + 1)])
+    assert cost(lambda: sent(synchroniser, gone)) < FACTOR * fair
+    assert not synchroniser.graph.nodes and not synchroniser.graph.store.entries
+
+
+def test_one_edge_made_many_times_in_one_message(fair: float) -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    sent(synchroniser, additions(1))
+    end = ((LIAR, 1),)
+    adds = [Add((LIAR, number + 2), ("n0", "n0", "on"), "on", end, end) for number in range(COUNT)]
+    many = Delta(adds=adds, context=[(LIAR, 2, COUNT + 1)])
+    assert cost(lambda: sent(synchroniser, many)) < FACTOR * fair
+    assert list(synchroniser.graph.edges) == [("n0", "n0", "on")]
+    gone = Delta(removed=[add.dot for add in adds], context=[(LIAR, COUNT + 2, COUNT + 2)])
+    assert cost(lambda: sent(synchroniser, gone)) < FACTOR * fair
+    assert not synchroniser.graph.edges and not synchroniser.graph.incident
+
+
+def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    sent(synchroniser, additions(1))
+    end = ((LIAR, 1),)
+    edges = [Add((LIAR, number + 2), ("n0", "n0", f"t{number}"), f"t{number}", end, end) for number in range(COUNT)]
+    sent(synchroniser, Delta(adds=edges, context=[(LIAR, 2, COUNT + 1)]))
+
+    def again() -> None:
+        for number in range(50):
+            sent(synchroniser, additions(1, first=COUNT + 2 + number))
+
+    assert cost(again) < FACTOR / 4 * fair
+    assert len(synchroniser.graph.edges) == COUNT
+
+
+def test_edges_whose_ends_never_come_cost_others_nothing(fair: float) -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    nowhere = (("nobody-1", 7),)
+    adds = [Add((LIAR, number + 1), ("a", f"b{number}", "on"), "on", nowhere, nowhere) for number in range(5 * COUNT)]
+    sent(synchroniser, Delta(adds=adds, context=[(LIAR, 1, 5 * COUNT)]))
+
+    def others() -> None:
+        for number in range(COUNT // 30):
+            add = Add(("other-1", number + 1), f"n{number}", "cube")
+            sent(synchroniser, Delta(adds=[add], context=[("other-1", number + 1, number + 1)]), "other-1")
+
+    assert cost(others) < FACTOR * fair / 10
+    sent(synchroniser, Delta(context=[("nobody-1", 1, 9)]), "nobody-1")  # nothing of nobody's is left
+    synchroniser.make_durable()
+    assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == COUNT // 30
+
+
+def test_a_digest_that_differs_finds_no_edge_that_should_be_gone() -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    nowhere = (("nobody-1", 7),)
+    adds = [Add((LIAR, number + 1), ("a", f"b{number}", "on"), "on", nowhere, nowhere) for number in range(300)]
+    sent(synchroniser, Delta(adds=adds, context=[(LIAR, 1, 300)]))
+    sent(synchroniser, Delta(context=[("nobody-1", 1, 9)]), "nobody-1")
+    assert synchroniser.graph._unattached, "nothing waits, so this shows nothing"
+    peer = Synchroniser(Graph("peer-1"), joined=True)
+    for delta, sender in ((Delta(context=[(LIAR, 1, 300)]), LIAR), (Delta(context=[("nobody-1", 1, 9)]), "nobody-1")):
+        sent(peer, delta, sender)
+    synchroniser.receive_digest("peer-1", peer.digest(0.0), 0.0, 0.0)
+    assert not list(synchroniser._known_ahead(1.0))
+    assert not synchroniser.graph.store.entries
+
+
+def test_ends_of_edges_are_few() -> None:
+    many = tuple(("nobody-1", number + 1) for number in range(2 * MAX_ENDS + 1))
+    for ends in ((many, many[:1]), (many[:1], many)):
+        with pytest.raises(WireError):
+            decode_delta(encode_delta(Delta(adds=[Add((LIAR, 1), ("a", "b", "on"), "on", *ends)])))
+
+
+def test_edges_at_a_node_made_too_often_are_bound_to_the_newest() -> None:
+    graph = Graph("me-1")
+    graph.join(additions(2 * MAX_ENDS + 10, lambda number: "n"), 0.0)
+    made = graph.add_edge("n", "n", "on", {}, 0.0)
+    assert made.adds[0].sources == tuple((LIAR, MAX_ENDS + 11 + number) for number in range(MAX_ENDS))
+    assert decode_delta(encode_delta(made)).adds == made.adds
+
+
+def test_writes_to_nothing_between_gaps_cost_the_gate_nothing(fair: float) -> None:
+    gate = Gate(checked({"liar": Grant(("cube",), (), ("seen",))}))
+    synchroniser = Synchroniser(Graph("me-1"), gate)
+    count = 3 * COUNT
+    writes = [Write((LIAR, 10**6 + number), "seen", 1, LIAR, (LIAR, 2 * number + 1), 0) for number in range(count)]
+    delta = Delta(writes=writes, context=[(LIAR, 2 * number + 1, 2 * number + 1) for number in range(2 * count)])
+    assert cost(lambda: sent(synchroniser, delta)) < FACTOR * fair
+
+
+def test_ranges_in_any_order_are_read_as_fast() -> None:
+    ranges = [(LIAR, 2 * number + 1, 2 * number + 1) for number in range(20 * COUNT)]
+    ordered, turned = (msgspec.msgpack.encode((1, "a", each, ("", 0, ""), False)) for each in (ranges, ranges[::-1]))
+    best = min(cost(lambda: decode_request(ordered)) for _ in range(3))
+    assert min(cost(lambda: decode_request(turned)) for _ in range(3)) < 3 * best
+    assert decode_request(turned).seen == CausalContext(ranges)
+
+
+def test_what_was_seen_is_told_once() -> None:
+    delta = Delta(context=[(LIAR, 1, 10**9)] * 3 + [("other-1", 4, 5), (LIAR, 7, 8)])
+    assert sorted(decode_delta(encode_delta(delta)).context) == [(LIAR, 1, 10**9), ("other-1", 4, 5)]
+
+
+def test_ranges_that_are_apart_stay() -> None:
+    ranges: list[DotRange] = [("b-1", 1, 3), ("a-1", 1, 1), ("b-1", 5, 9), ("a-1", 3, 3)]
+    assert apart(ranges) is ranges
+    assert apart([("a-1", 3, 4), ("a-1", 1, 2)]) == [("a-1", 1, 4)]
+
+
+def test_dots_are_taken_out_of_ranges() -> None:
+    ranges: list[DotRange] = [("a-1", 1, 5), ("b-1", 2, 2), ("a-1", 8, 9)]
+    dots = [("a-1", 9), ("a-1", 1), ("a-1", 3), ("b-1", 2), ("c-1", 1), ("a-1", 3)]
+    assert list(without(ranges, dots)) == [("a-1", 2, 2), ("a-1", 4, 5), ("a-1", 8, 8)]
+
+
+def test_an_overlay_looks_at_each_dot_once(net: Net, fair: float) -> None:
+    memory: Memory = net.join("me")
+    overlay = memory.fork("dream", follow=True)
+    base, layer = memory.replica.synchroniser, overlay.replica.synchroniser
+    count = 900
+    sent(base, additions(count))
+    known = memory.add_node("known", "cube").created
+    hiding = Delta(removed=list(known) * 40 * count, context=[(LIAR, 1, count)])
+    assert cost(lambda: sent(layer, hiding)) < FACTOR * fair
+    assert not overlay.nodes("cube") and len(memory.nodes("cube")) == count + 1
+    wide = Delta(context=[(LIAR, 10**6 * number, 10**6 * number + 998) for number in range(1, 900)])
+    assert cost(lambda: sent(layer, wide)) < FACTOR * fair / 10
+
+
+def test_types_that_are_gone_leave_no_trace(net: Net) -> None:
+    memory: Memory = net.join("me")
+    synchroniser = memory.replica.synchroniser
+    adds = [Add((LIAR, number + 1), f"n{number}", f"type {number}") for number in range(100)]
+    sent(synchroniser, Delta(adds=adds, context=[(LIAR, 1, 100)]))
+    other = [Add((LIAR, number + 101), f"n{number}", f"other {number}") for number in range(100)]
+    sent(synchroniser, Delta(adds=other, context=[(LIAR, 101, 200)]))
+    removed = [add.dot for add in adds + other]
+    sent(synchroniser, Delta(removed=removed, context=[(LIAR, 201, 201)]))
+    assert not synchroniser.graph.nodes_by_type

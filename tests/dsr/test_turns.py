@@ -1,0 +1,127 @@
+"""Answers that never end: others have their turn, and what was asked for so far is not asked for again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import Add, Write
+from dsr.crdt.pieces import START, Piece
+from dsr.graph.graph import Graph
+from dsr.replication import fetching
+from dsr.replication.outputs import Ask
+from dsr.replication.piece_wire import Request, decode_request, encode_piece
+from dsr.replication.sync import TURN, Synchroniser
+from dsr.replication.wire import Digest, encode_digest
+
+STEP = 0.25
+"""s between two looks"""
+
+
+class Room:
+    """A replica, an honest peer that holds nodes, and a liar; time is moved by hand."""
+
+    def __init__(self, nodes: int, lie: Callable[[Request], Piece], *, joined: bool = True) -> None:
+        self.mine = Synchroniser(Graph("me-1"), joined=joined)
+        self.honest = Synchroniser(Graph("honest-1"), joined=True)
+        for number in range(nodes):
+            self.honest.graph.add_node(f"n{number}", "cube", {}, 0.0)
+        self.lie = lie
+        self.asked: list[str] = []
+        self.now = 0.0
+        self.mine.peer_appeared("liar-1", 0.0)
+        self.mine.peer_appeared("honest-1", 0.0)
+
+    def live(self, seconds: float, *, honest: bool = True) -> None:
+        """Let time pass; whether the honest peer tells what it has."""
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            seen = CausalContext([("nobody-1", 1, 5)])
+            liar = encode_digest(Digest("liar-1", self.now, seen.summary(), 0, ()))
+            self.mine.receive_digest("liar-1", liar, self.now - STEP, self.now)
+            if honest:
+                digest = self.honest.digest(self.now)
+                self.mine.receive_digest("honest-1", digest, self.now - STEP, self.now)
+            for ask in [each for each in self.mine.tick(self.now, self.now) if isinstance(each, Ask)]:
+                self._answer(ask)
+
+    def _answer(self, ask: Ask) -> None:
+        self.asked.append(ask.peer)
+        lie = self.lie(decode_request(ask.payload)) if ask.peer == "liar-1" else None
+        piece = lie or self.honest.answer("me-1", ask.payload)
+        assert piece is not None
+        self.mine.receive_reply(ask.peer, ask.number, encode_piece(piece), self.now)
+        self.mine.request_done(ask.number)
+
+
+def endless(request: Request) -> Piece:
+    begin = request.begin
+    kept = [("nobody-1", begin[1] + number + 1) for number in range(1000)]
+    whole = [("nobody-1", 1, 9)] if begin == START else None
+    return Piece(begin, ("nobody-1", begin[1] + 1000, ""), kept=kept, whole=whole)
+
+
+def test_an_endless_answer_keeps_nobody_from_others() -> None:
+    room = Room(10, endless)
+    room.live(1.0, honest=False)
+    assert room.asked and set(room.asked) == {"liar-1"}
+    room.live(3 * TURN)
+    assert len(room.mine.graph.nodes) == 10
+    assert not room.mine.dropped
+
+
+def test_an_endless_answer_keeps_no_newcomer_out() -> None:
+    room = Room(10, endless, joined=False)
+    room.live(3 * TURN)
+    assert room.mine.joined and len(room.mine.graph.nodes) == 10
+
+
+def test_what_does_not_live_here_is_not_kept_in_mind() -> None:
+    room = Room(10, endless)
+    room.live(2.0, honest=False)
+    assert room.mine._fetch is not None and not room.mine._fetch._live
+
+
+def test_an_answer_goes_on_where_it_was_when_others_had_their_turn() -> None:
+    begun: list[int] = []
+
+    def slow(request: Request) -> Piece:
+        begin = request.begin
+        begun.append(begin[1])
+        end = None if begin[1] > 40 else ("nobody-1", begin[1] + 1, "")
+        whole = [("nobody-1", 1, 9)] if begin == START else None
+        return Piece(begin, end, whole=whole)
+
+    room = Room(10, slow)
+    room.live(1.0, honest=False)
+    room.live(4 * TURN)
+    assert set(room.asked) == {"liar-1", "honest-1"}
+    assert begun[:42] == list(range(42)), "it began again"
+    assert room.mine.graph.store.context.vector["nobody-1"] == 9
+
+
+def test_an_answer_without_end_of_what_cannot_be_joined_is_not_listened_to() -> None:
+    def writes(request: Request) -> Piece:
+        begin = request.begin
+        made = [("nobody-1", begin[1] + number + 1) for number in range(1000)]
+        sent = [Write(("nothing-1", dot[1]), "seen", 1, "nobody-1", dot, 1) for dot in made]
+        whole = [("nobody-1", 1, 10**6)] if begin == START else None
+        return Piece(begin, ("nobody-1", begin[1] + 1000, ""), writes=sent, whole=whole)
+
+    bound, fetching.MAX_UNJOINED = fetching.MAX_UNJOINED, 5000
+    try:
+        room = Room(10, writes)
+        room.live(2.5, honest=False)
+    finally:
+        fetching.MAX_UNJOINED = bound
+    assert room.mine.dropped == {"liar-1": 1}
+    assert room.mine._fetch is None or not room.mine._fetch.is_useless
+
+
+def test_additions_that_are_refused_count_too() -> None:
+    fetch = fetching.Fetch("peer-1", CausalContext(), insists=True)
+    graph = Graph("me-1")
+    adds = [Add(("a-1", number + 1), f"n{number}", "cube") for number in range(10)]
+    graph.join(Piece(START, adds=adds[:4]).as_delta(), 0.0)
+    fetch.note_joined(Piece(START, adds=adds, whole=[]), graph.store)
+    assert fetch._refused == 6 and not fetch.is_useless

@@ -1,0 +1,130 @@
+"""An action that will probably fail is preceded by a look, which the timeline explains; a sure one is not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from dsr import Pose
+from dsr.believing.distribution import Alternative, Whereabouts
+from dsr.timeline import query
+from planner.assurance import LOOKED, chance_within, room_between_fingers
+from planner.config import PlannerConfig
+from planner.state import KnownSolid
+from tests.planner.table import COVERED, SIDE, SIGHT, Run, add_camera, believe, supports
+
+CONFIG = PlannerConfig()
+HERE, THERE = (0.42, 0.08), (0.30, 0.30)
+ROOM = (0.02, 0.02, 0.02)
+
+
+def at(weight: float, place: tuple[float, float], deviation: float = 0.0, **more: object) -> Alternative:
+    pose = Pose((*place, SIDE / 2)).with_covariance(np.eye(6) * deviation**2)
+    return Alternative(weight=weight, pose=pose, **more)  # type: ignore[arg-type]
+
+
+def looks_before(run: Run) -> list[str]:
+    return [entry.text for entry in query(run.memory, kind=LOOKED)]
+
+
+def chance(*alternatives: Alternative) -> float:
+    solid = KnownSolid((SIDE, SIDE, SIDE), Pose((*HERE, SIDE / 2)))
+    return chance_within(Whereabouts("cube_3", alternatives), solid, ROOM)
+
+
+def test_a_grasp_is_as_probable_as_the_thing_is_between_the_fingers() -> None:
+    assert chance(at(1.0, HERE)) == 1.0 and chance(at(0.7, HERE), at(0.3, THERE)) == pytest.approx(0.7)
+    assert chance(at(0.6, HERE), Alternative(weight=0.4, pose=None)) == pytest.approx(0.6)
+    assert chance(at(0.6, HERE), at(0.4, HERE, hand="hand_0")) == pytest.approx(0.6), "not out of somebody's hand"
+    one_sigma = math.erf(1.0 / math.sqrt(2.0))
+    assert chance(at(1.0, HERE, 0.02)) == pytest.approx(one_sigma**3), "a deviation as wide as the room, on each axis"
+    beside = (HERE[0] + 0.015, HERE[1])
+    assert chance(at(0.5, HERE), at(0.5, beside)) == 1.0 and chance(at(0.5, HERE), at(0.5, THERE)) == 0.5
+
+
+def test_the_fingers_close_along_the_narrow_side() -> None:
+    assert room_between_fingers((0.04, 0.04, 0.06), CONFIG) == pytest.approx((0.02, 0.02, 0.03))
+    assert room_between_fingers((0.10, 0.02, 0.04), CONFIG) == pytest.approx((0.05, 0.03, 0.02))
+    assert room_between_fingers((0.09, 0.10, 0.04), CONFIG)[0] == 0.0
+
+
+def test_a_doubtful_thing_is_looked_at_before_it_is_picked_and_the_timeline_says_why() -> None:
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        believe(run.memory, "cube_3", at(0.6, HERE), at(0.4, THERE))
+        run.arm.hidden["cube_3"] = THERE
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert supports(run.memory)["cube_3"] == "cube_4"
+        [why] = looks_before(run)
+        assert why == (
+            "look from above x 0.42 m, y 0.08 m before pick cube_3: cube_3 is where it is believed to be with 60 %; "
+            "0.67 nats are expected"
+        )
+        [look] = run.arm.looks
+        assert math.dist(look.t[:2], HERE) <= SIGHT
+        assert run.arm.done.index("look camera_wrist done") < run.arm.done.index("pick cube_3 done")
+        assert run.memory.transform("world", "cube_3", types=("Virtual_RT",)).t[:2] == pytest.approx((0.30, 0.08))
+
+
+def test_what_it_will_be_put_on_is_made_sure_before_anything_is_taken_up() -> None:
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        believe(run.memory, "cube_4", at(0.6, (0.30, 0.08)), at(0.4, THERE))
+        run.arm.hidden["cube_4"] = (0.30, 0.08)
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        [why] = looks_before(run)
+        assert "before pick cube_3: cube_4 is where it is believed to be with 60 %" in why
+        assert run.arm.done.index("look camera_wrist done") < run.arm.done.index("pick cube_3 done")
+
+
+def test_what_is_sure_enough_is_not_looked_at() -> None:
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        believe(run.memory, "cube_3", at(0.85, HERE), at(0.15, THERE))
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert looks_before(run) == [] and run.arm.looks == []
+
+
+def test_a_cover_is_lifted_from_what_is_probably_under_it() -> None:
+    with Run() as run:
+        run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+        run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*COVERED, 0.04)))
+        run.memory.add_edge("cup", "table", "on", source="contact")
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        for edge in run.memory.edges("Virtual_RT", dst="cube_4"):
+            run.memory.remove_edge(*edge.key)
+        gone = Alternative(weight=0.4, pose=None)
+        believe(run.memory, "cube_4", at(0.6, COVERED, containers=("cup",)), gone)
+        run.arm.covered["cube_4"] = "cup"
+        run.want("on(cube_4,cube_5)")
+        run.until("reached")
+        assert supports(run.memory)["cube_4"] == "cube_5" and supports(run.memory)["cup"] == "table"
+        assert looks_before(run)[0].startswith("lift cup before pick cube_4: cube_4 is where")
+        assert run.arm.done.index("place cup table done") < run.arm.done.index("pick cube_4 done")
+
+
+def test_where_no_look_tells_more_it_goes_on_and_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    with Run() as run:
+        believe(run.memory, "cube_3", at(0.6, HERE), at(0.4, THERE))
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert looks_before(run) == []
+        assert "pick cube_3 will succeed with 60 %: the arm carries no camera that sends images" in caplog.text
+
+
+def test_a_look_that_changes_the_relations_makes_another_plan() -> None:
+    """The cube turns out to be on another one: the plan that was made for the table is not gone on with."""
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        believe(run.memory, "cube_3", at(0.6, HERE), at(0.4, (0.42, -0.08)))
+        run.arm.on_look = lambda: run.memory.add_edge("cube_6", "cube_4", "on", source="contact")
+        run.want("on(cube_3,cube_4)")
+        run.until(lambda: "look camera_wrist done" in run.arm.done)
+        run.until(lambda: run.replans == 1)
+        assert "pick cube_3 done" not in run.arm.done

@@ -1,0 +1,88 @@
+"""Which look tells most: by mutual information, with what hides things, and with covers that can be lifted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from dsr import Pose
+from dsr.believing.distribution import Alternative
+from planner.config import PlannerConfig
+from planner.outlook import Look, Outlooks, expected_information
+from planner.state import read_state
+from tests.planner.table import Run, add_camera, add_cube, believe
+
+CONFIG = PlannerConfig()
+HERE, THERE = (0.42, 0.08), (0.30, 0.30)
+
+
+def at(weight: float, x: float, y: float, z: float = 0.02, **more: object) -> Alternative:
+    return Alternative(weight=weight, pose=Pose((x, y, z)), **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def run() -> Iterator[Run]:
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        yield run
+
+
+def best(run: Run, *done: Look, camera: str = "camera_wrist") -> Look | None:
+    return Outlooks(run.memory, read_state(run.memory, CONFIG), camera, CONFIG).best(["cube_3"], done)
+
+
+def test_information_is_that_of_what_is_seen() -> None:
+    weights = np.array([0.5, 0.3, 0.2])
+    whole = -(weights * np.log(weights)).sum()
+    seen = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.5, 0.5]])
+    told = expected_information(weights, seen)
+    assert told[0] == told[1] == pytest.approx(whole) and told[3] == pytest.approx(0.0)
+    assert told[2] == pytest.approx(math.log(2.0)), "a fair question"
+    assert told[4] == pytest.approx(0.5 * whole), "half of the looks show nothing, and tell nothing"
+    assert expected_information(np.array([1.0]), np.array([[1.0]]))[0] == 0.0
+
+
+def test_the_camera_goes_above_where_a_look_tells_most(run: Run) -> None:
+    believe(run.memory, "cube_3", at(0.4, *HERE), at(0.35, *THERE), at(0.25, 0.3, -0.3))
+    look = best(run)
+    assert look is not None and look.view is not None
+    assert look.view.t[:2] == pytest.approx(HERE) and look.view.t[2] == pytest.approx(CONFIG.look_height)
+    assert look.information == pytest.approx(0.673, abs=0.001), "the entropy of 0.4 and 0.6"
+    second = best(run, look)
+    assert second is not None and second.view is not None and second.view.t[:2] == pytest.approx(THERE)
+
+
+def test_what_hides_a_place_makes_a_look_there_useless(run: Run) -> None:
+    believe(run.memory, "cube_3", at(0.6, *HERE), at(0.4, *THERE))
+    run.memory.add_node("lid", "box", size=(0.2, 0.2, 0.01))
+    run.memory.add_edge("world", "lid", "Virtual_RT", pose=Pose((*HERE, 0.1)))
+    look = best(run)
+    assert look is not None and look.view is not None and look.view.t[:2] == pytest.approx(THERE)
+    run.memory.add_node("lid_2", "box", size=(0.2, 0.2, 0.01))
+    run.memory.add_edge("world", "lid_2", "Virtual_RT", pose=Pose((*THERE, 0.1)))
+    assert best(run) is None
+
+
+def test_there_is_no_look_for_what_is_sure_out_of_reach_or_without_a_camera(run: Run) -> None:
+    assert best(run) is None
+    believe(run.memory, "cube_3", at(0.6, 2.0, 0.0), at(0.4, 0.0, 2.0))
+    assert best(run) is None
+    believe(run.memory, "cube_3", at(0.6, *HERE), at(0.4, *THERE))
+    assert best(run, camera="") is None
+
+
+def test_a_cover_is_lifted_if_only_that_shows_the_thing(run: Run) -> None:
+    run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+    run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*THERE, 0.04)))
+    run.memory.add_edge("cup", "table", "on", source="contact")
+    gone = Alternative(weight=0.4, pose=None)
+    believe(run.memory, "cube_3", at(0.6, *THERE, containers=("cup",)), gone)
+    look = best(run)
+    assert look is not None and look.cover == "cup" and look.view is None
+    assert look.information == pytest.approx(0.673, abs=0.001)
+    assert best(run, look) is None, "once is enough"
+    add_cube(run.memory, "cube_9", *THERE, 0.1, support="cup")
+    assert best(run) is None, "what carries something is not lifted"
