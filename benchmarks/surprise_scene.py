@@ -89,7 +89,7 @@ class SurpriseScene:
         self.memory.add_node(CAMERA, "camera")
         self.memory.add_edge("world", CAMERA, "RT", pose=OVERHEAD)
         for name in self.truths:
-            self.memory.add_node(name, "cube", size=(_EDGE,) * 3)
+            self.memory.add_node(name, "cube", size=(_EDGE,) * 3, marker_id=len(self.memory.nodes("cube")))
             self.memory.add_edge(CAMERA, name, "sees", detectable=1.0, covered_by="")
 
     def start_detector(self) -> None:

@@ -10,7 +10,7 @@ from dsr.believing.worlds import MOST_WORLDS
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 from dsr.perception.noise import PerceptNoise
 from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
-from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE, SURE_SIGMAS
+from simulation_handler.scales import CONTACT_DELAY, PLACE_FLOOR, SAME_PLACE, SURE_SIGMAS
 
 
 class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
@@ -70,8 +70,6 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """rad of rotation from the belief, from which an object needs an explanation."""
     unflagged_after: float = 0.5
     """s after which something surprising is explained even though nobody has flagged it."""
-    missing_after: float = 0.8
-    """s for which something must not be seen that should be, before that needs an explanation."""
     follow_for: float = 1.0
     """s after an explanation in which the same object may go on moving without a new flag."""
     look_again_after: float = 0.5
@@ -94,7 +92,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     worlds: int = MOST_WORLDS
     """Alternatives of the belief, at most, that are worlds of the memory: `belief_1`, `belief_2`, ... 0 for none."""
 
-    relation_delay: float = 0.2
+    relation_delay: float = CONTACT_DELAY
     """s that a contact must last (or be gone) before the relation `on` begins (or ends)."""
     floor_below_table: float = 0.72
     """m from the lowest table top (or from z = 0 without a table) down to the floor."""

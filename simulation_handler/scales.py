@@ -30,6 +30,8 @@ ONE_MOMENT = 0.15
 """s between percepts of one moment: less than two images"""
 PRESENT = 0.25
 """s, age up to which a percept shows the present: one image may be missed"""
+CONTACT_DELAY = 0.2
+"""s that a contact must last to tell a relation, and be gone to end it"""
 LONGEST_GAP = 0.45
 """s between two percepts of a way without a break"""
 TICK_SLACK = 0.001

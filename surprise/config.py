@@ -6,7 +6,7 @@ from typing import Annotated
 
 import msgspec
 
-from dsr.perception.noise import PerceptNoise
+from dsr.perception.noise import NOTHING_SEEN, PerceptNoise
 from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -26,8 +26,8 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     unseen_rotation_noise: NotNegative = 0.1
     """rad, of a belief without covariance: of an object that was never seen where it is believed to be"""
 
-    nothing_seen: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.05
-    """1, share of its tag up to which an object cannot be seen: so far off is what is worked out from shapes"""
+    nothing_seen: Annotated[float, msgspec.Meta(ge=0, lt=1)] = NOTHING_SEEN
+    """1, share of its tag or image up to which an object cannot be seen"""
     pause: Positive = 0.2
     """s, mean of the times for which a camera shows nothing and nothing is wrong"""
     camera_speed: Positive = 0.5 * CAMERA_SPEED

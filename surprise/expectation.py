@@ -7,20 +7,19 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-from dsr.believing.absence import learned_absence
+from dsr.believing.absence import learned_recognition, most_missed
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept
-from dsr.vocabulary.nats import FALSE_FRAME, MISSED_FRAME, MOST_MISSED, SEEN_THOUGH_HIDDEN, SURPRISING
+from dsr.vocabulary.nats import AGAIN, SEEN_THOUGH_HIDDEN, SURPRISING
 from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import KEPT
 from surprise.misfit import DECIDE
 
-_NEW_SHARE = 0.5  # 1, share of a frame that tells anything new: what is wrong in one is so in the next, 0.1 s later
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
 
 
@@ -29,7 +28,7 @@ class _Outlook:
     """What one camera should see of one object."""
 
     tells: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=KEPT))
-    """s, and how much (0 to 1) it tells then that the object is missing: by the learned rate of its recognition"""
+    """s, and the probability with which the object should be recognised then"""
     anew: float = -math.inf
     """s, since when what holds has held"""
     since: float | None = None
@@ -42,11 +41,12 @@ class _Outlook:
     stamps: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
     """s, of its percepts"""
 
-    def expect(self, edge: Edge | None, now: float, config: SurpriseConfig, *, hidden: bool) -> None:
+    def expect(self, edge: Edge | None, now: float, config: SurpriseConfig, *, tagged: bool, hidden: bool) -> None:
         """Take note of what should be seen at `now`; `hidden` says that what hides it surely does."""
         share = None if edge is None else edge.get("detectable")
-        most = MOST_MISSED * (0.0 if share is None else share ** learned_absence().power)
-        self.tells.append((now, most / MOST_MISSED))
+        probability = 0.0 if share is None else learned_recognition().probability(share, tagged=tagged)
+        self.tells.append((now, probability))
+        most = most_missed(probability)
         is_due = most >= SURPRISING
         self.since = (now if self.since is None else self.since) if is_due else None
         hidden = hidden and share is not None and share <= config.nothing_seen
@@ -58,8 +58,8 @@ class _Outlook:
         """A frame of time `stamp` (s) shows other things only."""
         if stamp > self.anew:
             before = max((time for time, _ in self.tells if time < stamp), default=-math.inf)
-            tells = min(share for time, share in self.tells if time >= before)
-            self.missed = max(self.missed, min(self.missed + _NEW_SHARE * MISSED_FRAME * tells, MOST_MISSED * tells))
+            tells = min(probability for time, probability in self.tells if time >= before)
+            self.missed = max(self.missed, min(self.missed + AGAIN * tells, most_missed(tells)))
 
     def start_anew(self, now: float) -> None:
         """Whatever holds has only held since `now`."""
@@ -107,7 +107,8 @@ class Expectations:
         Those of the objects in `changed` begin anew, because their belief changed.
         """
         edges = {(edge.src, edge.dst): edge for edge in self._memory.edges("sees")}
-        names = {node.name for node in self._memory.nodes(THINGS)}
+        tagged = {node.name: "marker_id" in node for node in self._memory.nodes(THINGS)}
+        names = tagged.keys()
         self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in self._memory.nodes("camera")}
         self._last_percept = {name: stamp for name, stamp in self._last_percept.items() if name in names}
         new = self._new_frames(percepts)
@@ -117,7 +118,8 @@ class Expectations:
             camera.outlooks = {key: outlook for key, outlook in camera.outlooks.items() if key in names}
             for key in names:
                 edge = edges.get((name, key))
-                camera.outlook(key).expect(edge, now, self._config, hidden=self._is_hidden_by_an_object(edge))
+                hidden = self._is_hidden_by_an_object(edge)
+                camera.outlook(key).expect(edge, now, self._config, tagged=tagged[key], hidden=hidden)
             if elapsed is None or not 0.0 < elapsed < self._config.fresh or self._moved(name, elapsed):
                 camera.start_anew(now)
             for key in changed:
@@ -140,7 +142,7 @@ class Expectations:
             outlook = camera.outlook(name)
             if outlook.hidden_since is not None:
                 start = outlook.hidden_since + _LATENCY
-                cost = _NEW_SHARE * FALSE_FRAME * sum(stamp >= start for stamp in outlook.stamps)
+                cost = AGAIN * sum(stamp >= start for stamp in outlook.stamps)
                 found.append((min(cost, SEEN_THOUGH_HIDDEN), camera_name, outlook.covered_by))
         return max(found)
 

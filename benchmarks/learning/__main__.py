@@ -1,10 +1,12 @@
 """Learns the parameters of the weighted worlds and writes them to `etc/belief/worlds.toml`.
 
     python -m benchmarks.learning record --folder runs/learning --families hands pouring --seeds 100-104
+    python -m benchmarks.learning recognise --families screens --seeds 100-149
     python -m benchmarks.learning fit --folder runs/learning
     python -m benchmarks.learning judge --folder runs/judging
 
-`record` plays episodes in lockstep and keeps evidence and truth. `fit` maximises the likelihood of the truth, without
+`record` plays episodes in lockstep and keeps evidence and truth. `recognise` plays them by the plant alone, and learns
+how much cameras must see of a thing. `fit` maximises the likelihood of the truth, without
 episodes for judging. `judge` compares weighted worlds with the one simulated world, of all episodes of a folder.
 docs/explanation/worlds.md tells what the parameters mean.
 """
@@ -21,7 +23,7 @@ from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED
 from agents.scenario.options import parse_seeds
 from benchmarks.learning.holding import HOLDING
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import learn_parameters, learn_some, load_episodes
+from benchmarks.learning.learn import learn_parameters, learn_some, learn_to_recognise, load_episodes
 from benchmarks.learning.recorded import record_episode
 from dsr.believing.absence import LEARNED
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES
@@ -40,6 +42,10 @@ def main() -> None:
         record(options.folder, options.families, parse_seeds(options.seeds))
     elif options.command == "judge":
         Console(width=_WIDTH).print(table_of(judge_episodes(load_episodes(options.folder), learned_parameters())))
+    elif options.command == "recognise":
+        seeds = _for_tuning(parse_seeds(options.seeds))
+        text = learn_to_recognise(options.families, seeds, LEARNED, Console(stderr=True).print)
+        options.output.write_text(text, encoding="utf-8")
     else:
         tell = Console(stderr=True).print
         text = (
@@ -52,13 +58,18 @@ def main() -> None:
 
 def record(folder: Path, families: list[str], seeds: list[int]) -> None:
     """Record the episodes that are not in the folder yet. Nobody looks at seeds for judging alone."""
-    if refused := [seed for seed in seeds if seed >= FIRST_JUDGING_SEED]:
-        raise SystemExit(f"seeds {refused}: for judging alone; expected less than {FIRST_JUDGING_SEED}")
+    seeds = _for_tuning(seeds)
     folder.mkdir(parents=True, exist_ok=True)
     jobs = [(family, seed, folder / f"{family}-{seed}.pickle") for seed in seeds for family in families]
     todo = [job for job in jobs if not job[2].exists()]
     for family, seed, file in track(todo, "recording", console=Console(stderr=True)):
         record_episode(family, seed, "poses", file)
+
+
+def _for_tuning(seeds: list[int]) -> list[int]:
+    if refused := [seed for seed in seeds if seed >= FIRST_JUDGING_SEED]:
+        raise SystemExit(f"seeds {refused}: for judging alone; expected less than {FIRST_JUDGING_SEED}")
+    return seeds
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -67,8 +78,12 @@ def _parser() -> argparse.ArgumentParser:
     recording = commands.add_parser("record", help="play episodes and keep evidence and truth")
     recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
+    recognising = commands.add_parser("recognise", help="learn how much cameras must see of a thing to recognise it")
+    recognising.add_argument("--families", nargs="+", choices=TUNING, default=TUNING, help="default: all for tuning")
+    recognising.add_argument("--seeds", default="100-149", help="of the episodes, below 1000 (default: 100-149)")
     fitting = commands.add_parser("fit", help="learn by what was recorded")
-    fitting.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
+    for command in (recognising, fitting):
+        command.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     fitting.add_argument(
         "--only", nargs="+", choices=(HOLDING, *CIRCUMSTANCES), metavar="WHAT",
         help=f"learn {HOLDING}, or the noise of circumstances, alone, and keep all other values of the package",

@@ -6,6 +6,7 @@ import pickle
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,12 +16,20 @@ from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
+from benchmarks.learning.recognition import CURVES, learn_recognition, looks_at
+from dsr.believing.absence import LEARNED
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, IN_VIEW
 from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
 _RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
+
+RECOGNITION = "recognition"
+GROUPS = ("rates", "absence", RECOGNITION, "elsewhere", "within")
+"""Of values other than noise and holding"""
+BEGUN = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, CURVES, ELSEWHERE, WITHIN)
+"""Before anything is learned"""
 
 Deviations = Mapping[str, Mapping[str, float]]
 Sources = Mapping[str, Sequence[str]]
@@ -31,12 +40,13 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     """Learn by the recorded episodes of a folder; the TOML file. Those for judging are left out."""
     episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
     tell(f"{len(episodes)} episodes")
-    begun = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, ELSEWHERE, WITHIN)
+    known, told = learned_parameters(), tomllib.loads(LEARNED.read_text(encoding="utf-8"))
+    begun = msgspec.structs.replace(BEGUN, recognition=known.recognition)
     noise, deviations = _learn_noise(episodes, begun, CIRCUMSTANCES, tell)
     holding, unsure = _learn_holding(episodes, begun, tell)
-    known = msgspec.structs.replace(begun, noise=noise, holding=holding)
-    parameters, errors = learn_rates(episodes, known, tell)
-    return toml_of(parameters, deviations, {**errors, **unsure}, {"episodes": [episode.name for episode in episodes]})
+    parameters, errors = learn_rates(episodes, msgspec.structs.replace(begun, noise=noise, holding=holding), tell)
+    sources = {RECOGNITION: told["source"][RECOGNITION], "episodes": [episode.name for episode in episodes]}
+    return toml_of(parameters, deviations, {**errors, **unsure, **_errors_of(told, RECOGNITION)}, sources)
 
 
 def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[str], None]) -> str:
@@ -54,9 +64,7 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
     episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
     tell(f"{len(episodes)} episodes")
     parameters, told = learned_parameters(file), tomllib.loads(file.read_text(encoding="utf-8"))
-    errors = {
-        (group, name): error for group, of in told["errors"].items() if group != "noise" for name, error in of.items()
-    }
+    errors = _errors_of(told, HOLDING, *GROUPS)
     deviations = dict(told["errors"]["noise"])
     if circumstances := [name for name in only if name != HOLDING]:
         noise, found = _learn_noise(episodes, parameters, circumstances, tell)
@@ -68,6 +76,29 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
         errors |= unsure
     anew = {name: [episode.name for episode in episodes] for name in only}
     return toml_of(parameters, deviations, errors, {**told["source"], **anew})
+
+
+def learn_to_recognise(families: Sequence[str], seeds: Sequence[int], file: Path, tell: Callable[[str], None]) -> str:
+    """Learn how likely cameras recognise what they see a part of, and keep all other values of `file`; the TOML file.
+
+    Raises:
+        ConfigError: for a file whose values do not fit.
+    """
+    known, told = learned_parameters(file), tomllib.loads(file.read_text(encoding="utf-8"))
+    looks, names = [], []
+    for family, seed in ((family, seed) for family in families for seed in seeds if is_for_tuning(family, seed)):
+        looks += looks_at(family, seed)
+        names.append(f"{family}-{seed}")
+        tell(f"{names[-1]}: {len(looks)} looks")
+    recognition, errors = learn_recognition(looks)
+    parameters = msgspec.structs.replace(known, recognition=recognition)
+    kept = _errors_of(told, HOLDING, *(group for group in GROUPS if group != RECOGNITION))
+    return toml_of(parameters, told["errors"]["noise"], kept | errors, {**told["source"], RECOGNITION: names})
+
+
+def _errors_of(told: Mapping[str, Any], *groups: str) -> Vector:
+    """Standard errors of all values of some groups that a file tells."""
+    return {(group, name): error for group in groups for name, error in told["errors"].get(group, {}).items()}
 
 
 def load_episodes(folder: Path) -> Iterator[Episode]:
@@ -140,12 +171,12 @@ def toml_of(parameters: WorldParameters, deviations: Deviations, errors: Vector,
     for circumstance, noise in parameters.noise.items():
         lines += _table(f'parameters.noise."{circumstance}"', msgspec.structs.asdict(noise))
     lines += _table(f"parameters.{HOLDING}", parameters.holding)
-    for group in ("rates", "absence", "elsewhere", "within"):
+    for group in GROUPS:
         lines += _table(f"parameters.{group}", msgspec.structs.asdict(getattr(parameters, group)))
     lines += ["# Standard errors of the logarithms of these values, of probabilities: of their logits.", ""]
     for circumstance, told in deviations.items():
         lines += _table(f'errors.noise."{circumstance}"', told)
-    for group in (HOLDING, "rates", "absence", "elsewhere", "within"):
+    for group in (HOLDING, *GROUPS):
         lines += _table(f"errors.{group}", {name: error for (of, name), error in errors.items() if of == group})
     lines += ["# The episodes that were learned by; of what was learned later, those.", "", "[source]"]
     lines += [f'"{name}" = {msgspec.json.encode(list(episodes)).decode()}' for name, episodes in sources.items()]

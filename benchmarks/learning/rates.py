@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed=0.002, stayed=1.0, kept=0.1,
               entered=0.2, missed=0.5)  # fmt: skip
-ABSENCE = Absence(rate=5.0, power=3.0, blind=0.05)
+ABSENCE = Absence(rate=5.0, blind=0.05)
 ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
 WITHIN = Within(level=0.25)
 """Where the search begins, and to which little evidence is drawn"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ import msgspec
 
 from dsr.config.toml import TomlFile
 from dsr.files.built_in import ETC
+from dsr.vocabulary.nats import AGAIN, MOST_MISSED
 
 LEARNED = ETC / "belief" / "worlds.toml"
 """The file with all learned parameters of the belief. Written by `python -m benchmarks.learning`."""
@@ -19,14 +21,45 @@ class Absence(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How soon cameras recognise what they should see."""
 
     rate: Annotated[float, msgspec.Meta(ge=0)]
-    """1/s, of percepts of an object of which a share of 1 is to be seen"""
-    power: Annotated[float, msgspec.Meta(ge=0)]
-    """1, exponent of the share in the rate"""
+    """1/s, of percepts of an object that is surely recognised"""
     blind: Annotated[float, msgspec.Meta(ge=0, le=1)]
-    """1, probability that it is not recognised however long, at a place where all of it is to be seen"""
+    """1, probability that it is not recognised however long, at a place where it surely should be"""
+
+
+class Recognition(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the probability that a thing is recognised grows with what is to be seen of it: logistic functions."""
+
+    tag: float
+    """1, share of its tag from which a thing with a tag is rather recognised than not"""
+    tag_width: Annotated[float, msgspec.Meta(gt=0)]
+    """1, more of that share, by which the odds grow by the factor e"""
+    color: float
+    """1, share of its image from which a thing without tag is rather recognised than not"""
+    color_width: Annotated[float, msgspec.Meta(gt=0)]
+    """1, more of that share, by which the odds grow by the factor e"""
+
+    def probability(self, share: float, *, tagged: bool) -> float:
+        """Of a thing of which a share (0 to 1) is to be seen, of its tag or, without one, of its image."""
+        half, width = (self.tag, self.tag_width) if tagged else (self.color, self.color_width)
+        return 1.0 / (1.0 + math.exp((half - share) / width))
 
 
 @cache
-def learned_absence(file: Path = LEARNED) -> Absence:
+def learned_recognition(file: Path = LEARNED) -> Recognition:
     """The parameters of a file. Raises `ConfigError` with its line for a field that does not fit."""
-    return TomlFile(file).convert(Absence, ("parameters", "absence"))
+    return TomlFile(file).convert(Recognition, ("parameters", "recognition"))
+
+
+def most_missed(probability: float) -> float:
+    """What it tells at most that an object is missing which is recognised with some probability, nats."""
+    return MOST_MISSED * probability
+
+
+def missed(frames: float, probability: float) -> float:
+    """What it tells that an object is missing in so many frames, in each of which it should be recognised, nats.
+
+    Args:
+        frames: count, of which none shows it.
+        probability: that it is recognised where it should be seen, by `Recognition.probability`.
+    """
+    return min(AGAIN * frames, MOST_MISSED) * probability

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Deviation = Annotated[float, msgspec.Meta(ge=0)]
 
+NOTHING_SEEN = 0.05
+"""1, share of its tag or image up to which an object cannot be seen: so far off is what is worked out from shapes"""
+
 _EYE = np.eye(3)
 _HORIZONTAL = np.diag((1.0, 1.0, 0.0))
 

@@ -45,6 +45,8 @@ CAMERA_MOVED = VERY_RARE
 """nats: the camera moved."""
 COINCIDENCE = VERY_RARE
 """nats, at least: an object is seen where it was believed to be, through a camera that moved."""
+AGAIN = 0.5 * RARE
+"""nats: a frame is wrong as the one before was, 0.1 s ago: what is wrong in one is so in the next."""
 MISSED_FRAME = RARE
 """nats: an object that should be seen is missing in a frame."""
 SEEN_THOUGH_HIDDEN = 2.0 * VERY_RARE

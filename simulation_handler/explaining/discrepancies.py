@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
+from dsr.believing.absence import missed, most_missed
+from dsr.vocabulary.nats import SURPRISING
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.scoring import SURE, is_displaced, is_far
+from simulation_handler.explaining.scoring import is_displaced, is_far
 from simulation_handler.explaining.situation import VisibilityQuery, seen_now, shown_now
 from simulation_handler.scales import FRAME
 from simulation_handler.state.bodies import Bodies
@@ -21,7 +23,7 @@ class Discrepancies:
         self._config = config
         self._displaced_since: dict[str, float] = {}
         self._expected_since: dict[str, float] = {}
-        self._expected_by: dict[str, frozenset[str]] = {}
+        self._expected_by: dict[str, dict[str, float]] = {}
         self._follow_until: dict[str, float] = {}
 
     @property
@@ -50,7 +52,7 @@ class Discrepancies:
     def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
         """Objects that only some of these cameras see or, if none does, should see."""
         by = {name: item.cameras_at(now) for name, item in self._bodies.objects.items()}
-        by = {name: seeing or self._expected_by.get(name, frozenset()) for name, seeing in by.items()}
+        by = {name: seeing or frozenset(self._expected_by.get(name, ())) for name, seeing in by.items()}
         return frozenset(name for name, telling in by.items() if telling and telling <= cameras)
 
     def due(self, now: float, flagged: Collection[str], withheld: Collection[str]) -> tuple[str, ...]:
@@ -59,12 +61,12 @@ class Discrepancies:
         It can wait until all that are displaced were flagged as surprising, or one has been off for too long, or goes
         on moving.
         """
-        config, displaced = self._config, self._displaced_but(withheld)
-        missing = {name: s for name, s in self._missing_but(withheld, now).items() if s >= config.missing_after}
+        config, displaced, absent = self._config, self._displaced_but(withheld), self._missing_but(withheld, now)
+        missing = [name for name, seconds in absent.items() if self._is_missing(name, seconds)]
         late = [name for name, since in displaced.items() if now - since >= config.unflagged_after]
-        late += [name for name, seconds in missing.items() if seconds >= config.missing_after + config.unflagged_after]
+        late += [name for name in missing if self._is_missing(name, absent[name] - config.unflagged_after)]
         late += [name for name in displaced if self.is_followed(name, now)]
-        open_ = displaced.keys() | missing.keys()
+        open_ = displaced.keys() | set(missing)
         newest = max(displaced.values(), default=-math.inf)
         if now - newest < FRAME and not late:
             return ()
@@ -98,12 +100,20 @@ class Discrepancies:
         is_apart = is_far(shown_now(item, config)[0], believed, config)  # of most nothing more must be worked out
         return is_apart and is_displaced(seen_now(item, config, now), believed, config)
 
-    def _expected(self, visibility: VisibilityQuery) -> dict[str, frozenset[str]]:
-        """Objects at rest, for what falls is not there any more when a frame comes, that some cameras should see."""
+    def _is_missing(self, name: str, seconds: float) -> bool:
+        """Whether it is surprising that an object is missing for so long (s)."""
+        return missed(seconds / FRAME, max(self._expected_by[name].values())) >= SURPRISING
+
+    def _expected(self, visibility: VisibilityQuery) -> dict[str, dict[str, float]]:
+        """Probabilities with which cameras should recognise objects, if it would be surprising that they never do.
+
+        Of those at rest, for what falls is not there any more when a frame comes.
+        """
         bodies, in_motion = self._bodies, self._bodies.in_motion()
         solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
-        expected: dict[str, frozenset[str]] = {}
+        expected: dict[str, dict[str, float]] = {}
         for (camera, name), visible in visibility(solids).items():
-            if visible.share >= SURE and not bodies.objects[name].is_led and name not in in_motion:
-                expected[name] = expected.get(name, frozenset()) | {camera}
+            is_due = most_missed(visible.recognised) >= SURPRISING
+            if is_due and not bodies.objects[name].is_led and name not in in_motion:
+                expected.setdefault(name, {})[camera] = visible.recognised
         return expected

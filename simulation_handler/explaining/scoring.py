@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from dsr.math3d.tolerance import PoseTolerance
+from dsr.perception.noise import NOTHING_SEEN
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import corrected
@@ -21,11 +22,6 @@ from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.scales import FRAME, PRESENT, UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
-
-SURE = 0.9
-"""Share of a face from which it should be seen."""
-
-_HIDDEN_SHARE = 0.05  # share of a face up to which it cannot be seen
 
 
 @dataclass(frozen=True)
@@ -142,12 +138,13 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     for name, by_camera in visibilities.items():
         share = max(visible.share for visible in by_camera)
         if name in situation.seen:
-            covered = share <= _HIDDEN_SHARE and _is_covered(by_camera, settled)
+            covered = share <= NOTHING_SEEN and _is_covered(by_camera, settled)
             if covered and name not in hypothesis.kept and situation.seen[name].age < PRESENT:
                 costs[name] = nats.SEEN_THOUGH_HIDDEN
-        elif share >= SURE and name not in situation.held:
+        elif name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) / FRAME
-            costs[name] = min(nats.MISSED_FRAME * frames, nats.MOST_MISSED)
+            probability = max(visible.recognised for visible in by_camera)
+            costs[name] = min(nats.MISSED_FRAME * frames, nats.MOST_MISSED) * probability
     return costs
 
 

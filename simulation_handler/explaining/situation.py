@@ -145,7 +145,7 @@ class Situation:
     """Unseen objects that were on their way when they were last seen, and how."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
     """s for which each object has not been seen although it should have been."""
-    evidence: float = 1.0
+    evidence: float = 0.0
     """Time (s) for which cameras have shown the scene as it is now."""
     visibility: VisibilityQuery | None = None
     """Predicts the objects that cameras should see; None without a camera whose pose is known."""

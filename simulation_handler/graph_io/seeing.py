@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,12 @@ from dsr.graph.elements import Edge
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.noise import NOTHING_SEEN
 from dsr.visibility import LEAST_SHARE, is_enough
 from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
+from simulation_handler.hands.state import HALF
 from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.scales import FRAME, TICK_SLACK
@@ -26,10 +28,7 @@ from simulation_handler.shapes.meshes import Forms
 
 SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
 """Attributes of the edges."""
-_LIMITS = {"share": (LEAST_SHARE,), "detectable": (0.05, 0.5, 0.95)}
-"""What is news at any step: what counts as seen; what surely cannot be recognised, likely can be, and surely should."""
-
-_NEWS_STEP = 0.1  # of the share, that is news
+_NEWS_STEP = 0.1  # of a share or probability, that is news
 _NOTHING = ExpectedVisibility(0.0, "")
 
 
@@ -91,7 +90,7 @@ class Seeing:
                 "detectable": tag.share,
                 "covered_by": tag.hidden_by,
             }
-            if written is None or _is_news(written, values):
+            if written is None or _is_news(written, values, tag):
                 with contextlib.suppress(DsrError):  # an end may be gone meanwhile
                     self._memory.add_edge(camera, name, "sees", **values)
 
@@ -124,14 +123,17 @@ class _Rays:
         return self if asked == self._asked else _Rays(cameras, standing, hiding, by_color)
 
 
-def _is_news(written: Edge, values: Mapping[str, Any]) -> bool:
+def _is_news(written: Edge, values: Mapping[str, Any], tag: ExpectedVisibility) -> bool:
+    """Whether it is seen otherwise than was written, or has become more or less likely to be recognised."""
     if any(written.get(name) != values[name] for name in ("visible", "hidden_by", "covered_by")):
         return True
-    return any(_differs(written.get(name), values[name], limits) for name, limits in _LIMITS.items())
-
-
-def _differs(before: float | None, share: float, limits: Iterable[float]) -> bool:
-    """Whether a share is another one than before, or on the other side of a limit."""
-    if before is None or abs(share - before) > _NEWS_STEP:
+    share, detectable = written.get("share"), written.get("detectable")
+    if share is None or detectable is None or _differs(share, values["share"], LEAST_SHARE):
         return True
-    return any((share >= limit) != (before >= limit) for limit in limits)
+    changed = tag.recognised - tag._replace(share=detectable).recognised
+    return abs(changed) > _NEWS_STEP or any(_differs(detectable, tag.share, limit) for limit in (NOTHING_SEEN, HALF))
+
+
+def _differs(before: float, share: float, limit: float) -> bool:
+    """Whether a share is another one than before, or on the other side of a limit."""
+    return abs(share - before) > _NEWS_STEP or (share >= limit) != (before >= limit)

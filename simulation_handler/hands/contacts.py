@@ -12,12 +12,10 @@ from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.hands.relation import PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
+from simulation_handler.scales import CONTACT_DELAY
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
-
-TOUCH_DELAY = 0.2
-"""s for which a touch must last to begin, or be gone to end"""
 
 
 class Contacts:
@@ -33,8 +31,8 @@ class Contacts:
         self._bodies = bodies
         self._hands = hands
         self._grasps = grasps
-        self._touches = ContactRelations(TOUCH_DELAY)
-        self._pinches = ContactRelations(TOUCH_DELAY)
+        self._touches = ContactRelations(CONTACT_DELAY)
+        self._pinches = ContactRelations(CONTACT_DELAY)
         self._gaps = Gaps()
         self._now: tuple[set[Relation], set[Relation]] = set(), set()  # without delay
 

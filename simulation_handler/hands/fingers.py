@@ -19,11 +19,12 @@ from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.driving import HURRY
 from simulation_handler.perception.paths import Path
 from simulation_handler.physics.simulator import FINGER_RADIUS
+from simulation_handler.scales import FRAME
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_SPHERE_LAG = 0.1  # s by which a sphere is behind what is seen: the newest place is not smoothed yet
+_SPHERE_LAG = FRAME  # s by which a sphere is behind what is seen: the newest place is smoothed with the next image
 _FASTEST_SPHERE = 1.0  # m/s
 _SPHERE_SLACK = 0.004  # m that a fingertip may move without its sphere
 _SPHERE_REACH = 0.012  # m from an object within which a fingertip has a sphere

@@ -9,15 +9,15 @@ from typing import NamedTuple
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import ENDED, Handling
 from simulation_handler.contact.relations import Relation
-from simulation_handler.hands.contacts import TOUCH_DELAY
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand
+from simulation_handler.scales import CONTACT_DELAY
 from simulation_handler.state.objects import BelievedObject
 
 FALLEN = 0.015
 """m that an object must have come down, farther than its hand, to have fallen: five times the noise of percepts"""
 
-_REMEMBERED = 2.0 * TOUCH_DELAY  # s, longer than fingertips that open seem to touch what falls
+_REMEMBERED = 2.0 * CONTACT_DELAY  # s, longer than fingertips that open seem to touch what falls
 
 
 class LetGo(NamedTuple):

@@ -15,7 +15,7 @@ from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.hands.carrying import Carrying
-from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
+from simulation_handler.hands.contacts import Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
@@ -23,6 +23,7 @@ from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHIN
 from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, PALM_GOES, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
+from simulation_handler.scales import CONTACT_DELAY
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -185,7 +186,7 @@ class Touching:
             if relation not in self._grasps or now > until:
                 del self._recalled[relation]
             elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
-                self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
+                self._recalled[relation] = min(until, now + 2.0 * CONTACT_DELAY)
         self._over = {}
         touched, pinched = self._contacts.since(), self._contacts.pinches
         for relation in [relation for relation, grasp in self._grasps.items() if not grasp.is_covered]:
@@ -318,7 +319,7 @@ class Touching:
         """Whether a hand carries an object in the air, or did until that was hidden a moment before the hand."""
         grasp, hand = self._grasps[relation], self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
-        goes_on = now - grasp.aloft <= (TOUCH_DELAY if is_seen else _TIP_HIDDEN)
+        goes_on = now - grasp.aloft <= (CONTACT_DELAY if is_seen else _TIP_HIDDEN)
         if (goes_on and hand is not None and not hand.perceived) or self._carries(relation, now):
             grasp.aloft = now
         return goes_on or grasp.aloft == now

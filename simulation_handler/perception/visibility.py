@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.believing.absence import learned_recognition
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
@@ -66,6 +67,13 @@ class ExpectedVisibility(NamedTuple):
     """Visible share of the tag's area, or of the image of an object recognised by its colour, 0 to 1."""
     hidden_by: str
     """Name of the solid or obstacle that hides most of the object; empty if nothing does."""
+    tagged: bool = True
+    """Whether it is recognised by a tag."""
+
+    @property
+    def recognised(self) -> float:
+        """Probability that the camera recognises it, as learned."""
+        return learned_recognition().probability(self.share, tagged=self.tagged)
 
 
 class _Bodies(NamedTuple):
@@ -220,10 +228,10 @@ class RayVisibility:
             by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
             shares, hiding = _visibility(camera, solids, parts, by_image, self._smallest)
             names = [solid.name for solid in solids] + camera.obstacles
-            for index, (solid, share) in enumerate(zip(solids, shares.tolist(), strict=True)):
-                most = int(hiding[index].argmax())
+            for index, solid in enumerate(solids):
+                share, tagged, most = float(shares[index]), not by_image[index], int(hiding[index].argmax())
                 hidden_by = names[most] if hiding[index, most] > 0.0 else ""
-                found[camera.view.camera, solid.name] = ExpectedVisibility(share, hidden_by)
+                found[camera.view.camera, solid.name] = ExpectedVisibility(share, hidden_by, tagged)
         return found
 
 

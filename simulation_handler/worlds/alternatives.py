@@ -235,13 +235,13 @@ class Alternatives:
 
 
 def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:
-    """How often an object should have been recognised, after `step` s more in which a share of it was to be seen.
+    """How often an object should have been recognised, after `step` s more in a `share` of which it should have been.
 
-    It is never more than the share can tell, for what cameras should see is only a model: probability
-    `absence.blind` of no recognition is left where all is to be seen, and its power by the share where a part is.
+    It is never more than that can tell, for what cameras should see is only a model: probability `absence.blind` of no
+    recognition is left where it surely should be, and its power by the share where it need not be.
     """
     most = -math.log(absence.blind) * share
-    more: float = absence.rate * share**absence.power * step
+    more = absence.rate * share * step
     return max(missed, min(missed + more, most))
 
 

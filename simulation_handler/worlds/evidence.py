@@ -231,7 +231,7 @@ SharesQuery = Callable[[Evidence, str, list[Pose]], list[float]]
 
 
 def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
-    """Share (0 to 1) of an object that the camera which sees most of it should recognise, at each of some places.
+    """Share (0 to 1) of the frames in which the camera that sees most of an object should recognise it, at each place.
 
     Everything else is where the simulation has it, and what is in the object is left out.
     """
@@ -246,5 +246,5 @@ def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float
     found = []
     for place in places:
         visible = visibility([*others, replace(solid, position=place.t, rotation=place.q)])
-        found.append(max((one.share for (_, seen), one in visible.items() if seen == name), default=0.0))
+        found.append(max((one.recognised for (_, seen), one in visible.items() if seen == name), default=0.0))
     return found

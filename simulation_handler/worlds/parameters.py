@@ -8,7 +8,7 @@ from typing import Annotated
 
 import msgspec
 
-from dsr.believing.absence import LEARNED, Absence
+from dsr.believing.absence import LEARNED, Absence, Recognition
 from dsr.config.toml import TomlFile
 
 Amount = Annotated[float, msgspec.Meta(ge=0)]
@@ -100,6 +100,7 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, probability by circumstance that the human hand which seems to hold or touch an object does hold it"""
     rates: Rates
     absence: Absence
+    recognition: Recognition
     elsewhere: Elsewhere
     within: Within
 

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene, moved
 from dsr import Alternative, Pose, Whereabouts
-from dsr.believing.absence import learned_absence
+from dsr.believing.absence import learned_recognition
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.believing.distribution import encoded
 from dsr.vocabulary.nats import FALSE_FRAME, MOST_MISFIT, MOST_MISSED, SURPRISING
@@ -148,17 +148,30 @@ def test_a_hand_that_comes_back_after_a_while_may_be_anywhere() -> None:
     assert track.improbability(0.5) == 0.0, "the clock was set back"
 
 
-def test_absence_tells_as_much_as_is_to_be_seen() -> None:
+@pytest.mark.parametrize("tagged", [True, False])
+def test_absence_tells_as_much_as_it_is_likely_to_be_recognised(tagged: bool) -> None:
     found = []
-    for share in (1.0, 0.9, 0.5):
+    recognition = learned_recognition()
+    half = recognition.tag if tagged else recognition.color
+    for share in (1.0, half, 0.0):
         scene = SurpriseScene(SIX, seed=4)
+        if not tagged:
+            scene.memory.remove_attribute("cube_0", "marker_id")
         scene.memory.add_edge(CAMERA, "cube_0", "sees", detectable=share, covered_by="")
         scene.run(2.0)
         scene.hidden.add("cube_0")
         scene.run(1.5)
         found.append(nats(scene, "cube_0"))
-    assert found[0] > SURPRISING > found[1] > found[2]
-    assert found[1] == pytest.approx(MOST_MISSED * 0.9 ** learned_absence().power, abs=0.6)
+        assert scene.is_surprising("cube_0") is (share == 1.0)
+    assert found[0] == pytest.approx(MOST_MISSED, abs=1.0)
+    assert found[1] == pytest.approx(0.5 * MOST_MISSED, abs=0.6)
+    assert found[2] < 0.6
+
+
+@pytest.mark.parametrize("share", [0.5, 0.75])
+def test_a_colour_is_missed_of_which_half_should_be_seen_and_a_tag_is_not(share: float) -> None:
+    assert learned_recognition().probability(share, tagged=False) > 0.9
+    assert learned_recognition().probability(share, tagged=True) < 0.1
 
 
 def test_a_thing_that_is_seen_though_gone_is_as_surprising_as_can_be() -> None:

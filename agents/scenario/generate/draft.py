@@ -109,9 +109,14 @@ class EpisodeDraft:
         """A free place (m, world) for something of that radius (m), at most `within` m from the table's middle."""
         for _ in range(_TRIES):
             x, y = self.draw.within(max(within - radius, 0.0))
-            if all(math.hypot(x - a, y - b) >= radius + r + GAP for a, b, r in self._spots.values()):
+            if self.is_free((x, y), radius):
                 return x, y
         raise CrowdedError("no room on the table")
+
+    def is_free(self, spot: tuple[float, float], radius: float) -> bool:
+        """Whether something of that radius (m) may stand at a place (m, world) beside all that stands."""
+        x, y = spot
+        return all(math.hypot(x - a, y - b) >= radius + r + GAP for a, b, r in self._spots.values())
 
     @property
     def standing(self) -> list[str]:

@@ -14,22 +14,23 @@ from benchmarks.learning import __main__ as command
 from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import learn_some, toml_of
+from benchmarks.learning.learn import BEGUN, GROUPS, learn_some, toml_of
 from benchmarks.learning.noise import START, Errors, learn_noise
-from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, learn_rates
+from benchmarks.learning.rates import RATES, learn_rates
+from benchmarks.learning.recognition import CURVES, Look, learn_recognition, looks_at
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD, RESTS, RIDES
+from simulation_handler.worlds.circumstances import HELD, RESTS, RIDES
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
-from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
+from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.spread import odds_of_percepts, position_covariance
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HERE = Pose((0.3, 0.0, 0.02))
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
 SOURCES = {"episodes": ["hands-1"]}
-PARAMETERS = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {HELD: 0.5}, RATES, ABSENCE, ELSEWHERE, WITHIN)
+PARAMETERS = msgspec.structs.replace(BEGUN, holding={HELD: 0.5})
 
 
 def course(gone: bool, *, hand: str = "", seconds: float = 6.0) -> Episode:
@@ -119,7 +120,7 @@ def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
 
 def test_some_circumstances_are_learned_alone(tmp_path: Path) -> None:
     file, (settle, moments) = tmp_path / "worlds.toml", (0.0, [*course(gone=True).moments] * 2)
-    errors = {(group, "any"): 0.5 for group in ("rates", "absence", "elsewhere", "within")}
+    errors = {(group, "any"): 0.5 for group in GROUPS}
     file.write_text(toml_of(PARAMETERS, {RESTS: {"level": 9.0}, HELD: {"level": 8.0}}, errors, SOURCES))
     (tmp_path / "stacks-7.pickle").write_bytes(pickle.dumps((settle, moments)))
     text = learn_some(tmp_path, [RESTS], file, lambda line: None)
@@ -178,3 +179,27 @@ def test_shares_stay_probabilities() -> None:
     assert 0.0 < learned.absence.blind < 0.5 and 0.0 < learned.elsewhere.hidden < 1.0
     assert all(noise.wide >= 2.0 for noise in learned.noise.values())
     assert msgspec.structs.asdict(learned.rates).keys() == msgspec.structs.asdict(RATES).keys()
+
+
+def test_how_much_must_be_seen_is_learned_apart_for_tags_and_colours() -> None:
+    shares = np.linspace(0.0, 1.0, 101).tolist()
+    looks = [
+        Look(f"thing {number}", tagged, share, share > half)
+        for tagged, half in ((True, 0.8), (False, 0.3))
+        for number, share in enumerate(shares)
+    ]
+    found, errors = learn_recognition(looks)
+    assert found.tag == pytest.approx(0.8, abs=0.02) and found.color == pytest.approx(0.3, abs=0.02)
+    assert max(found.tag_width, found.color_width) < 0.03
+    assert found.probability(0.5, tagged=False) > 0.95 and found.probability(0.5, tagged=True) < 0.05
+    few, unsure = learn_recognition(looks[::25])
+    assert unsure["recognition", "tag"] > 2.0 * errors["recognition", "tag"], "little evidence, and so it is told"
+    assert learn_recognition([])[0].tag == pytest.approx(CURVES.tag, abs=0.01)
+    assert few.color < few.tag
+
+
+def test_a_look_is_at_what_the_plant_shows() -> None:
+    looks = looks_at("screens", 108)
+    assert {look.thing.split()[0] for look in looks} == {"screens-108"}
+    assert all(look.is_recognised for look in looks if look.share == 1.0)
+    assert not any(look.is_recognised for look in looks if look.share == 0.0)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from agents.scenario.format.model import SensorSpec
-from agents.scenario.format.scenario import CameraBump, CameraCover, FalsePercept
-from agents.scenario.generate.bodies import SOLIDS, ball
-from agents.scenario.generate.draft import EpisodeDraft
+from agents.scenario.format.scenario import CameraBump, CameraCover, FalsePercept, PlaceEvent, Remove
+from agents.scenario.generate.bodies import SOLIDS, ball, box, can, wall
+from agents.scenario.generate.draft import GAP, CrowdedError, EpisodeDraft
 from agents.scenario.generate.draw import NumberRange
 from agents.scenario.generate.families.piles import perturb
 
@@ -17,6 +19,11 @@ BIAS, JITTER = NumberRange(-0.015, 0.015), NumberRange(0.0, 0.005)
 """m, errors of depth of one object and of one frame: of an RGB-D camera at 0.3 to 1 m (dsr/perception/noise.py)"""
 GHOST, GHOST_TURN = NumberRange(-0.15, 0.15), NumberRange(-0.6, 0.6)
 """m and rad along each axis, by which a false percept is off"""
+
+BEHIND = NumberRange(0.0, 0.06)
+"""m, beyond the least gap, that a thing stands behind what hides part of it"""
+ASIDE = NumberRange(-1.0, 1.0)
+"""Share of half of both widths, by which it stands aside: at 0 right behind, at 1 not hidden at all"""
 
 MOST_FRAMES = 8
 """Frames in a row that show a thing falsely: 0.8 s, in which a belief may still wait for more evidence"""
@@ -64,3 +71,39 @@ def sensors(draft: EpisodeDraft) -> None:
         ghost = FalsePercept(at=draft.now, object=name, frames=frames, translation=shift, rotation=turn)
         draft.do(ghost, 0.5)
     perturb(draft, draw.one_of(names), [])
+
+
+def screens(draft: EpisodeDraft) -> None:
+    """While the camera is covered, things are put before others; some of these others are taken away, and some stay."""
+    draw = draft.draw
+    pairs = []
+    for _ in range(draw.count(1, 2)):
+        behind = draft.stand(draw.one_of((*SOLIDS, ball))(draw))
+        pairs.append((draft.stand(draw.one_of((wall, box, can))(draw)), behind))
+    draft.bystanders(least=1)
+    begin = draft.now
+    for screen, behind in pairs:
+        draft.now = round(draft.now + 0.2, 2)  # s: the lens is covered before anything moves
+        _put_before(draft, screen, behind)
+        if draw.chance():
+            draft.vacate(behind)
+            draft.do(Remove(at=draft.now, object=behind), 0.0)
+    dark = round(draft.now - begin + draw.number(DARK), 2)
+    draft.events.insert(0, CameraCover(at=begin, duration=dark))
+    draft.now = round(begin + dark, 2)
+
+
+def _put_before(draft: EpisodeDraft, screen: str, behind: str) -> None:
+    """Put a thing between the camera and another one, so that it may hide part of that."""
+    draw, (x, y) = draft.draw, draft.spot(behind)
+    away = draft.camera.position[0] - x, draft.camera.position[1] - y
+    a, b = (part / math.hypot(*away) for part in away)
+    reach = draft.bodies[screen].radius + draft.bodies[behind].radius
+    nearer, aside = reach + GAP + draw.number(BEHIND), draw.number(ASIDE) * reach
+    spot = (round(x + nearer * a - aside * b, 4), round(y + nearer * b + aside * a, 4))
+    draft.vacate(screen)
+    if not draft.is_free(spot, draft.bodies[screen].radius):
+        raise CrowdedError("no room for what hides part of another thing")
+    draft.occupy(screen, spot)
+    place = PlaceEvent(at=draft.now, object=screen, position=(*spot, draft.on_table(screen)), yaw=draw.angle())
+    draft.do(place, 0.0)
