@@ -128,27 +128,26 @@ def attach_by_name(original: Any) -> Any:
 def clamp_stamps(original: Any) -> Any:
     """A stamp from the receiver's future is rewritten at merge."""
 
-    def write(self: Store, item: Write) -> Any:
+    def clamped(self: Store, entry: Incarnation, item: Write) -> None:
         latest = int((START + 60.0) * 1e6) << 10
         if item.stamp > latest:
             item = Write(item.owner, item.attribute, latest, item.writer, item.dot, item.value)
-        return original(self, item)
+        original(self, entry, item)
 
-    return write
+    return clamped
 
 
 def ignore_the_writer(original: Any) -> Any:
     """Of two writes with one stamp the one that comes later wins."""
 
-    def write(self: Store, item: Write) -> Any:
-        entry = self.entries.get(item.owner)
-        current = entry.registers.get(item.attribute) if entry else None
-        if entry and current and current.stamp == item.stamp and current.writer != item.writer:
+    def later_wins(self: Store, entry: Incarnation, item: Write) -> None:
+        current = entry.registers.get(item.attribute)
+        if current and current.stamp == item.stamp and current.writer != item.writer:
             entry.registers[item.attribute] = item
-            return True
-        return original(self, item)
+        else:
+            original(self, entry, item)
 
-    return write
+    return later_wins
 
 
 def count_waiting_writes_as_seen(original: Any) -> Any:
@@ -317,8 +316,8 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Deltas, Store, "_remove_absent", do_nothing),
     (Deltas, Store, "_add", resurrect),
     (Deltas, Store, "_take_out", forget_early_removals),
-    (Deltas, Store, "_write", clamp_stamps),
-    (Deltas, Store, "_write", ignore_the_writer),
+    (Deltas, Store, "_set", clamp_stamps),
+    (Deltas, Store, "_set", ignore_the_writer),
     (Deltas, Store, "_learn", count_waiting_writes_as_seen),
     (Deltas, Graph, "_has_ends", attach_by_name),
     (Deltas, Graph, "_commit", send_the_whole_context),
