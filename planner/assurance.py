@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from dsr.memory import Memory
 from dsr.timeline import Chronicle
 from dsr.vocabulary.intentions import DONE
 from dsr.vocabulary.sentences import listed, percent
-from planner.arm import Arm, Script
+from planner.arm import Arm
 from planner.config import PlannerConfig
-from planner.errors import Failure, NoPlace, Outdated
+from planner.errors import NoPlace, Outdated
 from planner.grounding import Skill, place_on_table
 from planner.looking import Search, carrier_of
 from planner.outlook import Look, Outlooks
@@ -35,16 +35,18 @@ class Assurance:
         arm: carries the camera, and lifts covers.
         looking: brings the camera somewhere.
         config: how sure is sure enough.
-        now: gives the time, s.
+        kept: names of the things that other goals want where they are.
         log: says why there is a look, or none.
     """
 
     def __init__(
-        self, memory: Memory, arm: Arm, looking: Search, config: PlannerConfig, now: Callable[[], float],
+        self, memory: Memory, arm: Arm, looking: Search, config: PlannerConfig, kept: Callable[[], Collection[str]],
         log: logging.Logger,
     ) -> None:  # fmt: skip
         self._memory, self._arm, self._looking = memory, arm, looking
-        self._config, self._now, self._log = config, now, log
+        self._config, self._kept, self._log = config, kept, log
+        self._done: dict[str, list[Look]] = {}
+        """What was done for each thing, by name: the same look a second time tells nothing"""
         self._chronicle = Chronicle(memory)
 
     def make_sure(self, step: PlanStep, following: PlanStep | None) -> Generator[None, None, bool]:
@@ -55,9 +57,9 @@ class Assurance:
 
         Raises:
             Outdated: if a cover was lifted, so that another plan may be wanted.
-            Failure: if a cover could not be lifted.
         """
-        done: list[Look] = []
+        done = self._done.setdefault(step.thing, [])
+        looks = len(done)
         while step.name == "pick" and self._chance(step, following) < self._config.sure:
             look = self._best_look(step, following, done)
             if look is None:
@@ -65,13 +67,16 @@ class Assurance:
             done.append(look)
             told = self._tell(look, step, following)
             if look.view is None:
-                yield from self._lift(look.cover, told)
-                raise Outdated(told)
+                problem = yield from self._lift(look.cover, told)
+                if not problem:
+                    raise Outdated(told)
+                self._log.warning("%s cannot be lifted: %s", look.cover, problem)
+                continue
             camera = self._looking.camera()
             yield from self._looking.look_from(
                 look.view, camera, lambda: self._chance(step, following) < self._config.sure, told
             )
-        return bool(done)
+        return len(done) > looks
 
     def _best_look(self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]) -> Look | None:
         """The look that tells most; None if none is worth it, which is logged."""
@@ -79,7 +84,7 @@ class Assurance:
         problem = self._looking.problem
         things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
         outlooks = Outlooks(self._memory, read_state(self._memory, self._config), camera, self._config)
-        look = None if len(done) >= self._config.most_looks else outlooks.best(things, done)
+        look = None if len(done) >= self._config.most_looks else outlooks.best(things, done, self._kept())
         if look is None:
             sure = percent(self._chance(step, following))
             self._log.info("going on, though %s will succeed with %s: %s", step, sure, problem or "no look tells more")
@@ -114,19 +119,19 @@ class Assurance:
             if where is not None
         }
 
-    def _lift(self, cover: str, told: str) -> Script:
-        """Take a cover off and put it on the table. Raises `Failure` where that does not succeed."""
+    def _lift(self, cover: str, told: str) -> Generator[None, None, str]:
+        """Take a cover off and put it on the table; returns why that did not succeed, empty if it did."""
         state = read_state(self._memory, self._config)
         arm = self._lifting_arm(state)
         try:
             place = place_on_table(cover, state, self._config, arm=arm)
         except NoPlace as error:
-            raise Failure(str(error)) from error
-        skills = [Skill("pick", cover, arm=arm), Skill("place", cover, state.table or "", place, arm)]
-        for skill in skills:
+            return str(error)
+        for skill in (Skill("pick", cover, arm=arm), Skill("place", cover, state.table or "", place, arm)):
             progress = yield from self._arm.run_apart(skill, told)
             if progress.status != DONE:
-                raise Failure(f"{cover} cannot be lifted: {progress.explanation or progress.status}")
+                return progress.explanation or progress.status
+        return ""
 
     def _lifting_arm(self, state: WorldState) -> str:
         """The arm that carries the camera, or the first one; empty for the only one."""

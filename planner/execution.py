@@ -92,7 +92,7 @@ class Execution:
         self._arm = Arm(around.memory, self.intention.name, around.config, around.log, around.now, self._tell)
         self._actions = self._arm.actions
         looking = Search(around.memory, self._arm, around.config, around.now)
-        self._assurance = Assurance(around.memory, self._arm, looking, around.config, around.now, around.log)
+        self._assurance = Assurance(around.memory, self._arm, looking, around.config, self._things_kept, around.log)
         self._waiting = Waiting(around.memory, around.config, around.now, self._tell, looking)
         self._replans = self.intention.replans
         self._disturbed = self._replans > 0  # somebody has changed the scene, and may not have finished
@@ -307,6 +307,10 @@ class Execution:
         told = f"action {len(names)} of {len(names)}: {OBSERVE}"
         progress = yield from self._arm.run(names[-1], told, lambda: None)
         yield from self._arm.all_rest(done=progress.status == DONE)
+
+    def _things_kept(self) -> set[str]:
+        """Names of what goals that must not be given up want where it is."""
+        return {name for _, goal in self.around.kept(self.intention) for name in goal.things}
 
     def _check_unchanged(self, before: Relations) -> None:
         """Raise `PlanDeviation` if a look has shown that relations are not those that the plan was made for."""

@@ -60,11 +60,11 @@ def _reason(pending: Pending) -> str:
 
 def _verdict(answer: Answer, config: PlannerConfig, most: float) -> str:
     """What goes wrong in the most probable of the worlds where something does, if these are more than `most`."""
-    problems = {outcome.weight: problem for outcome in answer.outcomes if (problem := _problem(outcome, config))}
+    problems = [(outcome.weight, problem) for outcome in answer.outcomes if (problem := _problem(outcome, config))]
     probability = answer.probability(lambda outcome: bool(_problem(outcome, config)))
     if probability <= most:
         return ""
-    problem = problems[max(problems)]
+    _, problem = max(problems, key=lambda pair: pair[0])
     return problem if len(problems) == len(answer.outcomes) else f"{problem} ({percent(probability)} probable)"
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsr.believing.distribution import Alternative, Whereabouts
-from dsr.math3d.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose, position_deviation
 from dsr.memory import Memory
 from dsr.visibility import Body, Perspective, VisibleScene, body_at, intrinsics_of, is_seen, read_perspectives
 from dsr.visibility.bodies import read_posed
@@ -23,7 +23,9 @@ DOWN = (1.0, 0.0, 0.0, 0.0)
 _WIDTH = 96
 """px, of the pictures that are drawn: a cube of 4 cm is 5 px across at 60 cm"""
 _DRAWN = 6
-"""Places that are drawn of each alternative, so that one which is spread out is seen in part"""
+"""Places that are drawn of an alternative which is spread out, so that it is seen in part"""
+_MOST_ALTERNATIVES = 8
+"""Alternatives of a thing that are drawn: a look is chosen within a tick"""
 APART = 0.05
 """m between places that show different things: about the size of what is looked for"""
 _HIDING = (*THINGS, *MODELLED, *SURFACES, PERSON, "hand")
@@ -86,15 +88,16 @@ class Outlooks:
         posed = [one for one in read_posed(memory) if one.kind in _HIDING]
         self._scene = VisibleScene.of(memory, posed)
 
-    def best(self, things: Collection[str], done: Collection[Look]) -> Look | None:
+    def best(self, things: Collection[str], done: Collection[Look], kept: Collection[str] = ()) -> Look | None:
         """The look that tells most about where `things` are; None if none tells as much as `least_information`.
 
-        What is `done` already is not done again. Of looks that tell as much, the first one is taken: a view before
-        a cover, since that takes less time.
+        What is `done` already is not done again, and no cover is lifted that is `kept` where it is. Of looks that tell
+        as much, the first one is taken: a view before a cover, since that takes less time.
         """
         wheres = [where for name in sorted(things) if (where := self._memory.belief(name)) is not None]
         views = [view for view in self._views(wheres) if not any(_is_near(view, one.view) for one in done)]
-        covers = [name for name in self._covers(wheres) if all(name != one.cover for one in done)]
+        kept = {*kept, *(one.cover for one in done)}
+        covers = [name for name in self._covers(wheres) if name not in kept]
         told = self._told(wheres, views).tolist()
         looks = [Look(information, view) for information, view in zip(told, views, strict=True)]
         looks += [Look(self._told_without(wheres, cover), cover=cover) for cover in covers]
@@ -106,7 +109,8 @@ class Outlooks:
         table = self._state.solids.get(self._state.table or "")
         if table is None or not self._camera:
             return []
-        poses = [one.pose for where in wheres for one in where.alternatives if one.pose is not None]
+        likely = [one for where in wheres for one in where.alternatives[:_MOST_ALTERNATIVES]]
+        poses = [one.pose for one in likely if one.pose is not None]
         places = np.array([pose.t[:2] for pose in poses]).reshape(-1, 2)
         height = table.pose.t[2] + self._config.look_height
         found: list[Pose] = []
@@ -125,20 +129,32 @@ class Outlooks:
         """(views,) nats"""
         if not views:
             return np.zeros(0)
-        seen = [self._seen(where, self._above(views), self._scene.bodies) for where in wheres]
-        return _sum(wheres, seen, len(views))
+        return sum((self._information(where, self._seen(where, self._above(views), self._scene.bodies))
+                    for where in wheres), np.zeros(len(views)))  # fmt: skip
 
     def _told_without(self, wheres: Sequence[Whereabouts], cover: str) -> float:
-        """Nats that are told once the cover is elsewhere, by the cameras that stand still and by one above."""
-        bodies = [body for body in self._scene.bodies if body.name != cover]
+        """Nats that are told more once the cover is elsewhere, by the cameras that stand still and by one above.
+
+        What these see with the cover where it is counts for nothing: so a vessel that is open at its top tells nothing.
+        """
         still = {view.name for view in self._state.views}
         eyes = [eye for eye in read_perspectives(self._memory, width=_WIDTH) if eye.name in still]
         if self._camera:
             eyes += self._above(self._views(wheres))
         if not eyes:
             return 0.0
-        seen = [self._seen(where, eyes, bodies).max(axis=0, keepdims=True) for where in wheres]
-        return float(_sum(wheres, seen, 1)[0])
+        bodies = self._scene.bodies
+        without = [body for body in bodies if body.name != cover]
+        told = 0.0
+        for where in wheres:
+            shown = [self._seen(where, eyes, some).max(axis=0) for some in (without, bodies)]
+            more, before = self._information(where, np.array(shown)).tolist()
+            told += more - before
+        return told
+
+    def _information(self, where: Whereabouts, seen: Array) -> Array:
+        """(k,) nats that looks tell about where a thing is, by what they see of its places."""
+        return expected_information(np.array([weight for weight, _ in _places(where)]), seen)
 
     def _above(self, views: Iterable[Pose]) -> list[Perspective]:
         """The carried camera at each of these places."""
@@ -146,31 +162,29 @@ class Outlooks:
         return [Perspective(self._camera, view, lens) for view in views]
 
     def _seen(self, where: Whereabouts, eyes: Sequence[Perspective], bodies: Sequence[Body]) -> Array:
-        """(eyes, alternatives) probability that each eye sees the thing if an alternative is so."""
-        found = np.zeros((len(eyes), len(where.alternatives)))
+        """(eyes, places) 1 where an eye sees the thing if it is at a place of `_places`, else 0."""
+        places = _places(where)
+        found = np.zeros((len(eyes), len(places)))
         node = self._memory.node(where.name)
         others = [body for body in bodies if body.name != where.name]
-        drawn = {index: _drawn(where.name, one) for index, one in enumerate(where.alternatives) if one.pose is not None}
+        there = [None if pose is None else body_at(self._memory, node, pose) for _, pose in places]
         for row, eye in enumerate(eyes):
             picture = VisibleScene(others, frozenset()).seen_from(eye)
-            for column, poses in drawn.items():
-                shown = [body_at(self._memory, node, pose) for pose in poses]
-                found[row, column] = np.mean([body is not None and is_seen(picture.would_show(body)) for body in shown])
+            found[row] = [body is not None and is_seen(picture.would_show(body)) for body in there]
         return found
 
 
-def _sum(wheres: Sequence[Whereabouts], seen: Sequence[Array], looks: int) -> Array:
-    """(looks,) nats told about all things together; they count as independent."""
-    told = np.zeros(looks)
-    for where, shown in zip(wheres, seen, strict=True):
-        told += expected_information(np.array([one.weight for one in where.alternatives]), shown)
-    return told
-
-
-def _drawn(name: str, one: Alternative) -> list[Pose]:
-    """Places of a thing in one alternative."""
-    alone = Whereabouts(name, (Alternative(weight=1.0, pose=one.pose),))
-    return [pose for pose in alone.samples(_DRAWN, seed=0) if pose is not None]
+def _places(where: Whereabouts) -> list[tuple[float, Pose | None]]:
+    """Places where a thing may be, with their probabilities; some of each alternative that is spread out."""
+    found: list[tuple[float, Pose | None]] = []
+    for one in where.alternatives[:_MOST_ALTERNATIVES]:
+        if one.pose is None or position_deviation(one.pose) < APART / 2.0:
+            found.append((one.weight, one.pose))
+            continue
+        alone = Whereabouts(where.name, (Alternative(weight=1.0, pose=one.pose),))
+        found += [(one.weight / _DRAWN, pose) for pose in alone.samples(_DRAWN, seed=0)]
+    total = sum(weight for weight, _ in found)
+    return [(weight / total, pose) for weight, pose in found]
 
 
 def _is_clear(name: str, relations: Relations) -> bool:

@@ -34,8 +34,9 @@ def load_body(bullet: Bullet, file: Path, base: Pose, args: Mapping[str, Value] 
     Raises `ConfigError` for a file that cannot be read, or that the engine cannot load.
     """
     with folder_to_read() as folder:
-        prepared = folder / "robot.urdf"
-        prepared.write_bytes(_prepared(file, folder, args))
+        description = _prepared(file, folder, args)
+        prepared = folder / f"{name_by_content('robot', description)}.urdf"
+        prepared.write_bytes(description)
         try:
             body: int = bullet.loadURDF(str(prepared), base.t, base.q, useFixedBase=True, flags=_FLAGS)
         except pybullet.error as error:

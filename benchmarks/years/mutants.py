@@ -279,7 +279,7 @@ MUTANTS: list[Mutant] = [
     Mutant("everybody may speak for others", gate._Screening, "_is_own", constant(True)),
     Mutant("anybody's dots may be used", gate._Screening, "_is_own_dot", constant(True)),
     Mutant("nobody is trusted", Gate, "trusts", constant(False)),
-    Mutant("what cannot be judged counts as seen", gate, "_without", lambda right: lambda ranges, dots: iter(ranges)),
+    Mutant("what cannot be judged counts as seen", gate, "without", lambda right: lambda ranges, dots: iter(ranges)),
     Mutant("removals do not pass the gate", gate._Screening, "own_changes", _result_without("removed")),
     Mutant("answers of trusted ones remove nothing", gate._Screening, "everybodys_changes", _result_without("live")),
     Mutant("what is added in answers does not pass", gate._Screening, "everybodys_changes", _result_without("adds")),

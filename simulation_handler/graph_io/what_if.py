@@ -99,8 +99,12 @@ class WhatIfService:
         scene, islands, now = self._offered
         first, *others = leading(islands, scene, question.worlds) if question.worlds > 1 else [JointWorld()]
         best = self._outcome(scene, question, first, now)
-        tried = [self._tried(scene, question, world, now) for world in others]
+        tried = [self._tried(scene, question, world, now) for world in others if not self._is_late(question)]
         return Answer(**msgspec.structs.asdict(best), others=tuple(tried))
+
+    def _is_late(self, question: Question) -> bool:
+        """Whether nobody waits any more: then the worlds that are left are not tried, for others wait."""
+        return 0.0 < question.expires < self._clock.now()
 
     def _tried(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
         """The outcome in another world than the simulated one, which may be that it cannot be changed so."""

@@ -238,13 +238,14 @@ def test_a_name_whose_record_was_harmed_is_told_again_by_whoever_knows_it(
     assert ExtensionRecord("attribute", "battery").node_name == RECORD and RECORD in late
 
 
-def test_a_record_whose_place_is_taken_holds_up_no_write(net: Net, caplog: pytest.LogCaptureFixture) -> None:
+def test_nobody_takes_the_place_of_a_record(net: Net, caplog: pytest.LogCaptureFixture) -> None:
     attacker, pilot = net.join("attacker"), net.join("pilot", schema=drones())
     forge(attacker, lambda graph: graph.copy(".schema.node.drone", "cube", [], 0.0))
     net.pump(0.5)
     with caplog.at_level(logging.WARNING, "dsr.memory"):
         pilot.add_node("d1", "drone", battery=11.1)
-    assert "node 'drone' stays here: node '.schema.node.drone' is a 'cube'" in caplog.text
+    assert "a node about the graph itself whose name and type do not fit" in caplog.text
+    assert pilot.node(".schema.node.drone").type == SCHEMA_RECORD
     assert RECORD in pilot and pilot.node("d1")["battery"] == 11.1
 
 

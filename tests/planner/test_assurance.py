@@ -128,3 +128,40 @@ def test_a_look_that_changes_the_relations_makes_another_plan() -> None:
         run.until(lambda: "look camera_wrist done" in run.arm.done)
         run.until(lambda: run.replans == 1)
         assert "pick cube_3 done" not in run.arm.done
+
+
+def under_a_cup(run: Run) -> None:
+    """The belief sticks to it that the cube is probably under the cup, whatever is seen."""
+    run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+    run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*THERE, 0.04)))
+    run.memory.add_edge("cup", "table", "on", source="contact")
+    add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+    gone = Alternative(weight=0.4, pose=None)
+    believe(run.memory, "cube_3", at(0.6, THERE, containers=("cup",)), gone)
+
+
+def test_a_cover_is_lifted_once_however_little_that_tells() -> None:
+    with Run() as run:
+        under_a_cup(run)
+        run.want("on(cube_3,cube_4)")
+        run.until("reached", 120.0)
+        assert run.arm.done.count("pick cup done") == 1 and run.replans == 1
+
+
+def test_what_cannot_be_lifted_keeps_nobody_from_trying() -> None:
+    with Run() as run:
+        under_a_cup(run)
+        run.arm.failing.append("pick")
+        run.want("on(cube_3,cube_4)")
+        run.until("reached", 120.0)
+        assert run.arm.done.count("pick cup failed") == 1 and "pick cube_3 done" in run.arm.done
+
+
+def test_what_another_goal_wants_where_it_is_is_not_lifted() -> None:
+    with Run() as run:
+        under_a_cup(run)
+        run.want("on(cup,table)", maintain=True, priority=5)
+        run.until("maintained")
+        run.want("on(cube_3,cube_4)")
+        run.until(lambda: supports(run.memory).get("cube_3") == "cube_4")
+        assert "pick cup done" not in run.arm.done

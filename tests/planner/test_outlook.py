@@ -10,6 +10,7 @@ import pytest
 
 from dsr import Pose
 from dsr.believing.distribution import Alternative
+from dsr.math3d.shapes import Part, to_numbers
 from planner.config import PlannerConfig
 from planner.outlook import Look, Outlooks, expected_information
 from planner.state import read_state
@@ -86,3 +87,33 @@ def test_a_cover_is_lifted_if_only_that_shows_the_thing(run: Run) -> None:
     assert best(run, look) is None, "once is enough"
     add_cube(run.memory, "cube_9", *THERE, 0.1, support="cup")
     assert best(run) is None, "what carries something is not lifted"
+
+
+def test_lifting_what_hides_next_to_nothing_tells_next_to_nothing(run: Run) -> None:
+    run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+    run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((0.3, -0.3, 0.04)))
+    run.memory.add_edge("cup", "table", "on", source="contact")
+    believe(run.memory, "cube_3", at(0.58, *HERE), at(0.4, *THERE), at(0.02, 0.3, -0.3, containers=("cup",)))
+    look = best(run)
+    assert look is not None and look.view is not None
+    assert best(run, look, Look(1.0, Pose((*THERE, CONFIG.look_height)))) is None
+
+
+def test_a_vessel_that_is_open_above_is_not_lifted(run: Run) -> None:
+    """The camera sees into it: with the vessel away, it would see no more."""
+    wall = (0.005, 0.07, 0.06)
+    parts = [(wall, (side * 0.0325, 0.0, 0.0)) for side in (-1, 1)]
+    shape = to_numbers(tuple(Part("box", size, centre) for size, centre in parts))
+    run.memory.add_node("tray", "container", size=(0.07, 0.07, 0.06), shape=shape)
+    run.memory.add_edge("world", "tray", "Virtual_RT", pose=Pose((*THERE, 0.03)))
+    run.memory.add_edge("tray", "table", "on", source="contact")
+    believe(run.memory, "cube_3", at(0.6, *THERE, containers=("tray",)), Alternative(weight=0.4, pose=None))
+    look = best(run)
+    assert look is not None and look.cover == "" and look.view is not None
+
+
+def test_what_may_be_anywhere_around_is_looked_at_too(run: Run) -> None:
+    wide = Pose((*HERE, 0.02)).with_covariance(np.diag([0.06**2, 0.06**2, 1e-6, 1e-6, 1e-6, 1e-6]))
+    believe(run.memory, "cube_3", Alternative(weight=1.0, pose=wide))
+    look = best(run)
+    assert look is not None and look.view is not None and look.information > 1.0

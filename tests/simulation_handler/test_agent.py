@@ -262,7 +262,7 @@ def test_bad_nodes_are_skipped_and_said_once(
 def test_how_easily_something_rolls_is_taken_from_its_node(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
     scenes, offer = list[RolloutScene](), WhatIfService.offer
     monkeypatch.setattr(
-        WhatIfService, "offer", lambda self, scene, now: (scenes.append(scene), offer(self, scene, now))
+        WhatIfService, "offer", lambda self, scene, *more: (scenes.append(scene), offer(self, scene, *more))
     )
     size = (0.06, 0.06, 0.06)
     shape = to_numbers((Part("sphere", size),))
