@@ -197,8 +197,7 @@ def test_a_process_in_ros_that_was_killed_is_started_again(asking: DdsLink, cont
     assert installed is not None
     process = installed._process
     os.kill(process._process.pid, signal.SIGKILL)
-    eventually(asking.problems)
-    assert any("the process in the robot's ROS ended" in text for text in asking.problems())
+    assert eventually(lambda: any("the process in the robot's ROS ended" in text for text in asking.problems()))
     assert client.cancel(ALL_GOALS, 30.0) and installed._process is not process
     assert not any("robot's ROS" in text for text in asking.problems())
     client.close()
