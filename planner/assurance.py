@@ -107,7 +107,7 @@ class Assurance:
         """Probability of each thing that the arm relies on to be where it has to be for that."""
         state, rooms = read_state(self._memory, self._config), {}
         if step.thing in state.solids:
-            rooms[step.thing] = room_between_fingers(state.solids[step.thing].size, self._config)
+            rooms[step.thing] = room_between_fingers(state.solids[step.thing], self._config)
         stacks = following is not None and following.name == "stack" and following.thing == step.thing
         if stacks and following is not None and following.support in state.solids:
             x, y, z = state.solids[following.support].size
@@ -141,15 +141,17 @@ class Assurance:
         return carrier if carrier in state.arms else min(state.arms, default="")
 
 
-def room_between_fingers(size: Vector3, config: PlannerConfig) -> Vector3:
-    """M along its axes that a thing of this size (m) may be off and still be grasped.
+def room_between_fingers(solid: KnownSolid, config: PlannerConfig) -> Vector3:
+    """M along its axes that a thing may be off where it is, and still be grasped from above.
 
-    The fingers close along its narrower side. There it is the free part of the opening; along the others the fingers
-    still meet the thing.
+    The fingers close along the narrower of its two level sides. There it is the free part of the opening; along the
+    others the fingers still meet the thing.
     """
-    x, y, z = size
-    free = 0.5 * max(0.0, config.widest_grip - min(x, y))
-    return (free, 0.5 * y, 0.5 * z) if x <= y else (0.5 * x, free, 0.5 * z)
+    upright = int(np.abs(solid.pose.rotation_matrix[2]).argmax())
+    narrow = min((axis for axis in range(len(solid.size)) if axis != upright), key=lambda axis: solid.size[axis])
+    room = [0.5 * edge for edge in solid.size]
+    room[narrow] = 0.5 * max(0.0, config.widest_grip - solid.size[narrow])
+    return room[0], room[1], room[2]
 
 
 def chance_within(where: Whereabouts, solid: KnownSolid, room: Vector3) -> float:

@@ -44,10 +44,15 @@ def test_a_grasp_is_as_probable_as_the_thing_is_between_the_fingers() -> None:
     assert chance(at(0.5, HERE), at(0.5, beside)) == 1.0 and chance(at(0.5, HERE), at(0.5, THERE)) == 0.5
 
 
-def test_the_fingers_close_along_the_narrow_side() -> None:
-    assert room_between_fingers((0.04, 0.04, 0.06), CONFIG) == pytest.approx((0.02, 0.02, 0.03))
-    assert room_between_fingers((0.10, 0.02, 0.04), CONFIG) == pytest.approx((0.05, 0.03, 0.02))
-    assert room_between_fingers((0.09, 0.10, 0.04), CONFIG)[0] == 0.0
+def test_the_fingers_close_along_the_narrow_level_side() -> None:
+    def room(size: tuple[float, float, float], pose: Pose = Pose()) -> tuple[float, float, float]:  # noqa: B008
+        return room_between_fingers(KnownSolid(size, pose), CONFIG)
+
+    assert room((0.04, 0.04, 0.06)) == pytest.approx((0.02, 0.02, 0.03))
+    assert room((0.10, 0.02, 0.04)) == pytest.approx((0.05, 0.03, 0.02))
+    assert room((0.09, 0.10, 0.04))[0] == 0.0
+    lying = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.5 * math.pi, 0.0))
+    assert room((0.05, 0.05, 0.12), lying) == pytest.approx((0.025, 0.015, 0.06)), "its x axis is upright now"
 
 
 def test_a_doubtful_thing_is_looked_at_before_it_is_picked_and_the_timeline_says_why() -> None:
