@@ -84,10 +84,14 @@ class WorldKeeper:
             keeper.flush()
 
     def close(self) -> None:
-        """Stop following the list; the state of each world is kept until that closes."""
+        """Stop following the list, and keep parts that came since the last look; each world is kept until that closes."""
+        if self._stop.is_set():
+            return
         self._stop.set()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join()
+        with self._looking:
+            self._keep_parts(self._memory.interest)
 
     def _run(self) -> None:
         while not self._memory.clock.wait(self._stop, PERIOD):

@@ -61,6 +61,15 @@ def test_all_parts_are_restored_after_a_crash_of_everybody(net: Net, tmp_path: P
     memory.close()
 
 
+def test_a_part_that_came_just_before_the_end_is_kept(net: Net, tmp_path: Path) -> None:
+    memory, _ = kept(net, tmp_path, "*")
+    memory.create_part("kitchen")
+    memory.add_node("cup", "cube", "kitchen", mass=7.0)
+    memory.close()
+    again, keeper = kept(Net(), tmp_path, "*")
+    assert keeper.restored and again.node("cup")["mass"] == 7.0
+
+
 def test_a_keeper_of_one_part_leaves_the_files_of_others_alone(net: Net, tmp_path: Path) -> None:
     house(net)
     memory, keeper = kept(net, tmp_path, "*")
