@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import msgpack
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -241,6 +242,16 @@ def truths() -> list[bytes]:
     """The true world."""
     truth = Truth(NOW, {"cube_3": _SEVEN, "cube_4": _SEVEN}, (0.1,) * JOINTS, 0.08, "cube_3", {"overhead": _SEVEN})
     return [msgspec.msgpack.encode(truth)]
+
+
+def holders_questions() -> list[bytes]:
+    """Questions who holds worlds and parts."""
+    return [msgpack.packb([1, places]) for places in (["part/kitchen"], ["part/hall", "world/plan/arm-5f0c12aaw1"])]
+
+
+def holders_answers() -> list[bytes]:
+    """What a process says to that."""
+    return [msgpack.packb([1, "arm-5f0c12aa", held]) for held in (["arm-kitchen.1f0c12aa"], ["", "arm-5f0c12aaw1"])]
 
 
 def questions() -> list[bytes]:
