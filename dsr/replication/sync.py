@@ -574,7 +574,7 @@ class Synchroniser:
         store = self.graph.store
         if digest.fingerprint == store.fingerprint or digest.seen.hash != store.context.hash:
             return False
-        self.graph.look_again()  # edges that turned out to be dead may still be here
+        self.graph.look_between()  # edges that turned out to be dead may still be here
         return digest.fingerprint != store.fingerprint
 
     def _trusts(self, rid: str) -> bool:
