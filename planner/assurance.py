@@ -15,10 +15,11 @@ from dsr.timeline import Chronicle
 from dsr.vocabulary.intentions import DONE
 from dsr.vocabulary.sentences import listed, percent
 from planner.arm import Arm
+from planner.arms import chosen
 from planner.config import PlannerConfig
 from planner.errors import NoPlace, Outdated
 from planner.grounding import Skill, place_on_table
-from planner.looking import Search, carrier_of
+from planner.looking import Search
 from planner.outlook import Look, Outlooks
 from planner.plan import PlanStep
 from planner.state import KnownSolid, WorldState, read_state
@@ -61,30 +62,34 @@ class Assurance:
         done = self._done.setdefault(step.thing, [])
         looks = len(done)
         while step.name == "pick" and self._chance(step, following) < self._config.sure:
-            look = self._best_look(step, following, done)
+            look = yield from self._best_look(step, following, done)
             if look is None:
                 break
+            if self._chance(step, following) >= self._config.sure:
+                continue  # something was seen meanwhile
             done.append(look)
             told = self._tell(look, step, following)
-            if look.view is None:
+            if look.view is None or look.eye is None:
                 problem = yield from self._lift(look.cover, told)
                 if not problem:
                     raise Outdated(told)
                 self._log.warning("%s cannot be lifted: %s", look.cover, problem)
                 continue
-            camera = self._looking.camera()
             yield from self._looking.look_from(
-                look.view, camera, lambda: self._chance(step, following) < self._config.sure, told
+                look.view, look.eye, lambda: self._chance(step, following) < self._config.sure, told
             )
         return len(done) > looks
 
-    def _best_look(self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]) -> Look | None:
-        """The look that tells most; None if none is worth it, which is logged."""
-        camera = self._looking.camera()
+    def _best_look(
+        self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]
+    ) -> Generator[None, None, Look | None]:
+        """The look that tells most, chosen over some ticks; None if none is worth it, which is logged."""
+        eyes, look = self._looking.eyes(), None
         problem = self._looking.problem
-        things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
-        outlooks = Outlooks(self._memory, read_state(self._memory, self._config), camera, self._config)
-        look = None if len(done) >= self._config.most_looks else outlooks.best(things, done, self._kept())
+        if len(done) < self._config.most_looks:
+            things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
+            state = read_state(self._memory, self._config)
+            look = yield from Outlooks(self._memory, state, eyes, things, self._config).best(done, self._kept())
         if look is None:
             sure = percent(self._chance(step, following))
             self._log.info("going on, though %s will succeed with %s: %s", step, sure, problem or "no look tells more")
@@ -122,8 +127,8 @@ class Assurance:
     def _lift(self, cover: str, told: str) -> Generator[None, None, str]:
         """Take a cover off and put it on the table; returns why that did not succeed, empty if it did."""
         state = read_state(self._memory, self._config)
-        arm = self._lifting_arm(state)
         try:
+            arm = _lifting_arm(cover, state, self._config)
             place = place_on_table(cover, state, self._config, arm=arm)
         except NoPlace as error:
             return str(error)
@@ -133,12 +138,16 @@ class Assurance:
                 return progress.explanation or progress.status
         return ""
 
-    def _lifting_arm(self, state: WorldState) -> str:
-        """The arm that carries the camera, or the first one; empty for the only one."""
-        if not state.is_shared:
-            return ""
-        carrier = carrier_of(self._memory, self._looking.camera())
-        return carrier if carrier in state.arms else min(state.arms, default="")
+
+def _lifting_arm(cover: str, state: WorldState, config: PlannerConfig) -> str:
+    """The nearest arm that reaches a cover; empty for the only one. Raises `NoPlace`."""
+    if not state.is_shared:
+        return ""
+    places = [(x, y) for solid in (state.solids.get(cover),) if solid is not None for x, y, _ in (solid.pose.t,)]
+    arm = chosen(state.arms.values(), places, config) if places else None
+    if arm is None:
+        raise NoPlace(f"no arm that works reaches {cover}")
+    return arm.name
 
 
 def room_between_fingers(solid: KnownSolid, config: PlannerConfig) -> Vector3:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import msgpack
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from dsr.network.keys import part_rid
 from dsr.network.shared_ring import SlotDescriptor
 from dsr.parts.graph import PartedGraph
 from dsr.parts.registry import PartInfo, to_attribute
+from dsr.replication.holders import VERSION, HolderQuery, HoldersAnswer
 from dsr.replication.piece_wire import Request, encode_piece, encode_request
 from dsr.replication.portions import portion
 from dsr.replication.wire import Digest, encode_delta, encode_digest
@@ -244,16 +244,6 @@ def truths() -> list[bytes]:
     return [msgspec.msgpack.encode(truth)]
 
 
-def holders_questions() -> list[bytes]:
-    """Questions who holds worlds and parts."""
-    return [msgpack.packb([1, places]) for places in (["part/kitchen"], ["part/hall", "world/plan/arm-5f0c12aaw1"])]
-
-
-def holders_answers() -> list[bytes]:
-    """What a process says to that."""
-    return [msgpack.packb([1, "arm-5f0c12aa", held]) for held in (["arm-kitchen.1f0c12aa"], ["", "arm-5f0c12aaw1"])]
-
-
 def questions() -> list[bytes]:
     """Questions to the belief's simulator."""
     changes = (Supposed.place("cube_3", Pose(_SEVEN[:3])), Supposed.hold("cube_4"), Supposed.remove("cube_5"))
@@ -293,3 +283,13 @@ def graph_files() -> list[bytes]:
     }
     ours = {"format": "dsr-graph", "version": 1, "nodes": [], "edges": []}
     return [json.dumps({"DSRModel": {"symbols": symbols}}).encode(), json.dumps(ours).encode()]
+
+
+def holder_queries() -> list[bytes]:
+    """Questions who holds worlds and parts."""
+    return [msgspec.msgpack.encode(HolderQuery(VERSION, ["part/kitchen", "world/belief_1/3"]))]
+
+
+def holder_answers() -> list[bytes]:
+    """Their answers."""
+    return [msgspec.msgpack.encode(HoldersAnswer(VERSION, "launcher-5f0c12aa", ["launcher-5f0c12aapkitchenq1", ""]))]

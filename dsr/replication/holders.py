@@ -38,7 +38,7 @@ _ROUNDS = 3
 _Place = Annotated[str, msgspec.Meta(max_length=256)]
 
 
-class Question(msgspec.Struct, array_like=True, frozen=True):
+class HolderQuery(msgspec.Struct, array_like=True, frozen=True):
     """Asks under which replica ids a process holds worlds and parts."""
 
     version: int
@@ -57,13 +57,13 @@ class HoldersAnswer(msgspec.Struct, array_like=True, frozen=True):
 
 
 _encoder = msgspec.msgpack.Encoder()
-_questions = msgspec.msgpack.Decoder(Question)
+_queries = msgspec.msgpack.Decoder(HolderQuery)
 _answers = msgspec.msgpack.Decoder(HoldersAnswer)
 
 
-def decode_question(payload: bytes) -> Question:
+def decode_query(payload: bytes) -> HolderQuery:
     """The question in `payload`. Raises `WireError` unless all of it is valid."""
-    question = decoded(payload, "question who holds what", _questions.decode)
+    question = decoded(payload, "question who holds what", _queries.decode)
     if question.version != VERSION:
         raise WireError(f"question who holds what: version {question.version}, this is version {VERSION}")
     return question
@@ -133,7 +133,7 @@ class Holders:
             self._send(places[first : first + MAX_PLACES])
 
     def _send(self, places: list[str]) -> None:
-        payload = _encoder.encode(Question(VERSION, places))
+        payload = _encoder.encode(HolderQuery(VERSION, places))
         try:
             self._transport.request(
                 self._keys.holders(), payload, lambda key, reply: self._take(places, key, reply), _nothing,
@@ -158,7 +158,7 @@ class Holders:
 
     def _answer(self, key: str, payload: bytes) -> bytes | None:
         try:
-            question = decode_question(payload)
+            question = decode_query(payload)
         except WireError:
             self.malformed += 1
             return None

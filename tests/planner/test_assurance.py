@@ -153,6 +153,25 @@ def test_a_cover_is_lifted_once_however_little_that_tells() -> None:
         assert run.arm.done.count("pick cup done") == 1 and run.replans == 1
 
 
+def test_the_thing_that_is_to_be_moved_may_be_a_cover_itself() -> None:
+    """The cube on which the cup will be put is probably under the cup: that shows when the cup is put on the table."""
+    with Run() as run:
+        run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+        run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*COVERED, 0.04)))
+        run.memory.add_edge("cup", "table", "on", source="contact")
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        for edge in run.memory.edges("Virtual_RT", dst="cube_4"):
+            run.memory.remove_edge(*edge.key)
+        gone = Alternative(weight=0.4, pose=None)
+        believe(run.memory, "cube_4", at(0.6, COVERED, containers=("cup",)), gone)
+        run.arm.covered["cube_4"] = "cup"
+        run.want("on(cup,cube_4)")
+        run.until("reached")
+        assert looks_before(run)[0].startswith("lift cup before pick cup: cube_4 is where")
+        lifted = ["pick cup done", "place cup table done", "pick cup done", "place cup cube_4 done"]
+        assert [told for told in run.arm.done if "cup" in told] == lifted
+
+
 def test_what_cannot_be_lifted_keeps_nobody_from_trying() -> None:
     with Run() as run:
         under_a_cup(run)
