@@ -15,10 +15,10 @@ from dsr.memory import Memory
 from dsr.timeline import Chronicle
 from dsr.vocabulary.intentions import DONE
 from dsr.vocabulary.sentences import listed, percent
-from planner.access import Access
 from planner.arm import Arm
 from planner.arms import chosen
 from planner.config import PlannerConfig
+from planner.covers import Covers
 from planner.errors import NoPlace, Outdated
 from planner.grounding import Skill, place_on_table
 from planner.looking import Search
@@ -99,14 +99,14 @@ class Assurance:
 
     def _uncovering(self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]) -> Look | None:
         """A cover to be lifted because success is probable enough without it: what is under it cannot be taken."""
-        state, access = read_state(self._memory, self._config), Access(self._memory, self._config)
+        state, covering = read_state(self._memory, self._config), Covers(self._memory, self._config)
         wheres = self._wheres(step, following, state)
-        covers = {access.cover_of(name, one) for name, (where, _) in wheres.items() for one in where.alternatives}
+        covers = {covering.cover_of(name, one) for name, (where, _) in wheres.items() for one in where.alternatives}
         spared = {"", *self._kept(), *(look.cover for look in done)}
         for cover in sorted(covers - spared):
             if not can_be_lifted(cover, state, self._config):
                 continue
-            chances = self._chances(step, following, partial(access.reaches, without=cover))
+            chances = self._chances(step, following, partial(covering.reaches, without=cover))
             if math.prod(chances.values()) >= self._config.sure:
                 return Look(0.0, cover=cover)
         return None
@@ -136,7 +136,7 @@ class Assurance:
         Only alternatives count in which the arm reaches the thing of a name; by default, where it is under no cover.
         """
         state = read_state(self._memory, self._config)
-        is_reached = is_reached or Access(self._memory, self._config).reaches
+        is_reached = is_reached or Covers(self._memory, self._config).reaches
         return {
             name: chance_within(where, state.solids[name], room, partial(is_reached, name))
             for name, (where, room) in self._wheres(step, following, state).items()

@@ -18,8 +18,8 @@ from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 from planner.carried import CarriedCamera
 from planner.config import PlannerConfig
-from planner.doubts import APART, MOST_ALTERNATIVES, likely_places
 from planner.grounding import within_reach
+from planner.likely_places import APART, MOST_ALTERNATIVES, likely_places
 from planner.state import WorldState
 
 T = TypeVar("T")

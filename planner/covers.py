@@ -17,7 +17,7 @@ _LENS = Intrinsics.from_fov(WIDTH, WIDTH, math.radians(90.0))
 """Of a picture from above, as wide as twice its height"""
 
 
-class Access:
+class Covers:
     """What hides things from right above, as all is believed when it is asked first.
 
     Args:
