@@ -76,6 +76,10 @@ class ObjectEvidence:
     """Names of what it rests on, but for the floor"""
     touched_by: tuple[str, ...] = ()
     """Names of the human hands that touch it, sorted"""
+    aloft: bool = False
+    """Whether it is seen in the air."""
+    opens: bool = False
+    """Whether the fingertips of the hand that holds it are seen apart from it just now."""
     let_go_at: float = -np.inf
     """s, when a hand was last known to let go of it"""
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
@@ -193,6 +197,8 @@ class EvidenceReader:
             containers=innermost_first(name, contents),
             supports=supports,
             touched_by=tuple(hand for hand, thing in touches if thing == name),
+            aloft=item.static or item.hovering_since is not None,
+            opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )

@@ -29,6 +29,7 @@ from simulation_handler.worlds.circumstances import (
     INSIDE,
     RESTLESS,
     RESTS_UNSEEN,
+    hold,
     in_view,
     is_unseen,
     unseen,
@@ -226,7 +227,7 @@ class WeightedWorlds:
         parts = [turned for part in parts for turned in _turned(part, thing)]
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
-        held = self._parameters.holding.get(followed.circumstance, 0.0)
+        held = self._parameters.holding.get(hold(thing, followed.circumstance), 0.0)
         return [
             (weight * share * probability, replace(one, hand=hand), reason)
             for share, one, reason in parts
