@@ -69,7 +69,7 @@ def test_without_an_answer_it_goes_on(caplog: pytest.LogCaptureFixture) -> None:
 
 def test_a_refusal_is_no_verdict() -> None:
     with Run(what_if_patience=1.0) as run:
-        serve(run, [Answer(refused="it has just started")])
+        serve(run, [Answer(refused="it has just started", weight=0.0)])
         run.want("on(cube_3,cube_4)")
         run.until("reached")
 
@@ -80,6 +80,27 @@ def test_the_worst_movement_is_told() -> None:
     assert foresight._problem(STAYS, config) == ""
     assert foresight._problem(SLIDES, config) == "cube_3 would move by 40 mm"
     assert foresight._problem(TURNS, config) == "cube_3 would turn by 0.8 rad"
+
+
+def test_what_moves_anyway_does_not_count_against_a_place() -> None:
+    rolls = (0.5, 0.0, 0.03, 0.0, 0.0, 0.0, 1.0)
+    alone = WorldOutcome(poses={"ball": rolls}, moved={"ball": 0.3}, turned={"ball": 3.0}, anyway={"ball": rolls})
+    assert foresight._problem(alone, PlannerConfig()) == ""
+    stopped = msgspec.structs.replace(alone, poses={"ball": (0.4, *rolls[1:])}, moved={"ball": 0.2})
+    assert foresight._problem(stopped, PlannerConfig()) == "ball would move by 100 mm"
+
+
+def test_a_place_without_room_in_most_worlds_is_bad_though_others_answer() -> None:
+    """It is so, too, if the world that the graph shows is one of those; and if they all are."""
+    for stays in (0.1, 0.0):
+        answers = (WorldOutcome(weight=stays, moved=STAYS.moved),) if stays else ()
+        refusal = Answer(refused="'cube_3' would be 20 mm inside 'cube_6' there", weight=1.0 - stays, others=answers)
+        with Run(what_if_patience=1.0) as run:
+            add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
+            asked = serve(run, [refusal, STAYS])
+            run.want("clear(cube_3) & handempty")
+            run.until("reached")
+            assert len(set(asked)) == 2
 
 
 def in_doubt(sliding: float) -> Answer:
