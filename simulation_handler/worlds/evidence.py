@@ -85,6 +85,9 @@ class ObjectEvidence:
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
     """How it may be turned instead, if its percepts do not tell: probability, and rotation from `believed` to that."""
 
+    courses: tuple[Pose, ...] = ()
+    """world_from_object by each course on which it may be, if it vanished on its way; each is as probable"""
+
     @property
     def seen_at(self) -> float:
         """Stamp (s) of the newest percept; -inf if there is none."""
@@ -123,6 +126,7 @@ class EvidenceReader:
         lead: gives (3,) m that an object is beyond its body, by name.
         in_doubt: gives the names of objects of which only cameras tell at a time (s) that may have moved.
         config: how far percepts are trusted.
+        courses: gives where an object may be by now that vanished on its way, by name.
     """
 
     def __init__(
@@ -134,8 +138,10 @@ class EvidenceReader:
         lead: Callable[[str], Vector3],
         in_doubt: Callable[[float], frozenset[str]],
         config: BeliefConfig,
+        courses: Callable[[str], tuple[Pose, ...]] = lambda name: (),
     ) -> None:
         self._bodies = bodies
+        self._courses = courses
         self._lead = lead
         self._in_doubt = in_doubt
         self._config = config
@@ -200,6 +206,7 @@ class EvidenceReader:
             aloft=item.static or item.hovering_since is not None,
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
+            courses=self._courses(name),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 
