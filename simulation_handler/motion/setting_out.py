@@ -79,7 +79,7 @@ def _given(percepts: Sequence[WeighedPercept], moment: float) -> _ByMoment:
     end = percepts[-1]
     precision, shift = np.zeros((6, 6)), np.zeros(6)
     precision[3:, 3:] = np.eye(3) / _SPEED**2
-    evidence, moved = -3.0 * np.log(_SPEED), max(end.stamp - moment, 0.0)
+    evidence, moved = 0.0, max(end.stamp - moment, 0.0)
     for percept in percepts:
         rows = np.hstack([np.eye(3), (max(percept.stamp - moment, 0.0) - moved) * np.eye(3)])
         weighed = np.linalg.inv(percept.position_covariance)
