@@ -111,8 +111,9 @@ def viewpoints(
     if table is None:
         return []
     places = grid(table, 0.0, APART)
-    reached = [within_reach(places, state, config, eye.arm) for eye in eyes]
-    unseen = np.logical_or.reduce(reached)
+    reached = np.array([within_reach(places, state, config, eye.arm) for eye in eyes])
+    places, reached = places[reached.any(axis=0)], reached[:, reached.any(axis=0)]
+    unseen = np.ones(len(places), bool)
     for view in state.views:
         unseen &= ~view.sees(np.column_stack([places, np.full(len(places), table.pose.t[2])]), config.image_margin)
     away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import math
 import sys
+import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,3 +161,18 @@ def test_what_a_fixed_camera_sees_needs_no_look() -> None:
         run.memory.remove_node("camera_high")
         run.memory.remove_node("table")
         assert viewpoints(read_state(run.memory, CONFIG), [EYE], CONFIG) == []
+
+
+def test_a_large_table_costs_no_more_than_what_is_within_reach() -> None:
+    with Run() as run:
+        before = viewpoints(read_state(run.memory, CONFIG), [EYE], CONFIG)
+        state = read_state(run.memory, CONFIG)
+    assert state.table is not None
+    table = state.solids[state.table]
+    x, y, z = table.size
+    large = replace(state, solids={**state.solids, state.table: replace(table, size=(x + 6.0, y + 6.0, z))})
+    tracemalloc.start()
+    views = viewpoints(large, [EYE], CONFIG)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(views) >= len(before) and most < 1e8
