@@ -9,10 +9,8 @@ RESOLUTION = 0.001
 """m, lengths that differ by less are the same: so close, physics counts surfaces as touching."""
 PLACE_FLOOR = 0.002
 """m, standard deviation of what is no noise of percepts: of bodies in contact, of models"""
-OWN_ERROR = 0.001
-"""m, systematic error of depth that one more thing is imagined to have of its own: the evidence of one. The likeliest
-is 0.6 mm if as many cameras have none as have those of the family `sensors`, and 1.7 mm if all have those.
-"""
+OWN_ERROR = RESOLUTION
+"""m, systematic error of depth of its own that one more thing is imagined to have, beside those that are known"""
 TURN_FLOOR = 0.03
 """rad, likewise"""
 SAME_OUTCOME = 0.005

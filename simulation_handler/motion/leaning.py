@@ -93,7 +93,7 @@ class Leaning:
             return Judged(None, bool(around))
         standing = seen.cost(flat.solid) + is_held * nats.HELD
         is_flat = item.placement is None or self._is_flat(item.placement.solid)
-        if is_flat and standing <= seen.cost(seen.solid) + nats.AS_GOOD + nats.LEANS:
+        if is_flat and standing <= seen.cost(seen.solid) + nats.AS_GOOD:
             return Judged(None, True)
         leans = self._leans(item, seen, flat, around, scene)
         ways = [(seen.cost(lean.solid, PLACE_FLOOR) + nats.LEANS, lean) for lean in leans]
@@ -173,7 +173,7 @@ class Leaning:
 
 def _heights(solid: Solid) -> float:
     """M, standard deviation of how high the middle of a body is that leans: all heights that it may have are alike."""
-    return (solid.radius - 0.5 * min(solid.size)) / math.sqrt(12.0)
+    return (solid.radius - 0.5 * min(solid.size)) / math.sqrt(12.0)  # 1, of an even distribution
 
 
 def _is_beside(other: Solid, flat: Placement) -> bool:
