@@ -15,9 +15,9 @@ from planner.actions import other_action
 from planner.arm import Arm, Script
 from planner.carried import CarriedCamera, carried_cameras
 from planner.config import PlannerConfig
-from planner.doubts import APART
 from planner.errors import Setback
 from planner.grounding import Skill, grid, within_reach
+from planner.likely_places import APART
 from planner.outlook import DOWN, expected_information
 from planner.state import WorldState, read_state
 

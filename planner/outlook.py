@@ -15,21 +15,21 @@ from dsr.visibility import Body, Perspective, VisibleScene, body_at, intrinsics_
 from dsr.visibility.bodies import read_posed
 from dsr.visibility.perspectives import PERSON
 from dsr.vocabulary.intrinsics import Intrinsics
-from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS, Relations
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 from planner.carried import CarriedCamera
 from planner.config import PlannerConfig
-from planner.doubts import APART, MOST_ALTERNATIVES, likely_places
 from planner.grounding import within_reach
+from planner.likely_places import APART, MOST_ALTERNATIVES, likely_places
 from planner.state import WorldState
 
 T = TypeVar("T")
 DOWN = (1.0, 0.0, 0.0, 0.0)
 """world_from_camera of a camera that looks straight down"""
-_WIDTH = 96
+WIDTH = 96
 """px, of the pictures that are drawn: a cube of 4 cm is 5 px across at 60 cm"""
 _DRAWN_AT_ONCE = 100
 """Bodies that are drawn in one step: about 20 ms, so that a planner of 10 Hz has time for all else"""
-_HIDING = (*THINGS, *MODELLED, *SURFACES, PERSON, "hand")
+HIDING = (*THINGS, *MODELLED, *SURFACES, PERSON, "hand")
 """Node types of what hides things from a camera. Arms do not count: they will be elsewhere."""
 
 
@@ -112,12 +112,12 @@ class Outlooks:
         config: PlannerConfig,
     ) -> None:  # fmt: skip
         self._state, self._config = state, config
-        self._bodies = VisibleScene.of(memory, [one for one in read_posed(memory) if one.kind in _HIDING]).bodies
+        self._bodies = VisibleScene.of(memory, [one for one in read_posed(memory) if one.kind in HIDING]).bodies
         self._sought = [found for name in sorted(things) if (found := _sought(memory, name)) is not None]
-        lenses = [(eye, intrinsics_of(memory.node(eye.name), _WIDTH)) for eye in eyes]
+        lenses = [(eye, intrinsics_of(memory.node(eye.name), WIDTH)) for eye in eyes]
         self._views = [view for eye, lens in lenses for view in self._views_of(eye, lens)]
         still = {view.name for view in state.views}
-        self._still = [eye for eye in read_perspectives(memory, width=_WIDTH) if eye.name in still]
+        self._still = [eye for eye in read_perspectives(memory, width=WIDTH) if eye.name in still]
         self._drawn = 0
         self._known: dict[tuple[str, Perspective], Array] = {}
 
@@ -159,11 +159,7 @@ class Outlooks:
     def _covers(self) -> list[str]:
         """Names of what one of the things may be in, and what an arm can lift because nothing is on it."""
         names = {name for sought in self._sought for one in sought.where.alternatives for name in one.containers}
-        return sorted(name for name in names & self._state.graspable if self._can_be_lifted(name))
-
-    def _can_be_lifted(self, name: str) -> bool:
-        place = np.array([self._state.solids[name].pose.t[:2]])
-        return _is_clear(name, self._state.relations) and bool(within_reach(place, self._state, self._config)[0])
+        return sorted(name for name in names if can_be_lifted(name, self._state, self._config))
 
     def _told(self, view: Perspective) -> Working[float]:
         """Nats that a view tells."""
@@ -220,8 +216,12 @@ def _sought(memory: Memory, name: str) -> _Sought | None:
     return _Sought(where, np.array([one.probability for one in places]), there)
 
 
-def _is_clear(name: str, relations: Relations) -> bool:
-    return name not in relations.held and all(support != name for _, support in relations.on)
+def can_be_lifted(name: str, state: WorldState, config: PlannerConfig) -> bool:
+    """Whether an arm can lift a thing: it fits between the fingers, nothing is on it, and an arm gets there."""
+    relations = state.relations
+    if name not in state.graspable or name in relations.held or any(support == name for _, support in relations.on):
+        return False
+    return bool(within_reach(np.array([state.solids[name].pose.t[:2]]), state, config)[0])
 
 
 def _is_near(view: Pose, other: Pose | None) -> bool:

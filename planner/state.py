@@ -20,7 +20,7 @@ from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import Relations, nodes_by_name
 from planner.arms import Arms, Place, PlannedArm
 from planner.config import PlannerConfig
-from planner.doubts import likely_places
+from planner.likely_places import likely_places
 
 FLAT = ("cube", "box")
 """Node types on which something can be put."""
@@ -41,7 +41,7 @@ class KnownSolid:
         return 0.5 * math.hypot(self.size[0], self.size[1])
 
 
-class PlaceDoubt(NamedTuple):
+class PossiblePlace(NamedTuple):
     """A place where a thing may be."""
 
     probability: float
@@ -83,7 +83,7 @@ class WorldState:
     """Things that fit between the fingers and that nobody else holds."""
     flat: frozenset[str] = frozenset()
     """Things on which something can be put."""
-    doubts: Mapping[str, tuple[PlaceDoubt, ...]] = field(default_factory=dict)
+    doubts: Mapping[str, tuple[PossiblePlace, ...]] = field(default_factory=dict)
     """Where things may be, by name, of those that are not surely where they are believed to be."""
     arms: Mapping[str, PlannedArm] = field(default_factory=lambda: {ARM: PlannedArm(ARM, CONTROLLER, gripper_of(ARM))})
     """Those that can be used, by name; of several."""
@@ -123,14 +123,14 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
     )
 
 
-def _doubts(memory: Memory, name: str) -> tuple[PlaceDoubt, ...]:
+def _doubts(memory: Memory, name: str) -> tuple[PossiblePlace, ...]:
     """Where a thing may be that lies somewhere; none if only one place is thought of."""
     node = memory.node(name)
     where = memory.belief(name) if node.get(ATTRIBUTE) else None
     if where is None:
         return ()
     return tuple(
-        PlaceDoubt(weight, pose.t[:2])
+        PossiblePlace(weight, pose.t[:2])
         for weight, pose, one in likely_places(where)
         if pose is not None and not one.hand
     )
