@@ -7,5 +7,10 @@ OWN = ("dsr", "agents", "simulation_handler", "surprise", "planner", "benchmarks
 setup(
     packages=[*find_packages(include=[f"{name}*" for name in OWN]), "dsr.etc"],
     package_dir={"dsr.etc": "etc"},
-    package_data={"dsr.etc": ["**/*"], "benchmarks.model": ["*.tla"], **{name: ["py.typed"] for name in OWN}},
+    package_data={
+        "dsr.etc": ["**/*"],
+        "benchmarks.model": ["*.tla"],
+        "benchmarks.compiled": ["*.cpp", "*.hpp"],
+        **{name: ["py.typed"] for name in OWN},
+    },
 )

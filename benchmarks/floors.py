@@ -16,7 +16,6 @@ import statistics
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
-from multiprocessing.connection import Connection
 from time import process_time
 from typing import Any
 
@@ -33,7 +32,7 @@ from benchmarks.peers.zenoh_ring import RingLink
 from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import number
 from benchmarks.timing import percentile
-from benchmarks.workers import Worker, commands
+from benchmarks.workers import Worker
 from dsr.clock import WALL_CLOCK
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Write
@@ -191,7 +190,7 @@ def late_join(rounds: int) -> Times:
     workload.fill(memory, _NODES)
     payloads = [encode_piece(piece) for piece in all_pieces(memory.replica.graph.store, CausalContext())]
     size, endpoint, times = sum(map(len, payloads)), reserved_endpoint(), Times()
-    with Worker(_hold_bytes, endpoint, size) as holder:
+    with Worker(zenoh_query.hold_bytes, endpoint, size) as holder:
         holder.receive()
         for _ in range(rounds):
             times.setdefault("raw Zenoh, a session and as many bytes", []).append(zenoh_query.fetch(endpoint, size))
@@ -210,13 +209,6 @@ def _join_by_messages(holder: Memory, network: LocalNetwork) -> None:
         holder.poll()
         newcomer.poll()
     newcomer.close()
-
-
-def _hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
-    with zenoh_query.holding(endpoint, size):
-        connection.send("ready")
-        for _ in commands(connection):
-            pass
 
 
 def _steps(memory: Memory, payloads: list[bytes]) -> dict[str, Callable[[], object]]:

@@ -63,7 +63,7 @@ def _joins(run: Run, nodes: int, *, edges: bool) -> tuple[list[float], list[floa
     with Worker(_hold, graph, nodes, edges) as holder:
         size = holder.receive()
         endpoint = reserved_endpoint()
-        with Worker(_hold_bytes, endpoint, size) as bytes_holder:
+        with Worker(zenoh_query.hold_bytes, endpoint, size) as bytes_holder:
             bytes_holder.receive()
             for number in range(run.pick(9, 5)):
                 run.step(f"late join: {nodes} nodes, {number + 1}")
@@ -84,14 +84,6 @@ def _hold(connection: Connection, graph: str, nodes: int, edges: bool) -> None:
     with dsr.connect(graph, agent="holder") as memory:
         workload.fill(memory, nodes, edges=edges)
         connection.send(len(memory.snapshot()))
-        for _ in commands(connection):
-            pass
-
-
-def _hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
-    """Hold as many bytes."""
-    with zenoh_query.holding(endpoint, size):
-        connection.send("ready")
         for _ in commands(connection):
             pass
 

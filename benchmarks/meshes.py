@@ -141,7 +141,7 @@ def _read(connection: Connection, graph: str, cache: str) -> None:
 @contextlib.contextmanager
 def _raw(size: int) -> Iterator[Sequence[Worker]]:
     endpoint = reserved_endpoint()
-    with Worker(_hold_bytes, endpoint, size) as holder:
+    with Worker(zenoh_query.hold_bytes, endpoint, size) as holder:
         holder.receive()
         with all_of(Worker(_read_bytes, endpoint, size) for _ in range(_READERS)) as readers:
             for reader in readers:
@@ -154,12 +154,6 @@ def _ask_all(readers: Sequence[Worker]) -> float:
         reader.send("ask")
     answers = [reader.receive() for reader in readers]
     return float(max(end for _, end in answers) - min(start for start, _ in answers))
-
-
-def _hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
-    with zenoh_query.holding(endpoint, size):
-        connection.send("ready")
-        list(commands(connection))
 
 
 def _read_bytes(connection: Connection, endpoint: str, size: int) -> None:

@@ -40,6 +40,7 @@ from dsr.parts.graph import PartedGraph
 from dsr.parts.held import HeldParts, burial_allowed, not_parted
 from dsr.parts.registry import PartList
 from dsr.parts.replica import PartedReplica
+from dsr.replication.holders import Holders
 from dsr.replication.portions import parts_in
 from dsr.replication.replica import Replica
 from dsr.replication.stamp_access import StampAccess
@@ -128,9 +129,11 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         kind = Replica if listed is None else PartedReplica
         self.replica = self._replica = kind(self._graph, transport, clock, self.keys, agent, gate, lock)
         self._worlds = _handle.worlds if _handle else Worlds(self, self._memory_for, threaded=threaded, lock=lock)
-        if _handle is None:
-            self._replica.after_poll = self._worlds.sweep
+        self._held: HeldParts | None = None
         self._holders = holders
+        self.who_holds = _base.who_holds if _base else self._new_who_holds()
+        if _handle is None:
+            self._replica.after_poll = self._sweep
         self._replica.synchroniser.joining.holders = holders()
         leave_to_parent(self)
         if threaded:
@@ -138,7 +141,6 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
             self._replica.start(self._worlds.poller)
         self._held = self._new_held(listed, threaded=threaded)
         if self._held is not None:
-            self._replica.after_poll = self._sweep
             for part in check_interest(interest or ()):
                 if part == ALL:
                     self._held.holds_all = True
@@ -160,8 +162,23 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
             return None
         poller = self._worlds.poller if threaded else None
         return HeldParts(
-            self._replica, listed, self.transport, self.clock, self.graph_name, self.agent, self.rid, poller
+            self._replica, listed, self.transport, self.clock, self.graph_name, self.agent, self.rid, poller,
+            self.who_holds,
+        )  # fmt: skip
+
+    def _new_who_holds(self) -> Holders:
+        holders = Holders(
+            self._replica, self.transport, self.clock, self.keys, self.rid, self._holders, self._held_places
         )
+        self._closing.callback(holders.close)
+        return holders
+
+    def _held_places(self) -> dict[str, str]:
+        """What this process holds beside the base: the ids of its replicas, by `Keys.place`."""
+        held = {world.keys.place: world.replica.graph.rid for world in self._worlds.opened()}
+        for part, replica in (self._held.replicas if self._held is not None else {}).items():
+            held[Keys(self.graph_name, part=part).place] = replica.graph.rid
+        return held
 
     def _sweep(self) -> None:
         """Follow the lists of worlds and parts."""

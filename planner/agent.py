@@ -51,7 +51,7 @@ class Planner(Agent):
     goal_libraries = (PACKAGE,)
     reads = Access(
         nodes=("intention", "action", "gripper", "camera", "arm", HALT_NODE, *THINGS, *SURFACES),
-        edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
+        edges=("on", "in", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
         attributes=(
             *("goal", "maintain", "priority", "status", "explanation", "hopeless", "request"),
             *("arm", "controller", "gripper"),

@@ -63,6 +63,8 @@ class Arm:
         """Arms that have done something since they were at rest"""
         self._leaving: dict[str, str] = {}
         """Actions by which arms go to their rest while another one works, by arm"""
+        self._apart = ""
+        """The action under way that is no part of the plan"""
 
     @property
     def at_rest(self) -> bool:
@@ -78,13 +80,14 @@ class Arm:
         """Say that it does not run."""
         self._tell(WAITING, f"agent {self.arms.all()[0].agent!r} does not run")
 
-    def send_away(self, arm: str) -> None:
-        """Let an arm go to its rest, and do not wait for that: another one is to work."""
-        if arm in self._away:
-            name = self.actions.write_apart(Skill("observe", arm=arm))
+    def send_others_away(self, arm: str) -> None:
+        """Let all arms but this go to their rest, and do not wait for that; the only arm has an empty name."""
+        usable = {one.name for one in self.arms.usable()}
+        for other in sorted(self._away & usable - {arm}) if arm else ():
+            name = self.actions.write_apart(Skill("observe", arm=other))
             self.actions.ask(name, RUN)
-            self._leaving[arm] = name
-            self._away.discard(arm)
+            self._leaving[other] = name
+            self._away.discard(other)
 
     def run(
         self, name: str, told: str, watch: Callable[[], None], trouble: Callable[[], str] = str
@@ -116,20 +119,33 @@ class Arm:
         return progress
 
     def run_apart(self, skill: Skill, told: str) -> Generator[None, None, Progress]:
-        """Ask the arm for a skill that is no part of the plan; returns the outcome. Raises `Setback`, once halted."""
-        name = self.actions.write_apart(skill)
+        """Ask the arm for a skill that is no part of the plan; returns the outcome. Raises `Setback`, once halted.
+
+        Whoever closes it on the way calls `halt`: that takes the action away, too.
+        """
+        self._apart = self.actions.write_apart(skill)
+        self.send_others_away(skill.arm)
         try:
-            return (yield from self.run(name, told, lambda: None))
+            progress = yield from self.run(self._apart, told, lambda: None)
         except Setback:
             yield from self.halt()
             raise
-        finally:
-            self._memory.remove_node(name)
+        self._drop_apart()
+        return progress
+
+    def _drop_apart(self) -> None:
+        """Take an action away that is no part of the plan."""
+        if self._apart:
+            self._memory.remove_node(self._apart)
+            self._apart = ""
 
     def halt(self) -> Script:
         """Let the arm hold still, if it is doing something for us."""
-        if not self.running:
-            return
+        if self.running:
+            yield from self._hold_still()
+        self._drop_apart()
+
+    def _hold_still(self) -> Script:
         self.actions.ask(self.running, HALT)
         began, arm = self._now(), self._arm_of(self.running)
         while self.actions.progress(self.running).status not in ENDED:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from dsr.timeline import Chronicle
 from dsr.vocabulary.intentions import DONE
 from dsr.vocabulary.sentences import listed, percent
 from planner.arm import Arm
+from planner.arms import chosen
 from planner.config import PlannerConfig
+from planner.covers import Covers
 from planner.errors import NoPlace, Outdated
 from planner.grounding import Skill, place_on_table
-from planner.looking import Search, carrier_of
-from planner.outlook import Look, Outlooks
+from planner.looking import Search
+from planner.outlook import Look, Outlooks, can_be_lifted
 from planner.plan import PlanStep
 from planner.state import KnownSolid, WorldState, read_state
 
@@ -61,41 +64,63 @@ class Assurance:
         done = self._done.setdefault(step.thing, [])
         looks = len(done)
         while step.name == "pick" and self._chance(step, following) < self._config.sure:
-            look = self._best_look(step, following, done)
+            look = self._uncovering(step, following, done) or (yield from self._best_look(step, following, done))
             if look is None:
                 break
+            if self._chance(step, following) >= self._config.sure:
+                continue  # something was seen meanwhile
             done.append(look)
             told = self._tell(look, step, following)
-            if look.view is None:
+            if look.view is None or look.eye is None:
                 problem = yield from self._lift(look.cover, told)
                 if not problem:
                     raise Outdated(told)
                 self._log.warning("%s cannot be lifted: %s", look.cover, problem)
                 continue
-            camera = self._looking.camera()
             yield from self._looking.look_from(
-                look.view, camera, lambda: self._chance(step, following) < self._config.sure, told
+                look.view, look.eye, lambda: self._chance(step, following) < self._config.sure, told
             )
         return len(done) > looks
 
-    def _best_look(self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]) -> Look | None:
-        """The look that tells most; None if none is worth it, which is logged."""
-        camera = self._looking.camera()
+    def _best_look(
+        self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]
+    ) -> Generator[None, None, Look | None]:
+        """The look that tells most, chosen over some ticks; None if none is worth it, which is logged."""
+        eyes, look = self._looking.eyes(), None
         problem = self._looking.problem
-        things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
-        outlooks = Outlooks(self._memory, read_state(self._memory, self._config), camera, self._config)
-        look = None if len(done) >= self._config.most_looks else outlooks.best(things, done, self._kept())
+        if len(done) < self._config.most_looks:
+            things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
+            state = read_state(self._memory, self._config)
+            look = yield from Outlooks(self._memory, state, eyes, things, self._config).best(done, self._kept())
         if look is None:
             sure = percent(self._chance(step, following))
             self._log.info("going on, though %s will succeed with %s: %s", step, sure, problem or "no look tells more")
         return look
 
+    def _uncovering(self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]) -> Look | None:
+        """A cover to be lifted because success is probable enough without it: what is under it cannot be taken."""
+        state, covering = read_state(self._memory, self._config), Covers(self._memory, self._config)
+        wheres = self._wheres(step, following, state)
+        covers = {covering.cover_of(name, one) for name, (where, _) in wheres.items() for one in where.alternatives}
+        spared = {"", *self._kept(), *(look.cover for look in done)}
+        for cover in sorted(covers - spared):
+            if not can_be_lifted(cover, state, self._config):
+                continue
+            chances = self._chances(step, following, partial(covering.reaches, without=cover))
+            if math.prod(chances.values()) >= self._config.sure:
+                return Look(0.0, cover=cover)
+        return None
+
     def _tell(self, look: Look, step: PlanStep, following: PlanStep | None) -> str:
         """Write into the timeline why there is a look; returns the text."""
-        chances = self._chances(step, following)
-        things = sorted(name for name, chance in chances.items() if chance < self._config.sure)
-        doubt = listed([f"{name} is where it is believed to be with {percent(chances[name])}" for name in things])
-        text = f"{look} before {step}: {doubt}; {look.information:.2f} nats are expected"
+        things = sorted(name for name, chance in self._chances(step, following).items() if chance < self._config.sure)
+        if look.information > 0.0:
+            there = self._chances(step, following, lambda _name, _one: True)
+            doubt = listed([f"{name} is where it is believed to be with {percent(there[name])}" for name in things])
+            why = f"{doubt}; {look.information:.2f} nats are expected"
+        else:
+            why = f"{listed(things)} cannot be reached under it"
+        text = f"{look} before {step}: {why}"
         self._chronicle.happened(LOOKED, things, text=text, confidence=self._chance(step, following))
         self._log.info("%s", text)
         return text
@@ -103,9 +128,25 @@ class Assurance:
     def _chance(self, step: PlanStep, following: PlanStep | None) -> float:
         return math.prod(self._chances(step, following).values())
 
-    def _chances(self, step: PlanStep, following: PlanStep | None) -> Mapping[str, float]:
-        """Probability of each thing that the arm relies on to be where it has to be for that."""
-        state, rooms = read_state(self._memory, self._config), {}
+    def _chances(
+        self, step: PlanStep, following: PlanStep | None, is_reached: Callable[[str, Alternative], bool] | None = None
+    ) -> Mapping[str, float]:
+        """Probability of each thing that the arm relies on to be where it has to be for that.
+
+        Only alternatives count in which the arm reaches the thing of a name; by default, where it is under no cover.
+        """
+        state = read_state(self._memory, self._config)
+        is_reached = is_reached or Covers(self._memory, self._config).reaches
+        return {
+            name: chance_within(where, state.solids[name], room, partial(is_reached, name))
+            for name, (where, room) in self._wheres(step, following, state).items()
+        }
+
+    def _wheres(
+        self, step: PlanStep, following: PlanStep | None, state: WorldState
+    ) -> Mapping[str, tuple[Whereabouts, Vector3]]:
+        """Where each thing may be that the arm relies on, and how far (m) it may be off along its axes."""
+        rooms = {}
         if step.thing in state.solids:
             rooms[step.thing] = room_between_fingers(state.solids[step.thing], self._config)
         stacks = following is not None and following.name == "stack" and following.thing == step.thing
@@ -113,17 +154,13 @@ class Assurance:
             x, y, z = state.solids[following.support].size
             rooms[following.support] = (0.5 * x, 0.5 * y, 0.5 * z)
         wheres = {name: self._memory.belief(name) for name in rooms if name in self._memory}
-        return {
-            name: chance_within(where, state.solids[name], rooms[name])
-            for name, where in wheres.items()
-            if where is not None
-        }
+        return {name: (where, rooms[name]) for name, where in wheres.items() if where is not None}
 
     def _lift(self, cover: str, told: str) -> Generator[None, None, str]:
         """Take a cover off and put it on the table; returns why that did not succeed, empty if it did."""
         state = read_state(self._memory, self._config)
-        arm = self._lifting_arm(state)
         try:
+            arm = _lifting_arm(cover, state, self._config)
             place = place_on_table(cover, state, self._config, arm=arm)
         except NoPlace as error:
             return str(error)
@@ -133,12 +170,16 @@ class Assurance:
                 return progress.explanation or progress.status
         return ""
 
-    def _lifting_arm(self, state: WorldState) -> str:
-        """The arm that carries the camera, or the first one; empty for the only one."""
-        if not state.is_shared:
-            return ""
-        carrier = carrier_of(self._memory, self._looking.camera())
-        return carrier if carrier in state.arms else min(state.arms, default="")
+
+def _lifting_arm(cover: str, state: WorldState, config: PlannerConfig) -> str:
+    """The nearest arm that reaches a cover; empty for the only one. Raises `NoPlace`."""
+    if not state.is_shared:
+        return ""
+    places = [(x, y) for solid in (state.solids.get(cover),) if solid is not None for x, y, _ in (solid.pose.t,)]
+    arm = chosen(state.arms.values(), places, config) if places else None
+    if arm is None:
+        raise NoPlace(f"no arm that works reaches {cover}")
+    return arm.name
 
 
 def room_between_fingers(solid: KnownSolid, config: PlannerConfig) -> Vector3:
@@ -154,15 +195,18 @@ def room_between_fingers(solid: KnownSolid, config: PlannerConfig) -> Vector3:
     return room[0], room[1], room[2]
 
 
-def chance_within(where: Whereabouts, solid: KnownSolid, room: Vector3) -> float:
+def chance_within(
+    where: Whereabouts, solid: KnownSolid, room: Vector3, is_reached: Callable[[Alternative], bool] = lambda _: True
+) -> float:
     """Probability that a thing is off by less than `room` from where it is believed to be, and in nobody's hand.
 
     Args:
         where: its distribution.
         solid: where it is believed to be.
         room: m to both sides along each axis of the thing.
+        is_reached: whether the arm can reach it in an alternative.
     """
-    return sum(one.weight * _within(one, solid, room) for one in where.alternatives)
+    return sum(one.weight * _within(one, solid, room) for one in where.alternatives if is_reached(one))
 
 
 def _within(one: Alternative, solid: KnownSolid, room: Vector3) -> float:

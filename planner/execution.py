@@ -286,12 +286,11 @@ class Execution:
         at = 0
         while at < len(steps):
             step, name = steps[at], names[at]
-            if at and skills[at].arm != skills[at - 1].arm:
-                self._arm.send_away(skills[at - 1].arm)
             told = f"action {at + 1} of {len(names)}: {skills[at]}"
             try:
                 if (yield from self._assurance.make_sure(step, steps[at + 1] if at + 1 < len(steps) else None)):
                     self._check_unchanged(before)
+                self._arm.send_others_away(skills[at].arm)
                 yield from self._do(step, skills[at], name, before, told)
             except (PlanDeviation, Interruption) as setback:
                 done = yield from self._resumable(step, before, setback)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator
 
 from dsr.errors import TransportError
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.sentences import percent
-from dsr.vocabulary.what_if import Answer, Pending, Question, Supposed, WhatIf, WorldOutcome
+from dsr.vocabulary.what_if import Pending, Question, Supposed, WhatIf, WorldOutcome, share
 from planner.config import PlannerConfig
 
 
@@ -32,8 +32,8 @@ class Foresight:
     def trouble(self, thing: str, pose: Pose, most: float) -> Generator[None, None, str]:
         """Ask what would go wrong if `thing` were put at `pose` (world_from_thing), in words; it waits at each yield.
 
-        The question is tried in several worlds of the belief. Empty if all stays in worlds of a probability of
-        1 - `most` at least, or nobody knows.
+        The question is tried in several worlds of the belief. Empty if nothing goes wrong in worlds of a probability
+        of 1 - `most` at least, or nobody knows. In a world in which there is no room, the place is bad.
         """
         if self._config.what_if_patience <= 0.0:
             return ""
@@ -45,7 +45,8 @@ class Foresight:
         began = self._now()
         while not pending.done and self._now() - began < config.what_if_patience:
             yield
-        return self._unknown(_reason(pending)) if pending.answer is None else _verdict(pending.answer, config, most)
+        outcomes = pending.refusals if pending.answer is None else pending.answer.outcomes
+        return _verdict(outcomes, config, most) if outcomes else self._unknown(_reason(pending))
 
     def _unknown(self, reason: str) -> str:
         if not self._complained:
@@ -58,24 +59,28 @@ def _reason(pending: Pending) -> str:
     return pending.failed or "no answer yet"
 
 
-def _verdict(answer: Answer, config: PlannerConfig, most: float) -> str:
+def _verdict(outcomes: Collection[WorldOutcome], config: PlannerConfig, most: float) -> str:
     """What goes wrong in the most probable of the worlds where something does, if these are more than `most`."""
-    problems = [(outcome.weight, problem) for outcome in answer.outcomes if (problem := _problem(outcome, config))]
-    probability = answer.probability(lambda outcome: bool(_problem(outcome, config)))
+    problems = [(outcome.weight, problem) for outcome in outcomes if (problem := _problem(outcome, config))]
+    probability = share(outcomes, lambda outcome: bool(_problem(outcome, config)))
     if probability <= most:
         return ""
     _, problem = max(problems, key=lambda pair: pair[0])
-    return problem if len(problems) == len(answer.outcomes) else f"{problem} ({percent(probability)} probable)"
+    return problem if len(problems) == len(outcomes) else f"{problem} ({percent(probability)} probable)"
 
 
 def _problem(outcome: WorldOutcome, config: PlannerConfig) -> str:
-    """What goes wrong in a world, in words; empty if all stays."""
+    """What goes wrong in a world by putting the thing there, in words; empty if nothing does.
+
+    What moves anyway counts only as far as it moves otherwise.
+    """
     if outcome.refused:
         return outcome.refused
-    worst = max(outcome.moved, key=lambda name: (outcome.moved[name], name), default="")
-    most = max(outcome.turned, key=lambda name: (outcome.turned[name], name), default="")
-    if worst and outcome.moved[worst] > config.what_if_shift:
-        return f"{worst} would move by {outcome.moved[worst] * 1e3:.0f} mm"
-    if most and outcome.turned[most] > config.what_if_turn:
-        return f"{most} would turn by {outcome.turned[most]:.1f} rad"
+    effects = {name: outcome.effect(name) for name in outcome.moved}
+    worst = max(effects, key=lambda name: (effects[name][0], name), default="")
+    most = max(effects, key=lambda name: (effects[name][1], name), default="")
+    if worst and effects[worst][0] > config.what_if_shift:
+        return f"{worst} would move by {effects[worst][0] * 1e3:.0f} mm"
+    if most and effects[most][1] > config.what_if_turn:
+        return f"{most} would turn by {effects[most][1]:.1f} rad"
     return ""

@@ -95,7 +95,9 @@ def _moved(state: WorldState, step: PlanStep, pose: Pose | None) -> WorldState:
     pose = pose or stacked(step.thing, step.support, state)
     if pose is None:
         return state
-    return replace(state, solids={**state.solids, step.thing: KnownSolid(state.solids[step.thing].size, pose)})
+    solids = {**state.solids, step.thing: KnownSolid(state.solids[step.thing].size, pose)}
+    doubts = {name: doubts for name, doubts in state.doubts.items() if name != step.thing}
+    return replace(state, solids=solids, doubts=doubts)
 
 
 def place_on_table(
@@ -103,7 +105,9 @@ def place_on_table(
 ) -> Pose:
     """world_from_thing standing on the table: free, within reach of the arm, in view of every fixed camera.
 
-    Among those places the nearest to where it is now. Raises `NoPlace` with what is in the way.
+    A place counts as free if it is with a probability of `config.sure` at least, by where all things may be. Without
+    any such place, those count where that is most probable. It is the nearest of them to where the thing is now. Raises
+    `NoPlace` with what is in the way.
     """
     solid = state.solids.get(thing)
     table = state.solids.get(state.table or "")
@@ -111,16 +115,24 @@ def place_on_table(
         raise NoPlace(f"{thing} cannot be put down: {'its size or pose' if table else 'a table'} is not known")
     places = grid(table, solid.radius + config.edge_margin, _PLACE_GRID)
     places = places[_usable(places, solid, state, config, avoid, arm)]
-    gaps = _gaps(places, thing, solid, state)
-    for share in _CLEARANCES:
-        free = places[gaps >= share * config.clearance]
-        if len(free):
-            break
-    else:
+    free = _free(places, thing, solid, state, config)
+    if not len(free):
         raise NoPlace(f"there is no room on {state.table} for {thing}: everything within reach is taken or out of view")
     far = np.round(np.hypot(*(free - solid.pose.t[:2]).T), 6)  # so that rounding errors decide nothing
     x, y = free[np.lexsort((np.round(free[:, 1], 6), np.round(free[:, 0], 6), far))[0]].tolist()
     return Pose((x, y, table.pose.t[2] + 0.5 * solid.size[2]), _turn(solid.pose))
+
+
+def _free(places: Array, thing: str, solid: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
+    """(n, 2) those of the places that have room around them, as much as any has."""
+    gaps = _gaps(places, thing, solid, state)
+    sizes = [share * config.clearance for share in _CLEARANCES if (gaps >= share * config.clearance).any()]
+    chances = [np.where(gaps >= room, _chances(places, thing, solid, state, room), -1.0) for room in sizes]
+    for chance in chances:
+        if (chance >= config.sure).any():
+            return np.asarray(places[chance >= config.sure])
+    best = np.round(chances[0], 6) if chances else np.zeros(0)
+    return np.asarray(places[best == best.max()] if chances else places[:0])
 
 
 def is_free(
@@ -133,7 +145,9 @@ def is_free(
     solid = state.solids.get(thing)
     if solid is None or not _usable(place, solid, state, config, avoid, arm)[0]:
         return False
-    return bool(_gaps(place, thing, solid, state)[0] >= _CLEARANCES[-1] * config.clearance)
+    room = _CLEARANCES[-1] * config.clearance
+    is_likely = _chances(place, thing, solid, state, room)[0] >= config.sure
+    return bool(is_likely and _gaps(place, thing, solid, state)[0] >= room)
 
 
 def stacked(thing: str, support: str, state: WorldState) -> Pose | None:
@@ -188,6 +202,25 @@ def _gaps(places: Array, thing: str, solid: KnownSolid, state: WorldState) -> Ar
     between = places[:, None, :] - centres
     gaps: Array = (np.hypot(between[..., 0], between[..., 1]) - radii).min(axis=1)
     return gaps
+
+
+def _chances(places: Array, thing: str, solid: KnownSolid, state: WorldState, room: float) -> Array:
+    """(n,) probability that nothing which may be elsewhere than it is believed to be is within `room` m of a thing.
+
+    Args:
+        places: (n, 2) m, where the thing would be.
+        thing: its name.
+        solid: its size.
+        state: tells where other things may be.
+        room: m.
+    """
+    chances = np.ones(len(places))
+    for name, doubts in state.doubts.items():
+        if name != thing:
+            centres = np.array([doubt.place for doubt in doubts])
+            gaps = np.hypot(*(places[:, None] - centres).transpose(2, 0, 1)) - solid.radius - state.solids[name].radius
+            chances *= 1.0 - (gaps < room) @ np.array([doubt.probability for doubt in doubts])
+    return chances
 
 
 def _turn(pose: Pose) -> tuple[float, float, float, float]:

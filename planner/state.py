@@ -6,18 +6,21 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.believing.distribution import ATTRIBUTE
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.vocabulary.arms import ARM, CONTROLLER, gripper_of
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import Relations, nodes_by_name
-from planner.arms import Arms, PlannedArm
+from planner.arms import Arms, Place, PlannedArm
 from planner.config import PlannerConfig
+from planner.likely_places import likely_places
 
 FLAT = ("cube", "box")
 """Node types on which something can be put."""
@@ -36,6 +39,14 @@ class KnownSolid:
     def radius(self) -> float:
         """m, of the circle about its footprint, however it is turned about the vertical."""
         return 0.5 * math.hypot(self.size[0], self.size[1])
+
+
+class PossiblePlace(NamedTuple):
+    """A place where a thing may be."""
+
+    probability: float
+    place: Place
+    """x, y in the world, m"""
 
 
 @dataclass(frozen=True)
@@ -72,6 +83,8 @@ class WorldState:
     """Things that fit between the fingers and that nobody else holds."""
     flat: frozenset[str] = frozenset()
     """Things on which something can be put."""
+    doubts: Mapping[str, tuple[PossiblePlace, ...]] = field(default_factory=dict)
+    """Where things may be, by name, of those that are not surely where they are believed to be."""
     arms: Mapping[str, PlannedArm] = field(default_factory=lambda: {ARM: PlannedArm(ARM, CONTROLLER, gripper_of(ARM))})
     """Those that can be used, by name; of several."""
     trouble: tuple[str, ...] = ()
@@ -102,10 +115,24 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
         graspable=frozenset(
             name for name in relations.things - relations.taken if name in solids and _fits(solids[name], config)
         ),
+        doubts={name: doubts for name in solids if (doubts := _doubts(memory, name))},
         flat=frozenset(node.name for node in memory.nodes(FLAT) if node.name in relations.things),
         arms={arm.name: arm for arm in arms.usable()},
         trouble=tuple(f"{arm.name}: {arm.trouble}" for arm in arms.all() if arm.trouble),
         views=_views(memory),
+    )
+
+
+def _doubts(memory: Memory, name: str) -> tuple[PossiblePlace, ...]:
+    """Where a thing may be that lies somewhere; none if only one place is thought of."""
+    node = memory.node(name)
+    where = memory.belief(name) if node.get(ATTRIBUTE) else None
+    if where is None:
+        return ()
+    return tuple(
+        PossiblePlace(weight, pose.t[:2])
+        for weight, pose, one in likely_places(where)
+        if pose is not None and not one.hand
     )
 
 

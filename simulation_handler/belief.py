@@ -26,6 +26,7 @@ from simulation_handler.hands.lifting import Lifting
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.correction import Correction
+from simulation_handler.motion.courses import Courses
 from simulation_handler.motion.driving import Driving
 from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
@@ -63,12 +64,13 @@ class Belief:
         self._lifting = Lifting(self._bodies)
         self._holding = HeldObjects(self._bodies)
         self._spilling = Spilling(self._bodies)
+        self._courses = Courses(self._bodies, self.config)
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
         self._evidence = EvidenceReader(
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
-            self._explainer.in_doubt, self.config,
+            self._explainer.in_doubt, self.config, self._courses.of,
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
@@ -78,6 +80,7 @@ class Belief:
         """Free the simulation."""
         self._explainer.close()
         self._spilling.close()
+        self._courses.close()
         self._correction.close()
         self._bodies.sim.close()
 
@@ -256,6 +259,7 @@ class Belief:
         self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
+        self._courses.update(now)
         self._worlds.update(self.evidence())
         self._following.update()
         places = {name: self.pose(name) for name in self._bodies.objects}

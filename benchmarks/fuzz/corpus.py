@@ -24,6 +24,7 @@ from dsr.network.keys import part_rid
 from dsr.network.shared_ring import SlotDescriptor
 from dsr.parts.graph import PartedGraph
 from dsr.parts.registry import PartInfo, to_attribute
+from dsr.replication.holders import VERSION, HolderQuery, HoldersAnswer
 from dsr.replication.piece_wire import Request, encode_piece, encode_request
 from dsr.replication.portions import portion
 from dsr.replication.wire import Digest, encode_delta, encode_digest
@@ -282,3 +283,13 @@ def graph_files() -> list[bytes]:
     }
     ours = {"format": "dsr-graph", "version": 1, "nodes": [], "edges": []}
     return [json.dumps({"DSRModel": {"symbols": symbols}}).encode(), json.dumps(ours).encode()]
+
+
+def holder_queries() -> list[bytes]:
+    """Questions who holds worlds and parts."""
+    return [msgspec.msgpack.encode(HolderQuery(VERSION, ["part/kitchen", "world/belief_1/3"]))]
+
+
+def holder_answers() -> list[bytes]:
+    """Their answers."""
+    return [msgspec.msgpack.encode(HoldersAnswer(VERSION, "launcher-5f0c12aa", ["launcher-5f0c12aapkitchenq1", ""]))]

@@ -31,6 +31,8 @@ from dsr.network.rendezvous import members
 from dsr.parts.registry import PartInfo, node_name, read_record
 from dsr.persistence.files import read_graph
 from dsr.persistence.records import HEADER, append_record, read_records
+from dsr.replication.holders import decode_answer as decode_holders_answer
+from dsr.replication.holders import decode_query
 from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.logs import decode_log
@@ -62,6 +64,8 @@ def targets(folder: Path) -> list[Target]:
         Target("digest", decode_digest, corpus.digests(), 2),
         Target("request", decode_request, corpus.requests(), 2),
         Target("piece of a reply", decode_piece, [*corpus.pieces(), *corpus.part_pieces()], 4),
+        Target("who holds what, query", decode_query, corpus.holder_queries(), 1),
+        Target("who holds what, answer", decode_holders_answer, corpus.holder_answers(), 1),
         Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
         Target("frame descriptor", decode_descriptor, corpus.descriptors(), 1),
         Target("mesh request", decode_ask, corpus.mesh_requests(), 1),

@@ -48,14 +48,15 @@ class Episode:
 
     @cached_property
     def unseen(self) -> list[list[str]]:
-        """Names of the objects that are not recognised at each moment, nor at the next one."""
+        """Names of the objects that are not recognised at each moment, at the next one or at the one before."""
         absent = [
             {name for name, thing in moment.evidence.objects.items() if _is_lost(thing, moment.evidence.now)}
             for moment in self.moments
         ]
         known = [{name for name, thing in moment.evidence.objects.items() if thing.percept} for moment in self.moments]
-        following = [*absent[1:], set()]
-        return [sorted((now | after) & seen) for now, after, seen in zip(absent, following, known, strict=True)]
+        following, before = [*absent[1:], set()], [set(), *absent[:-1]]
+        around = zip(before, absent, following, known, strict=True)
+        return [sorted((earlier | now | after) & seen) for earlier, now, after, seen in around]
 
 
 def log_scores(episode: Episode, parameters: WorldParameters) -> Array:

@@ -19,7 +19,7 @@ from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector,
 from benchmarks.learning.recognition import CURVES, learn_recognition, looks_at
 from dsr.believing.absence import LEARNED
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, IN_VIEW
-from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters, learned_parameters
+from simulation_handler.worlds.parameters import PlaceNoise, Rates, WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
@@ -30,6 +30,9 @@ GROUPS = ("rates", "absence", RECOGNITION, "elsewhere", "within")
 """Of values other than noise and holding"""
 BEGUN = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, CURVES, ELSEWHERE, WITHIN)
 """Before anything is learned"""
+
+RATE_NAMES = frozenset(Rates.__struct_fields__)
+"""Of the rates that may be learned alone"""
 
 Deviations = Mapping[str, Mapping[str, float]]
 Sources = Mapping[str, Sequence[str]]
@@ -54,7 +57,7 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
 
     Args:
         folder: of the recorded episodes.
-        only: circumstances whose noise is learned, and `holding` for what hands hold.
+        only: circumstances whose noise is learned, names of rates, and `holding` for what hands hold.
         file: that holds all other values.
         tell: is told what was learned.
 
@@ -66,10 +69,15 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
     parameters, told = learned_parameters(file), tomllib.loads(file.read_text(encoding="utf-8"))
     errors = _errors_of(told, HOLDING, *GROUPS)
     deviations = dict(told["errors"]["noise"])
-    if circumstances := [name for name in only if name != HOLDING]:
+    if circumstances := [name for name in only if name in CIRCUMSTANCES]:
         noise, found = _learn_noise(episodes, parameters, circumstances, tell)
         parameters = msgspec.structs.replace(parameters, noise={**parameters.noise, **noise})
         deviations |= found
+    if rates := RATE_NAMES.intersection(only):
+        begun = {name: getattr(RATES, name) for name in rates}
+        begin = msgspec.structs.replace(parameters, rates=msgspec.structs.replace(parameters.rates, **begun))
+        parameters, unsure = learn_rates(episodes, begin, tell, rates)
+        errors |= unsure
     if HOLDING in only:
         holding, unsure = _learn_holding(episodes, parameters, tell)
         parameters = msgspec.structs.replace(parameters, holding={**parameters.holding, **holding})

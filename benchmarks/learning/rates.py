@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import msgspec
 import numpy as np
@@ -15,12 +15,15 @@ from simulation_handler.worlds.parameters import Elsewhere, Rates, Within, World
 Array = NDArray[np.float64]
 
 RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed=0.002, stayed=1.0, kept=0.1,
-              entered=0.2, missed=0.5)  # fmt: skip
+              entered=0.2, went_on=0.5, work=0.1, work_removed=0.1, work_moved=0.1, missed=0.5)  # fmt: skip
 ABSENCE = Absence(rate=5.0, blind=0.05)
 ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
 WITHIN = Within(level=0.25)
 """Where the search begins, and to which little evidence is drawn"""
-SHARES = {("rates", "kept"), ("rates", "entered"), ("rates", "missed"), ("absence", "blind"), ("elsewhere", "hidden")}
+SHARES = {
+    *(("rates", name) for name in ("kept", "entered", "went_on", "work_removed", "work_moved", "missed")),
+    ("absence", "blind"), ("elsewhere", "hidden"),
+}  # fmt: skip
 """Values that are probabilities"""
 _PRIOR = 1.5  # 1, standard deviation of the logarithm (or logit) of each value around its start
 _MOMENTS = 5.0  # moments of one object that say as much as one; every other one is judged
@@ -58,10 +61,22 @@ def cost_of(episodes: Sequence[Episode], parameters: WorldParameters) -> float:
 
 
 def learn_rates(
-    episodes: Sequence[Episode], parameters: WorldParameters, tell: Callable[[str], None]
+    episodes: Sequence[Episode],
+    parameters: WorldParameters,
+    tell: Callable[[str], None],
+    only: Collection[str] | None = None,
 ) -> tuple[WorldParameters, Vector]:
-    """The most probable values, and the standard errors of their logarithms (or logits)."""
+    """The most probable values, and the standard errors of their logarithms (or logits).
+
+    Args:
+        episodes: to learn by.
+        parameters: where the search begins.
+        tell: is told how it gets on.
+        only: names of the rates that are learned alone; None: all values.
+    """
     first = start_of(parameters)
+    if only is not None:
+        first = {key: first[key] for key in first if key[0] == "rates" and key[1] in only}
     vector = dict(first)
 
     def cost(at: Vector) -> float:

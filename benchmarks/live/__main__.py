@@ -22,6 +22,7 @@ import argparse
 import statistics
 import threading
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -86,11 +87,16 @@ class Measured:
         return sum(usage.spent for usage in self.usage.values()) / self.seconds
 
 
-def measure(run: Run, system: System, seconds: float) -> Measured:
-    """Run a scenario live for at most `seconds`."""
+def measure(
+    run: Run, system: System, seconds: float, *, fork: bool = False, began: Callable[[], object] = lambda: None
+) -> Measured:
+    """Run a scenario live for at most `seconds`.
+
+    With `fork`, all processes are forks of this one. `began` is called when the start does not count any more.
+    """
     assert run.folder is not None
     found = Measured()
-    with Launcher(system, run.folder, seed=run.seed) as launcher:
+    with Launcher(system, run.folder, seed=run.seed, fork=fork) as launcher:
         memory = launcher.memory
         judge = Judge(run.scenario, memory, memory.transport, memory.keys)
         ear = Ear(memory)
@@ -98,11 +104,12 @@ def measure(run: Run, system: System, seconds: float) -> Measured:
         start = launcher.clock.now() + LEAD
         conductor = Conductor(run.scenario, start, judge, memory.transport, memory.keys, lambda agent: None)
         machine: Machine | None = None
-        began = next_look = next_memory = WARM_UP
+        start_of_all = next_look = next_memory = WARM_UP
         while (elapsed := conductor.step(launcher.clock.now())) < min(run.scenario.duration, seconds):
             if machine is None and elapsed >= WARM_UP:
-                machine, began = Machine(), elapsed
+                machine, start_of_all = Machine(), elapsed
                 ear.begin()
+                began()
             if elapsed >= next_look:
                 _look(launcher, found, memory=elapsed >= next_memory)
                 next_memory += _MEMORY_PERIOD if elapsed >= next_memory else 0.0
@@ -115,7 +122,7 @@ def measure(run: Run, system: System, seconds: float) -> Measured:
         if machine is None:
             raise SystemExit(f"nothing was measured: give more than {WARM_UP:g} seconds")
         _look(launcher, found, memory=True)
-        found.seconds = elapsed - began
+        found.seconds = elapsed - start_of_all
         found.others = max(0.0, machine.busy() / found.seconds - found.cores)
         found.heard, found.delays = ear.rates(), ear.delays
         ear.close()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
 
 import zenoh
 
 from benchmarks.peers.zenoh_link import open_session
 from benchmarks.timing import monotonic, sleep
-from benchmarks.workers import BenchmarkError
+from benchmarks.workers import BenchmarkError, commands
 
 _KEY = "bench/content"
 
@@ -24,6 +25,14 @@ def holding(endpoint: str, size: int) -> Iterator[None]:
         yield
     finally:
         session.close()  # type: ignore[no-untyped-call]
+
+
+def hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
+    """Answer queries with `size` bytes in a process of its own, until the pipe closes."""
+    with holding(endpoint, size):
+        connection.send("ready")
+        for _ in commands(connection):
+            pass
 
 
 def fetch(endpoint: str, size: int) -> float:

@@ -104,6 +104,10 @@ def parsed_placing(text: str) -> Supposed:
 
 
 def _show(answer: Answer) -> None:
+    """Tell what becomes of the world that the graph shows."""
+    if answer.refused:
+        console.print(f"where things are believed to be: {shown(answer.refused)}")
+        return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     add_names(table, "object")
     add_numbers(table, "then at (m)", "moved\n(mm)", "turned\n(deg)")
@@ -134,6 +138,14 @@ def _show_worlds(answer: Answer) -> None:
 
 def _movements(outcome: WorldOutcome) -> str:
     """What moves in a world, in words."""
-    moved = {name: outcome.moved[name] for name in sorted(outcome.moved) if outcome.moved[name] > _MOVED}
-    told = [f"{name} moves by {1e3 * distance:.0f} mm" for name, distance in moved.items()]
+    told = [_movement(outcome, name) for name in sorted(outcome.moved) if outcome.moved[name] > _MOVED]
     return outcome.refused or ", ".join(told) or "all stays"
+
+
+def _movement(outcome: WorldOutcome, name: str) -> str:
+    """How far an object moves in a world, and how much of that it would not without the changes."""
+    metres, _ = outcome.effect(name)
+    told = f"{name} moves by {1e3 * outcome.moved[name]:.0f} mm"
+    if name not in outcome.anyway:
+        return told
+    return f"{told} anyway" if metres <= _MOVED else f"{told}, {1e3 * metres:.0f} mm from where it moves anyway"

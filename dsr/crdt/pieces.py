@@ -8,7 +8,11 @@ would lose data, so each piece accounts only for
 - the removal of what the answerer has seen in the interval (`examined`) and does not hold.
 
 Only who has joined all intervals may account for the rest: the dots of removals and of writes that lost. That rest is
-what the answerer had seen before the first piece (`whole`); what it learns while it answers is not in it.
+what the answerer had seen before the first element (`whole`); what it learns while it answers is not in it. If that is
+long, the first pieces are about that alone.
+
+Nobody takes a message that is too long. So whatever anybody has put into the graph, a piece is no longer than
+`MAX_WEIGHT`, one change beyond it (`dsr.replication.wire.MAX_ADD`), and twice `MAX_SEEN`, but for long values.
 """
 
 from __future__ import annotations
@@ -24,12 +28,25 @@ from dsr.crdt.store import Incarnation, Store
 Place = tuple[str, int, str]
 """Where a piece begins: (replica id, counter) of a creation dot, and an attribute if one element fills several."""
 START: Place = ("", 0, "")
+"""Places of no replica id are within the answerer's context: the counter is the number of ranges that were told."""
 MAX_EXAMINED = 2000
 """Elements that one piece looks at: 2 ms, for which writers may have to wait."""
 MAX_WEIGHT = 256 * 1024
-"""Bytes of a piece, or about; the last element that it holds goes beyond."""
+"""Bytes of the changes in a piece; only the last one goes beyond."""
+MAX_SEEN = 128 * 1024
+"""Bytes of the ranges in `whole`, and in `examined`: an eighth of a message, for changes take most of it."""
+MAX_ASKED = 768 * 1024
+"""Bytes of the ranges in a request, most of the longest message."""
 _BYTES_OF_CHANGE = 100
-"""Bytes of an addition or a write with a short value, or about."""
+"""Bytes for which an addition or a write with short names and a short value counts."""
+_BYTES_OF_ADD, _BYTES_OF_WRITE = 37, 48
+"""The most bytes that the numbers in one take, and the lengths of its texts and lists."""
+_BYTES_OF_DOT, _BYTES_OF_RANGE = 14, 23
+"""The most bytes that one takes whose replica id is in the message already."""
+_BYTES_OF_LENGTH = 5
+"""The most bytes that the length of a text takes."""
+_MOST_OF_RANGE = 1060
+"""The most bytes that a range takes, with a replica id of 256 characters."""
 
 
 class Piece(msgspec.Struct):
@@ -45,7 +62,7 @@ class Piece(msgspec.Struct):
     examined: list[DotRange] = []
     """The part of the answerer's context in the interval."""
     whole: list[DotRange] | None = None
-    """The answerer's context; only with the first piece."""
+    """The answerer's context, or the next part of it; only with the first pieces, those at places of no replica id."""
     joined: bool = True
     """Whether the answerer holds all that the graph holds."""
     waits_for: list[str] = []
@@ -59,52 +76,132 @@ class Piece(msgspec.Struct):
         return Delta(self.adds, self.writes, [], list(to_ranges(dots)), live, self.examined)
 
 
+class _Weigher:
+    """Weighs what a piece holds, so that no message is too long; each replica id is in it once."""
+
+    def __init__(self) -> None:
+        self.bytes = 0
+        self._named: set[str] = set()
+
+    def name(self, rid: str) -> None:
+        """A replica id is in the piece."""
+        if rid not in self._named:
+            self._named.add(rid)
+            self.bytes += _BYTES_OF_LENGTH + size_of(rid)
+
+    def kept(self, dot: Dot) -> None:
+        """That an element lives is in the piece."""
+        self.name(dot[0])
+        self.bytes += _BYTES_OF_DOT
+
+    def add(self, add: Add) -> None:
+        """An addition is in the piece."""
+        texts = (add.key, add.type) if isinstance(add.key, str) else (*add.key, add.type)
+        self.name(add.dot[0])
+        for rid, _ in add.sources + add.destinations:
+            self.name(rid)
+        dots = len(add.sources) + len(add.destinations)
+        self.bytes += max(_BYTES_OF_CHANGE, _BYTES_OF_ADD + sum(map(size_of, texts)) + _BYTES_OF_DOT * dots)
+
+    def write(self, write: Write) -> None:
+        """A write is in the piece."""
+        self.name(write.writer)
+        if write.dot is not None:
+            self.name(write.dot[0])
+        self.bytes += _weight(write)
+
+
+def size_of(text: str) -> int:
+    """Bytes of a text in a message."""
+    return len(text) if text.isascii() else len(text.encode())
+
+
 def piece_of(store: Store, seen: CausalContext, begin: Place = START) -> Piece:
     """Make the piece that begins at `begin`, of the changes that a replica with the context `seen` lacks.
 
     The store must not change meanwhile.
     """
-    piece = Piece(begin)
-    if begin == START:
-        piece.whole = list(store.context.ranges())
-    weight = 0
+    piece, ranges = Piece(begin), list(store.context.ranges())
+    if begin[0] == "":
+        piece.whole, rest = _divided(ranges[begin[1] :])
+        if rest:
+            piece.end = ("", begin[1] + len(piece.whole), "")
+            return piece
+    examined = list(_clipped(ranges, begin[:2], None))
+    if len(examined) * _MOST_OF_RANGE > MAX_SEEN:
+        examined, rest = _divided(sorted(examined))
+        if rest:
+            piece.end = (*rest[0][:2], "")
+    weigher = _Weigher()
     for count, dot in enumerate(store.order.starting_at(begin[:2])):
-        if count >= MAX_EXAMINED or weight >= MAX_WEIGHT:
+        if piece.end is not None and dot >= piece.end[:2]:
+            break
+        if count >= MAX_EXAMINED or weigher.bytes >= MAX_WEIGHT:
             piece.end = (*dot, "")
             break
         entry = store.find(dot)
         assert entry is not None
-        weight += _take(store, entry, seen, piece)
-        if piece.end is not None:
+        if (end := _take(store, entry, seen, piece, weigher)) is not None:
+            piece.end = end
             break
-    piece.examined = list(_clipped(store.context.ranges(), begin[:2], piece.end[:2] if piece.end else None))
+    piece.examined = list(_clipped(examined, begin[:2], piece.end[:2] if piece.end else None))
     return piece
 
 
-def _take(store: Store, entry: Incarnation, seen: CausalContext, piece: Piece) -> int:
-    """Add what is missing of one element; returns its weight."""
-    weight = 0
+def _divided(ranges: list[DotRange]) -> tuple[list[DotRange], list[DotRange]]:
+    """Those of the ranges, the first of them, that take no more than `MAX_SEEN`, and the others."""
+    weigher = _Weigher()
+    for count, (rid, _, _) in enumerate(ranges):
+        weigher.name(rid)
+        weigher.bytes += _BYTES_OF_RANGE
+        if count and weigher.bytes > MAX_SEEN:
+            return ranges[:count], ranges[count:]
+    return ranges, []
+
+
+def seen_by(store: Store) -> list[DotRange]:
+    """What a replica tells to have seen when it asks: all, or as much as one request holds.
+
+    What it leaves out is sent once more, which changes nothing. First comes that of replicas of which something lives.
+    """
+    ranges = list(store.context.ranges())
+    if len(ranges) * _MOST_OF_RANGE > MAX_ASKED:
+        room = MAX_ASKED
+        ranges.sort(key=lambda dots: not store.order.has_any(dots[0]))
+        for count, (rid, _, _) in enumerate(ranges):
+            room -= _BYTES_OF_LENGTH + size_of(rid) + _BYTES_OF_RANGE
+            if room < 0:
+                return ranges[:count]
+    return ranges
+
+
+def _take(
+    store: Store, entry: Incarnation, seen: CausalContext, piece: Piece, weigher: _Weigher
+) -> Place | None:
+    """Add what is missing of one element; returns the place of the rest, if there is no room for all of it."""
     first = piece.begin[2] if entry.dot == piece.begin[:2] else ""
+    missing = _missing(entry, seen)
     if entry.dot not in store.entries:
-        pass  # what is said of an element of another graph: it is created there
+        weigher.name(entry.dot[0])  # what is said of an element of another graph: it is created there
     elif entry.dot in seen or first:
+        weigher.kept(entry.dot)
         piece.kept.append(entry.dot)
     else:
-        piece.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
-        weight += _BYTES_OF_CHANGE
-    missing = _missing(entry, seen)
-    total = sum([_weight(write) for write in missing])
-    if total <= MAX_WEIGHT and not first:
+        add = Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations)
+        weigher.add(add)
+        piece.adds.append(add)
+    if not first and weigher.bytes + sum([_weight(write) for write in missing]) <= MAX_WEIGHT:
+        for write in missing:
+            weigher.write(write)
         piece.writes += missing
-        return weight + total
+        return None
     left = sorted((write for write in missing if write.attribute >= first), key=lambda write: write.attribute)
     for count, write in enumerate(left):
-        if count and weight >= MAX_WEIGHT:
-            piece.end = (*entry.dot, write.attribute)
-            break
+        if count and weigher.bytes >= MAX_WEIGHT:
+            return (*entry.dot, write.attribute)
+        weigher.write(write)
         piece.writes.append(write)
-        weight += _weight(write)
-    return weight
+    return None
 
 
 def _missing(entry: Incarnation, seen: CausalContext) -> list[Write]:
@@ -115,11 +212,12 @@ def _missing(entry: Incarnation, seen: CausalContext) -> list[Write]:
 
 
 def _weight(write: Write) -> int:
-    value = write.value
+    """Bytes that a write takes, or more, but for replica ids."""
+    value, weight = write.value, max(_BYTES_OF_CHANGE, _BYTES_OF_WRITE + size_of(write.attribute))
     kind = value.__class__
     if kind is tuple:
-        return _BYTES_OF_CHANGE + 9 * len(value)
-    return _BYTES_OF_CHANGE + len(value) if kind is str or kind is bytes else _BYTES_OF_CHANGE
+        return weight + 9 * len(value)
+    return weight + len(value) if kind is str or kind is bytes else weight
 
 
 def _clipped(ranges: Iterable[DotRange], begin: Dot, end: Dot | None) -> Iterator[DotRange]:

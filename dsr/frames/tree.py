@@ -26,6 +26,9 @@ Types = tuple[str, ...]
 
 _MOST_CHAINS = 4096
 _MOST_BATCHES = 64
+_MOST_STEPS = 64
+"""Frames above one that hangs elsewhere that are looked at: more than a robot's arm has, and few, for one message may
+bring a chain of any length, frame by frame."""
 
 
 _Chains = dict[tuple[str, str, Types], Chain]
@@ -156,24 +159,25 @@ class FrameTree:
         self._overlays = [other for other in self._overlays if other() is not None] + [weakref.ref(overlay)]
 
     def hangs_elsewhere(self, child: str) -> None:
-        """Forget all chains if this frame is in a circle now: two ways lead round it, and theirs may not be the one."""
-        if not (self._chains or self._batches) or self._is_in_circle(child):
+        """Forget all chains if this frame may be in a circle: two ways lead round it, and theirs may not be the one."""
+        if not (self._chains or self._batches) or self._may_be_in_circle(child):
             self._chains, self._batches = {}, {}  # not emptied: what a reader is working out now must not come in
         for reference in self._overlays:
             overlay = reference()
             if overlay is not None:
                 overlay.hangs_elsewhere(child)
 
-    def _is_in_circle(self, child: str) -> bool:
+    def _may_be_in_circle(self, child: str) -> bool:
+        """Whether a way leads up from a frame to itself, or further than `_MOST_STEPS` frames are looked at."""
         types, seen, waiting = self.types(), {child}, [child]
-        while waiting:
+        while waiting and len(seen) <= _MOST_STEPS:
             frame = waiting.pop()
             parents = {link.parent for type in types if (link := self.link(type, frame)) is not None}
             if child in parents:
                 return True
             waiting += parents - seen
             seen |= parents
-        return False
+        return bool(waiting)
 
     def _links(self, type: str) -> Links:
         """The table of one edge type; it stays the same object."""

@@ -6,6 +6,7 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any
 
@@ -24,9 +25,11 @@ from dsr.math3d.transforms import Pose
 from dsr.network.keys import part_of
 
 _POSE = "pose"
-_LOOKS = 64
-"""Edges without ends that are looked at again for each change that is joined: somebody may send edges whose ends
-never come, and others must not pay for all of them with each change."""
+_LOOKS = 128
+"""Creation dots of ends that are looked at for each change that is joined: those of 64 edges whose ends are to come.
+Somebody may send edges whose ends never come, and others must not pay for all of them with each change."""
+_LOOKS_BETWEEN = 1 << 15
+"""The same once a second, and where a digest shows a difference: 20 ms or about."""
 
 
 class Graph(Stamping):
@@ -50,7 +53,7 @@ class Graph(Stamping):
         self.why_empty = ""
         """For people, why it holds nothing."""
         self._unattached: dict[Dot, Incarnation] = {}
-        self._unlooked = 0
+        """Edges of which an end is not here; those at the end were looked at last."""
         self.counter = 0
         """How many dots were issued here under the replica id."""
 
@@ -166,20 +169,33 @@ class Graph(Stamping):
             self._look_sometimes(delta)
 
     def _look_sometimes(self, delta: Delta) -> None:
-        """Look again at edges without ends, so often that a change costs no more than `_LOOKS` of them.
+        """Look again at edges without ends, at as many as may be expected to be decided by what was joined.
 
         The end of an answer may decide about all of them.
         """
-        self._unlooked += 1 + len(delta)
         is_end = delta.live is not None and not delta.adds
-        if is_end or self._unlooked * _LOOKS >= len(self._unattached):
-            self.look_again()
+        self._look(sys.maxsize if is_end else _LOOKS * (1 + len(delta)))
 
     def look_again(self) -> None:
-        """Look again at edges that wait for an end that is not here; the graph must be locked."""
-        self._unlooked = 0
-        if self._unattached:
-            self._attach_or_bury()
+        """Look again at all edges that wait for an end that is not here; the graph must be locked."""
+        self._look(sys.maxsize)
+
+    def look_between(self) -> None:
+        """Look again at some edges that wait for an end, without a change; the graph must be locked."""
+        self._look(_LOOKS_BETWEEN)
+
+    def _look(self, most: int) -> None:
+        """Look again at edges that wait longest, until so many creation dots of ends were looked at."""
+        chosen = []
+        for entry in self._unattached.values():
+            if most <= 0:
+                break
+            chosen.append(entry)
+            most -= len(entry.sources) + len(entry.destinations)
+        for entry in chosen:
+            if most <= 0 and self._unattached.pop(entry.dot, None) is not None:
+                self._unattached[entry.dot] = entry
+            self._settle(entry)
 
     def restore(self, delta: Delta, now: float) -> None:
         """Join what was kept of this graph, at physical time `now` (s)."""
@@ -196,8 +212,7 @@ class Graph(Stamping):
         catches the last samples of a writer that died before it could do so itself. The dots of the
         delta returned are seen here when it is joined.
         """
-        if self._unlooked:
-            self.look_again()
+        self.look_between()
 
         def due(write: Write, passes: int) -> bool:
             return write.writer == self.rid or passes >= patience
@@ -458,13 +473,8 @@ class Graph(Stamping):
                 self._unattached[entry.dot] = entry
                 self._settle(entry)
 
-    def _attach_or_bury(self) -> None:
-        """Look again at edges that came before their ends: an end may have come, or turn out to be removed."""
-        for entry in list(self._unattached.values()):
-            self._settle(entry)
-
     def _settle(self, entry: Incarnation) -> None:
-        """Look again at one of these edges."""
+        """Look again at an edge that came before its ends: an end may have come, or turn out to be removed."""
         if self._has_ends(entry) or self.element(entry.dot) is None:
             self._unattached.pop(entry.dot, None)
         elif self._is_dead(entry):

@@ -135,7 +135,7 @@ def _objection(
     """Why a thing cannot be where it was put; empty if it can."""
     if answer.refused:
         return answer.refused
-    moved = {other: distance for other, distance in answer.moved.items() if other != name and distance > _DISTURBED}
+    moved = {other: distance for other, distance in answer.effects.items() if other != name and distance > _DISTURBED}
     if moved:
         other = max(moved, key=lambda key: (moved[key], key))
         return f"{other!r} would move by {1e3 * moved[other]:.0f} mm"

@@ -36,7 +36,7 @@ def supposed(moment: Moment, query: Query) -> Thought[Response]:
     found = yield Question(_SECONDS, (change,))
     if found.refused:
         return understood(f"That was not simulated: {found.refused}.")
-    moved = sorted(name for name, metres in found.moved.items() if metres > _MOVED and name != change.object)
+    moved = sorted(name for name, metres in found.effects.items() if metres > _MOVED and name != change.object)
     statements = [_outcome(found, name) for name in sorted({*moved, *({change.object} & found.poses.keys())})]
     if query.kind == "would":
         return _verdict(moment, query, found, moved, statements)
@@ -55,7 +55,9 @@ def _verdict(moment: Moment, query: Query, found: Answer, moved: list[str], stat
     moves = found.moved.get(name, 0.0) > _MOVED
     evidence = statements if any(one.names[0] == name for one in statements) else [*statements, _outcome(found, name)]
     why = next(one.text for one in evidence if one.names[0] == name)
-    return understood(f"{'It would move' if moves else 'It would stay'}: {why}", evidence, verdict=moves, names=moved)
+    is_effect = found.effects.get(name, 0.0) > _MOVED
+    told = "It would stay" if not moves else "It would move" if is_effect else "It would move anyway"
+    return understood(f"{told}: {why}", evidence, verdict=moves, names=moved)
 
 
 def _change(moment: Moment, query: Query) -> Supposed | str:

@@ -128,6 +128,15 @@ class Keys:
         """Frames named `name` (may contain slashes)."""
         return f"{self.root}/blob/{name}"
 
+    @property
+    def place(self) -> str:
+        """What these keys are about, such as `part/kitchen`: below the graph's root, that of what replicas tell."""
+        return self.state.removeprefix(f"{self.root}/")
+
+    def holders(self, rid: str = "*") -> str:
+        """Key on which the process of replica `rid` answers who asks which worlds and parts it holds."""
+        return f"{self.root}/holders/{rid}"
+
     def mesh(self, rid: str = "*") -> str:
         """Key on which replica `rid` answers requests for meshes."""
         return f"{self.root}/mesh/{rid}"

@@ -46,9 +46,8 @@ class PartGraph(Graph):
         if delta.context or delta.removed:
             self._whole._look_sometimes(delta)
 
-    def look_again(self) -> None:
-        """See `Graph.look_again`."""
-        self._whole.look_again()
+    def _look(self, most: int) -> None:
+        self._whole._look(most)
 
     def make_durable(self, patience: int = 3) -> Delta:
         """See `Graph.make_durable`; edges that died of an end in another part are removed with it."""

@@ -16,7 +16,7 @@ from dsr.network.transport import Transport
 from dsr.parts.graph import PartedGraph
 from dsr.parts.registry import PartInfo, PartList
 from dsr.parts.replica import PartedReplica
-from dsr.replication.holders import HOLDER_PATIENCE, gathered
+from dsr.replication.holders import Holders
 from dsr.replication.polling import Poller
 from dsr.replication.replica import Replica
 
@@ -38,11 +38,12 @@ class HeldParts:
         agent: what this process is called.
         rid: the replica id with which the process began.
         poller: does what is due, if threads are run.
+        holders: asks the other processes who holds what.
     """
 
     def __init__(
         self, replica: PartedReplica, parts: PartList, transport: Transport, clock: Clock, graph: str, agent: str,
-        rid: str, poller: Poller | None,
+        rid: str, poller: Poller | None, holders: Holders,
     ) -> None:
         self.listed = parts
         self._replica = replica
@@ -52,6 +53,9 @@ class HeldParts:
         self._agent = agent
         self._rid = rid
         self._poller = poller
+        self._holders = holders
+        self._asking: dict[str, Replica] = {}
+        """Parts of which others are asked, still, whether they hold them."""
         self._changing = threading.RLock()
         self._times = 0
         self._ended = False
@@ -83,6 +87,23 @@ class HeldParts:
 
         Raises `TransportError` once the memory is closed, for nobody would close the part.
         """
+        with self._changing:
+            replica = self._begun(part)
+            if not replica.synchroniser.joined:
+                self._ask(part, replica)
+            return replica
+
+    def _ask(self, part: str, replica: Replica) -> None:
+        """Ask all others whether they hold a part that is held here; see `sweep`."""
+        if part not in self._asking:
+            self._asking[part] = replica
+            self._holders.ask(self._place(part))
+
+    def _place(self, part: str) -> str:
+        return Keys(self._graph_name, part=part).place
+
+    def _begun(self, part: str) -> Replica:
+        """The replica of a part that is held from now on."""
         check_part(part)
         with self._changing:
             if self._holds(part):
@@ -110,7 +131,11 @@ class HeldParts:
             return replica
 
     def sweep(self) -> None:
-        """Hold what others have listed since, if all is held here; nobody is waited for."""
+        """Begin parts that nobody else holds, and if all is held here, what others listed; nobody is waited for."""
+        for part, replica in list(self._asking.items()):
+            if self._holders.note(replica, self._place(part)):
+                self._begin_here(part, replica)
+        self._holders.look()
         listed = self.listed.parts
         if self._ended or not self.holds_all or listed is self._swept:
             return
@@ -118,6 +143,20 @@ class HeldParts:
         refused = [name for name in missing if not self._is_taken(name)]
         if not refused:
             self._swept = listed
+
+    def _begin_here(self, part: str, replica: Replica) -> None:
+        """Nothing of a part is waited for any more."""
+        with self._changing:
+            if self._asking.get(part) is not replica:
+                return
+            self._settle(part)
+            if not replica.synchroniser.joined:
+                _log.info("nobody else holds part %r: it begins here", part)
+                replica.synchroniser.nobody_there()
+
+    def _settle(self, part: str) -> None:
+        if self._asking.pop(part, None) is not None:
+            self._holders.settle(self._place(part))
 
     def _room_for(self, parts: list[str]) -> list[str]:
         """Those of `parts` that are held if all are asked for; the others are told once."""
@@ -158,10 +197,9 @@ class HeldParts:
         for name in () if unlisted else names:
             self.listed.info(name)
         begun = [name for name in names if not self._holds(name)]
-        began = self._clock.monotonic()
         try:
             for name, replica in [(name, self.take(name)) for name in begun]:
-                self._wait(name, replica, timeout, max(0.0, began + HOLDER_PATIENCE - self._clock.monotonic()))
+                self._wait(name, replica, timeout)
         except BaseException:
             for name in begun:
                 self.leave(name)
@@ -172,27 +210,28 @@ class HeldParts:
 
         Raises `TransportError` if those who hold one do not answer.
         """
-        taken = [(part, self.take(part)) for part in parts]
-        began = self._clock.monotonic()
-        for part, _ in taken:
+        names = list(parts)
+        for part in names:
+            self._begun(part)
+        for part in names:
             restore(part)
-        for part, replica in taken:
-            self._wait(part, replica, timeout, max(0.0, began + HOLDER_PATIENCE - self._clock.monotonic()))
+        for part, replica in [(part, self.take(part)) for part in names]:
+            self._wait(part, replica, timeout)
 
-    def _wait(self, part: str, replica: Replica, timeout: float, patience: float) -> None:
+    def _wait(self, part: str, replica: Replica, timeout: float) -> None:
         def move() -> None:
             self._transport.pump()
             replica.poll()
 
-        if gathered(replica, None if self._poller is not None else move, timeout, patience):
+        place = self._place(part)
+        if self._holders.gathered(replica, place, None if self._poller is not None else move, timeout):
             return
-        joining = replica.synchroniser.joining
-        if not joining.insists:
-            why = joining.why(self._clock.monotonic())
+        if self._holders.nobody_holds(replica, place):
+            self._begin_here(part, replica)
+        elif self._poller is not None and (why := self._holders.trouble(replica, place)):
             raise TransportError(f"part {part!r}: not complete after {timeout:.1f} s, {why}")
-        if self._poller is not None:
-            _log.info("nobody else holds part %r: it begins here, empty", part)
-            replica.synchroniser.nobody_there()
+        elif self._poller is not None:
+            self._begin_here(part, replica)
 
     def begin(self, part: str) -> None:
         """Hold a part that nobody can hold yet."""
@@ -209,6 +248,7 @@ class HeldParts:
         if replica is not None:
             with self._replica.lock:
                 self.graph.leaving.add(part)  # what is written from now on would not be sent
+            self._settle(part)
             replica.close()
             with self._replica.lock:
                 self.graph.leave(part)

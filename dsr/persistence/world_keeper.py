@@ -84,7 +84,7 @@ class WorldKeeper:
             keeper.flush()
 
     def close(self) -> None:
-        """Stop following the list, and keep parts that came since the last look; each world is kept until that closes."""
+        """Keep parts that came since the last look, and follow the list no more; worlds are kept until they close."""
         if self._stop.is_set():
             return
         self._stop.set()

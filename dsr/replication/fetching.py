@@ -47,11 +47,13 @@ class Fetch:
 
     def take(self, piece: Piece) -> bool:
         """Note that the piece has come, which is to be joined; false if it is not the one asked for."""
-        if piece.begin != self.begin or (piece.begin == START and piece.whole is None):
+        if piece.begin != self.begin or (piece.begin[0] == "" and piece.whole is None):
             return False
         if piece.begin == START:
-            self._whole, self.joined = piece.whole or [], piece.joined
+            self._whole, self.joined = [], piece.joined
             self._live = set()
+        if piece.begin[0] == "":
+            self._whole += piece.whole or []
         self.begin = piece.end
         return True
 
@@ -71,8 +73,8 @@ class Fetch:
 
     @property
     def is_useless(self) -> bool:
-        """Whether the peer sends no end of changes that cannot be joined."""
-        return self._refused + len(self._held_back) > MAX_UNJOINED
+        """Whether the peer sends no end of changes that cannot be joined, or of what it has seen."""
+        return max(self._refused + len(self._held_back), len(self._whole)) > MAX_UNJOINED
 
     def rest(self) -> Delta:
         """Make the delta to be joined in the end: the peer's whole context of the moment when it began to answer.

@@ -105,13 +105,14 @@ class Joining:
         """Explain in words which replicas the newcomer waits for, and for how long at time `now` (s)."""
         waited = max(0.0, now - self.since)
         silent, unjoined = self.waits_for(), [rid for rid in self.others if rid in self._unjoined]
-        reasons = [f"{_listed(silent)}: no answer"] if silent else []
+        reasons = [f"{listed(silent)}: no answer"] if silent else []
         if unjoined:
             theirs = dict.fromkeys(rid for other in unjoined for rid in self._unjoined[other] if rid != self.rid)
-            reasons.append(f"{_listed(unjoined)}: not joined either, waiting for {_listed(list(theirs)) or 'others'}")
+            reasons.append(f"{listed(unjoined)}: not joined either, waiting for {listed(list(theirs)) or 'others'}")
         return f"waiting for {waited:.1f} s; {'; '.join(reasons) or 'nobody is there'}"
 
 
-def _listed(rids: list[str]) -> str:
+def listed(rids: list[str]) -> str:
+    """Name the first of these replicas, and how many more there are."""
     shown = ", ".join(rids[:_SHOWN])
     return f"{shown} and {len(rids) - _SHOWN} more" if len(rids) > _SHOWN else shown

@@ -200,7 +200,9 @@ class Replica:
     # ---- receiving
 
     def poll(self) -> None:
-        """Merge the messages that have arrived, and do the work that is due."""
+        """Merge the messages that have arrived, and do the work that is due; who has left says nothing more."""
+        if self._left:
+            return
         with self._merging:
             for _ in range(len(self._inbox)):
                 action = self._inbox.popleft()

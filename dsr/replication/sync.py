@@ -29,11 +29,12 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Protocol
 
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, piece_of
+from dsr.crdt.pieces import START, Piece, piece_of, seen_by
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
@@ -64,6 +65,8 @@ JOIN_RETRY = 0.02
 """s after which a newcomer asks the same peer again, whose answer found no way yet."""
 TURN = SILENCE
 """s after which another peer is asked, if there is one that may have something else: an answer may never end."""
+MOST_NAMED = 32
+"""Replicas that one message names to people, or for votes about clocks: those known longest."""
 MAX_PAUSED = 8
 """Answers that wait for their next turn; of others the next request begins at the beginning."""
 
@@ -157,6 +160,8 @@ class Synchroniser:
             delta = decode_delta(payload)
             if delta.live is not None:
                 raise WireError("a synchronisation reply that nobody asked for")
+            if delta.misfits:
+                self.complaints.say(sender, "%s writes values of another kind than their attributes have: taken away")
             if self.gate is None and self.joined and self.claims.is_plain(sender, delta, self.part):
                 return self.graph.join(delta, physical)
             self._check_identity(sender, delta)
@@ -351,7 +356,7 @@ class Synchroniser:
             return None
         store = self.graph.store
         if not self.joined and not request.insists:
-            piece = Piece(START, waits_for=self.joining.waits_for())
+            piece = Piece(START, waits_for=self.joining.waits_for()[:MOST_NAMED])
         elif request.begin == START and request.seen.covers(store.context):
             piece = Piece(START, whole=[])  # it accounts for nothing, so that nothing is removed
         else:
@@ -408,7 +413,7 @@ class Synchroniser:
         paused = self._paused.pop(peer, None)
         if paused is not None and not self._wants_everything:
             return paused
-        ranges = () if self._wants_everything else self.graph.store.context.ranges()
+        ranges = () if self._wants_everything else seen_by(self.graph.store)
         fetch = Fetch(peer, CausalContext(ranges), insists=self.joined or self.joining.insists)
         fetch.before = self._state
         return fetch
@@ -521,7 +526,7 @@ class Synchroniser:
 
     def digest(self, physical: float) -> bytes:
         """Encode the digest for the peers at physical time `physical` (s)."""
-        ahead = tuple(sorted(rid for rid, peer in self._peers.items() if peer.ahead))
+        ahead = tuple(sorted(islice((rid for rid, peer in self._peers.items() if peer.ahead), MOST_NAMED)))
         rid, store = self.graph.rid, self.graph.store
         return encode_digest(Digest(rid, physical, store.context.summary(rid), store.fingerprint, ahead))
 
@@ -571,7 +576,7 @@ class Synchroniser:
         store = self.graph.store
         if digest.fingerprint == store.fingerprint or digest.seen.hash != store.context.hash:
             return False
-        self.graph.look_again()  # edges that turned out to be dead may still be here
+        self.graph.look_between()  # edges that turned out to be dead may still be here
         return digest.fingerprint != store.fingerprint
 
     def _trusts(self, rid: str) -> bool:

@@ -28,10 +28,11 @@ import msgspec
 from dsr.crdt.context import CausalContext, Dot, DotRange, apart
 from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import MAX_STAMP
+from dsr.crdt.pieces import size_of
 from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
 from dsr.graph.schema import is_own_name
 from dsr.network.decoding import decoded
-from dsr.replication.values import encode_extension, to_value
+from dsr.replication.values import encode_extension, fitted, to_value
 
 VERSION = 1
 """Version of the format of deltas, replies and requests."""
@@ -43,6 +44,11 @@ MAX_MESSAGE = 1 << 24
 """Bytes of a message: one value of the greatest length fits. What is larger travels in several."""
 MAX_STRUCTURE = 1 << 20
 """Bytes of a message without its values: what lists of changes and dots may take."""
+MAX_ADD = 3 * MAX_STRUCTURE // 8
+"""Bytes of one addition, which an answer holds beside much else. The most ends with the longest ids take 336 kB."""
+
+_FEW_ENDS = MAX_ADD // (4 * MAX_NAME + 32)
+"""Creation dots that fit into one addition, however long their replica ids are."""
 
 Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
@@ -239,9 +245,10 @@ def decode_kept(payload: bytes) -> Delta:
 
 
 def _read_kept(payload: bytes) -> Delta:
-    """Nodes that nobody takes from the network are left out: an older version may have kept them."""
+    """What nobody takes from the network is left out: an older version may have kept it."""
     message = _kept_decoder.decode(payload)
-    message.adds = [row for row in message.adds if type(row.key) is not str or is_own_name(row.key, row.type)]
+    rows = [row for row in message.adds if type(row.key) is not str or is_own_name(row.key, row.type)]
+    message.adds = [row for row in rows if _has_room(message.replicas, row)]
     return _to_delta(message)
 
 
@@ -277,6 +284,7 @@ def _to_delta(message: _KeptDelta) -> Delta:
     if len(message.writes) == 1 and not message.adds and not message.removed and message.live is None:
         return _to_one(names, message.writes[0], message.context)
     delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
+    delta.misfits = _misfits(delta.writes, message.writes)
     if message.removed:
         delta.removed = to_dots(names, message.removed)
     delta.context = to_ranges(names, message.context)
@@ -287,8 +295,18 @@ def _to_delta(message: _KeptDelta) -> Delta:
 def _to_one(names: list[str], row: WriteRow, context: list[int]) -> Delta:
     """A delta of one write alone, as nearly all are, sooner."""
     dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
-    owner, writer, value = (names[row.replica], row.counter), names[row.writer], to_value(row.value)
-    return Delta([], [Write(owner, row.attribute, row.stamp, writer, dot, value)], [], to_ranges(names, context))
+    owner, writer = (names[row.replica], row.counter), names[row.writer]
+    value = fitted(row.attribute, to_value(row.value))
+    delta = Delta([], [Write(owner, row.attribute, row.stamp, writer, dot, value)], [], to_ranges(names, context))
+    if value is TOMBSTONE:
+        delta.misfits = _misfits(delta.writes, [row])
+    return delta
+
+
+def _misfits(writes: list[Write], rows: list[WriteRow]) -> int:
+    """How many values are no values of their attributes: those that were not taken away when they were sent."""
+    gone = [row for write, row in zip(writes, rows, strict=True) if write.value is TOMBSTONE]
+    return sum(to_value(row.value) is not TOMBSTONE for row in gone)
 
 
 def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
@@ -298,6 +316,8 @@ def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
     """
     adds = []
     for row in rows:
+        if len(row.sources) + len(row.destinations) > 2 * _FEW_ENDS and not _has_room(names, row):
+            raise ValueError(f"an edge with ends of more than {MAX_ADD} bytes")
         ends = (tuple(to_dots(names, row.sources)), tuple(to_dots(names, row.destinations))) if row.sources else ()
         adds.append(Add((names[row.replica], row.counter), _to_key(row), row.type, *ends))
     return adds
@@ -315,7 +335,8 @@ def to_writes(names: list[str], rows: list[WriteRow]) -> list[Write]:
             replica, counter = row.replica, row.counter
             owner = names[replica], counter
         dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
-        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, to_value(row.value)))
+        value = fitted(row.attribute, to_value(row.value))
+        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, value))
     return writes
 
 
@@ -334,6 +355,12 @@ def _to_key(add: AddRow) -> Key:
     if not 0 < len(add.sources) <= 2 * MAX_ENDS or not 0 < len(add.destinations) <= 2 * MAX_ENDS:
         raise ValueError(f"an edge without creation dots at both ends, or with more than {MAX_ENDS}")
     return key
+
+
+def _has_room(names: list[str], add: AddRow) -> bool:
+    """Whether an answer has room for an addition, which may name many replicas."""
+    numbers = add.sources + add.destinations
+    return sum(size_of(names[index]) for index in {*numbers[::2]}) + 7 * len(numbers) <= MAX_ADD
 
 
 def _is_name(value: str) -> bool:

@@ -88,7 +88,7 @@ def own_keys(agent: str, grant: Grant) -> list[str]:
     replicas = f"{agent}-$*"
     states = (keys, _EveryGraph("world/*/*"), *(_EveryGraph(f"part/{part}") for part in grant.parts))
     by_replica = [key(replicas) for k in states for key in (k.delta, k.stream, k.digest, k.sync)]
-    by_replica.append(keys.mesh(replicas))
+    by_replica += [keys.mesh(replicas), keys.holders(replicas)]
     by_replica += [k.presence(agent, replicas) for k in states]
     by_name = [keys.status(agent), keys.log(agent)]
     granted = [f"{keys.root}/{key}" for key in grant.publishes]

@@ -2,14 +2,15 @@
 
 A question says what to change of the scene as it is believed to be now, and how many seconds to simulate; the answer
 says where everything is then and what rests on what. A question may be tried in several worlds of the belief; the
-answer then tells the outcome of each, with its probability. Both are MessagePack maps with the field names below, on
+answer then tells the outcome of each, with its probability. What moves in a world without the changes, too, is told:
+the effect of the changes is the difference. Both are MessagePack maps with the field names below, on
 `Keys.service("what_if")`. Everything is in the world frame, in m, rad and s, quaternions (x, y, z, w).
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Annotated, Literal
 
 import msgspec
@@ -102,7 +103,7 @@ class WorldOutcome(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True
     refused: str = ""
     """Why this world cannot be changed so, for people; then all about its end is empty."""
     weight: float = 1.0
-    """1, probability of the world"""
+    """1, probability of the world; 0 if the question was tried in no world"""
     otherwise: tuple[str, ...] = ()
     """Names of the objects that are elsewhere in this world than the graph shows, or held otherwise; sorted."""
     stamp: float = 0.0
@@ -117,6 +118,10 @@ class WorldOutcome(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True
     """m from where each object was after the changes: how far physics took it."""
     turned: dict[str, float] = {}
     """rad that each object has turned since the changes, by name."""
+    anyway: dict[str, Numbers] = {}
+    """world_from_object at the end without the changes, of what then moves, too, and which no change is about.
+
+    Empty if nothing moves with the changes: then the world without them is not simulated."""
     rests_on: dict[str, tuple[str, ...]] = {}
     """Names of the supports of each object: none for an object in the air, or on the floor, which has no name."""
     touches: tuple[tuple[str, str], ...] = ()
@@ -129,11 +134,26 @@ class WorldOutcome(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True
         numbers = self.poses[name]
         return Pose(numbers[:3], numbers[3:], self.stamp + self.seconds)
 
+    def effect(self, name: str) -> tuple[float, float]:
+        """How far (m, rad) an object is from where it would be at the end without the changes. Raises `KeyError`.
+
+        Of what a change is about, it is how far physics took it since.
+        """
+        if name not in self.anyway:
+            return self.moved[name], self.turned.get(name, 0.0)
+        numbers = self.anyway[name]
+        return Pose(numbers[:3], numbers[3:]).distance(self.pose(name))
+
+    @property
+    def effects(self) -> dict[str, float]:
+        """How far (m) each object is from where it would be without the changes, by name; see `effect`."""
+        return {name: self.effect(name)[0] for name in self.moved}
+
 
 class Answer(WorldOutcome, frozen=True, omit_defaults=True, kw_only=True):
     """The answer to a what-if question: the outcome in the world that the graph shows, and in others that were tried.
 
-    If it is `refused`, there is no answer at all.
+    Each world has its outcome, which may be that it cannot be changed so.
     """
 
     others: Annotated[tuple[WorldOutcome, ...], msgspec.Meta(max_length=MAX_WORLDS)] = ()
@@ -144,10 +164,20 @@ class Answer(WorldOutcome, frozen=True, omit_defaults=True, kw_only=True):
         """All that were tried, that of the world that the graph shows first."""
         return (self, *self.others)
 
+    @property
+    def failed(self) -> str:
+        """Why there is no outcome in any world, for people; empty if there is one in some."""
+        return self.refused if all(one.refused for one in self.outcomes) else ""
+
     def probability(self, test: Callable[[WorldOutcome], bool]) -> float:
         """Probability (0 to 1) of the worlds whose outcome passes `test`, among those that were tried."""
-        total = sum(one.weight for one in self.outcomes)
-        return sum(one.weight for one in self.outcomes if test(one)) / total if total > 0.0 else 0.0
+        return share(self.outcomes, test)
+
+
+def share(outcomes: Collection[WorldOutcome], test: Callable[[WorldOutcome], bool]) -> float:
+    """Probability (0 to 1) of the worlds whose outcome passes `test`, among all of these; 0 of none."""
+    total = sum(one.weight for one in outcomes)
+    return sum(one.weight for one in outcomes if test(one)) / total if total > 0.0 else 0.0
 
 
 _encoder = msgspec.msgpack.Encoder()
@@ -185,7 +215,9 @@ class Pending:
         self.answer: Answer | None = None
         """What was answered."""
         self.failed = ""
-        """Why there is no answer and will be none: refused, nobody there, not in time, malformed."""
+        """Why there is no answer and will be none: refused in all worlds, nobody there, not in time, malformed."""
+        self.refusals: tuple[WorldOutcome, ...] = ()
+        """The outcomes if the question was refused in all worlds in which it was tried."""
         self.finished = threading.Event()
         """Set when it is done: for those that may wait."""
 
@@ -194,10 +226,20 @@ class Pending:
         """Whether there is an answer, or a failure."""
         return self.finished.is_set()
 
-    def finish(self, answer: Answer | None, failed: str) -> None:
-        """Take what came first."""
+    def take(self, answer: Answer) -> None:
+        """Take an answer, unless something came before."""
         if not self.finished.is_set():
-            self.answer, self.failed = answer, failed
+            self.failed = answer.failed
+            if self.failed:
+                self.refusals = tuple(one for one in answer.outcomes if one.weight > 0.0)
+            else:
+                self.answer = answer
+            self.finished.set()
+
+    def fail(self, why: str) -> None:
+        """There will be no answer, unless something came before."""
+        if not self.finished.is_set():
+            self.failed = why
             self.finished.set()
 
 
@@ -231,12 +273,12 @@ class WhatIf:
             try:
                 answer = decode_answer(payload)
             except WireError as error:
-                pending.finish(None, str(error))
+                pending.fail(str(error))
             else:
-                pending.finish(None if answer.refused else answer, answer.refused)
+                pending.take(answer)
 
         def on_done() -> None:
-            pending.finish(None, "nobody answered: does the simulation handler run, and is it not overloaded?")
+            pending.fail("nobody answered: does the simulation handler run, and is it not overloaded?")
 
         self._bus.request(self._key, payload, on_reply, on_done, self._timeout)
         return pending

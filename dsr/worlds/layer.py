@@ -109,7 +109,7 @@ class Layer(Store):
         if self.patches.pop(dot, None) is not None and not own:
             self._leave_order(dot)
         entry = super()._take_out(dot)
-        if not own and not known:
+        if not known:  # an own element was seen, and is none of the parent's
             self._observer.hidden(dot)
         return entry
 

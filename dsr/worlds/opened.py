@@ -23,7 +23,7 @@ from dsr.graph.watches import Watches
 from dsr.network.keys import BASE, Keys, check_name
 from dsr.network.transport import Transport
 from dsr.parts.graph import PartedGraph
-from dsr.replication.holders import gathered
+from dsr.replication.holders import Holders
 from dsr.replication.polling import Poller
 from dsr.replication.replica import Replica
 from dsr.worlds.fork import ForkedGraph
@@ -55,11 +55,14 @@ class OpenWorld:
 
     graph_name: str
     agent: str
+    keys: Keys
     rid: str
     clock: Clock
     transport: Transport
     schema: Schema
     replica: Replica
+    who_holds: Holders
+    """Asks the other processes who holds a world."""
     world_handle: WorldHandle | None
     """The handle of a world other than the base; None for the base."""
     _frames: FrameTree
@@ -311,16 +314,19 @@ class Worlds(Generic[World]):
         return memory
 
     def _wait_joined(self, memory: World, name: str, timeout: float) -> None:
-        sync = memory.replica.synchroniser
-
         def move() -> None:
             memory.transport.pump()
             memory.poll()
 
-        if gathered(memory.replica, None if self.threaded else move, timeout):
-            return
-        if not sync.joining.insists:
-            why = sync.joining.why(memory.clock.monotonic())
+        holders, place = memory.who_holds, memory.keys.place
+        holders.ask(place)
+        try:
+            if holders.gathered(memory.replica, place, None if self.threaded else move, timeout):
+                return
+            why = holders.trouble(memory.replica, place)
+        finally:
+            holders.settle(place)
+        if why:
             raise TransportError(f"world {name!r}: not complete after {timeout:.1f} s, {why}")
         raise WorldNotFoundError(f"world {name!r} is listed, but nobody holds it any more")
 

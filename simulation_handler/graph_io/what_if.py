@@ -1,4 +1,7 @@
-"""Answers what-if questions (dsr/vocabulary/what_if.py) by simulating copies of the believed scene, one a world."""
+"""Answers what-if questions (dsr/vocabulary/what_if.py) by simulating copies of the believed scene, one a world.
+
+Where something moves, the world is simulated without the changes, too: what moves anyway is no effect of them.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,16 @@ from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
-from dsr.vocabulary.what_if import SERVICE, Answer, Question, Supposed, WorldOutcome, decode_question, encode_answer
+from dsr.vocabulary.what_if import (
+    SERVICE,
+    Answer,
+    Numbers,
+    Question,
+    Supposed,
+    WorldOutcome,
+    decode_question,
+    encode_answer,
+)
 from simulation_handler.contact.relations import STEEP
 from simulation_handler.graph_io.reading import FARTHEST
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
@@ -25,7 +37,7 @@ from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, Roll
 from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
-from simulation_handler.worlds.joint import JointWorld, leading
+from simulation_handler.worlds.joint import ONE_OUTCOME, JointWorld, leading
 from simulation_handler.worlds.model import Island
 
 KEY = f"service/{SERVICE}"
@@ -74,10 +86,10 @@ class WhatIfService:
         try:
             return self._answer(decode_question(payload))
         except DsrError as error:
-            return Answer(refused=str(error))
+            return _tried_nowhere(str(error))
         except Exception as error:
             _log.exception("a what-if question could not be answered")
-            return Answer(refused=f"the simulation handler failed: {error!r}")
+            return _tried_nowhere(f"the simulation handler failed: {error!r}")
 
     def _answer(self, question: Question) -> Answer:
         if not self._seats.acquire(blocking=False):
@@ -98,16 +110,16 @@ class WhatIfService:
             raise RefusedError("the simulation handler holds no scene; it has just started, or ends")
         scene, islands, now = self._offered
         first, *others = leading(islands, scene, question.worlds) if question.worlds > 1 else [JointWorld()]
-        best = self._outcome(scene, question, first, now)
+        shown = self._tried(scene, question, first, now)
         tried = [self._tried(scene, question, world, now) for world in others if not self._is_late(question)]
-        return Answer(**msgspec.structs.asdict(best), others=tuple(tried))
+        return Answer(**msgspec.structs.asdict(shown), others=tuple(tried))
 
     def _is_late(self, question: Question) -> bool:
         """Whether nobody waits any more: then the worlds that are left are not tried, for others wait."""
         return 0.0 < question.expires < self._clock.now()
 
     def _tried(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
-        """The outcome in another world than the simulated one, which may be that it cannot be changed so."""
+        """The outcome in a world, which may be that it cannot be changed so."""
         try:
             return self._outcome(scene, question, world, now)
         except RefusedError as error:
@@ -115,12 +127,25 @@ class WhatIfService:
             return WorldOutcome(refused=str(error), weight=world.weight, otherwise=otherwise, stamp=now)
 
     def _outcome(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
-        scene = world.scene(scene)
+        before = after = world.scene(scene)
         for change in question.changes:
-            scene = changed(scene, change)
-        check_room(scene, {change.object for change in question.changes if change.pose is not None})
+            after = changed(after, change)
+        check_room(after, {change.object for change in question.changes if change.pose is not None})
         self._engine = self._engine or Engine()
-        return _described(scene, self._engine.run(scene, question.seconds), world, now)
+        outcome = self._engine.run(after, question.seconds)
+        described = _described(after, outcome, world, now)
+        about = {change.object for change in question.changes}
+        others = [body for body in before.bodies if body.mass > 0.0 and body.name not in about]
+        if not about or not any(_moves(body, outcome) for body in others):
+            return described
+        alone = self._engine.run(before, question.seconds)
+        anyway = {body.name: _numbers(alone.poses[body.name]) for body in others if _moves(body, alone)}
+        return msgspec.structs.replace(described, anyway=anyway)
+
+
+def _tried_nowhere(why: str) -> Answer:
+    """The refusal of a question that was tried in no world."""
+    return Answer(refused=why, weight=0.0)
 
 
 def changed(scene: RolloutScene, change: Supposed) -> RolloutScene:
@@ -203,13 +228,23 @@ def _described(scene: RolloutScene, outcome: RolloutOutcome, world: JointWorld, 
         stamp=now,
         seconds=outcome.seconds,
         at_rest=outcome.at_rest,
-        poses={body.name: (*outcome.poses[body.name][0], *outcome.poses[body.name][1]) for body in objects},
+        poses={body.name: _numbers(outcome.poses[body.name]) for body in objects},
         moved={body.name: outcome.drift[body.name] for body in objects},
         turned={body.name: _angle(body, outcome) for body in objects},
         rests_on={name: tuple(supports) for name, supports in rests_on.items()},
         touches=tuple(sorted(pairs)),
         on_floor=tuple(c.upper for c in outcome.contacts if c.lower == FLOOR and c.upper in rests_on),
     )
+
+
+def _numbers(placing: Placing) -> Numbers:
+    return (*placing[0], *placing[1])
+
+
+def _moves(body: RolloutBody, outcome: RolloutOutcome) -> bool:
+    """Whether physics takes a body farther than simulations of the same beginning may differ."""
+    there = Pose.unchecked(*outcome.poses[body.name])
+    return not ONE_OUTCOME.covers(Pose.unchecked(body.position, body.rotation), there)
 
 
 def _angle(body: RolloutBody, outcome: RolloutOutcome) -> float:

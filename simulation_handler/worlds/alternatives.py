@@ -30,6 +30,8 @@ GONE = "gone"
 """The mode in which it is not in the scene"""
 IN_HAND, INSIDE_OF = "in ", "inside "
 """The modes in which it is in a hand, or in a container: followed by the name of that"""
+COURSE = "course "
+"""The modes in which it went on by itself when it vanished on its way, each as fast as it may have been: numbered"""
 
 _BESIDE = 0.05  # m from a container within which what vanishes may be in it
 _WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
@@ -53,6 +55,8 @@ class Mode:
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
     """s, since when it may have been so"""
+    worked: float = 0.0
+    """1, probability in this mode that somebody was at work while cameras saw nothing at all"""
 
 
 class Alternatives:
@@ -83,6 +87,7 @@ class Alternatives:
         self._now = now
         self._told_gone = False
         self._is_new = True
+        self._has_courses = False
 
     @property
     def moved(self) -> float:
@@ -91,16 +96,45 @@ class Alternatives:
         assert pose is not None
         return math.dist(pose.t, self.left.t)
 
-    def step(self, name: str, evidence: Evidence, *, look: bool) -> None:
-        """Bring the modes of the object of that name to the time of the evidence; `look` whether it should be seen."""
+    @property
+    def odds(self) -> float | None:
+        """Log odds by this object alone that somebody was at work in the last gap; None if it has seen no gap."""
+        worked = sum(mode.weight * mode.worked for mode in self.modes.values())
+        idle = sum(mode.weight * (1.0 - mode.worked) for mode in self.modes.values())
+        return math.log(worked / idle) if worked > 0.0 and idle > 0.0 else None
+
+    def weights(self, ratio: float) -> dict[str, float]:
+        """Probability of each mode if what other objects tell makes it `ratio` times as probable that somebody was
+        at work.
+        """
+        weights = {key: mode.weight * (1.0 + mode.worked * (ratio - 1.0)) for key, mode in self.modes.items()}
+        total = sum(weights.values())
+        return {key: weight / total for key, weight in weights.items()}
+
+    def settle(self, ratio: float) -> None:
+        """Keep what other objects tell, and ask anew from now on whether somebody is at work."""
+        for key, weight in self.weights(ratio).items():
+            self.modes[key].weight, self.modes[key].worked = weight, 0.0
+
+    def step(self, name: str, evidence: Evidence, *, look: bool, work: float = 0.0) -> None:
+        """Bring the modes of an object to the time of the evidence.
+
+        Args:
+            name: of the object.
+            evidence: of a moment that is not before the last one.
+            look: whether it is worked out if it should be seen.
+            work: probability that somebody began to work since the last step, while cameras saw nothing.
+        """
         thing, step = evidence.objects[name], evidence.now - self._now
         self._now = evidence.now
         self._go_along(thing, evidence)
         self._follow(thing)
         self._flow(thing, evidence, step)
+        self._work(thing, work)
         if self._is_new:
             self._enter(name, evidence)
             self._is_new = False
+        self._go_on(thing)
         if look:
             self._miss(name, evidence, evidence.now - self.looked)
             self.looked = evidence.now
@@ -166,6 +200,20 @@ class Alternatives:
                 taken = Mode(0.0, followed.pose, hand=hand, anchored=known.pose.inverse() @ _placed(followed.pose))
                 self._pass(FOLLOWED, IN_HAND + hand, _probability(rates.taken * step), taken)
 
+    def _work(self, thing: ObjectEvidence, begins: float) -> None:
+        """With some probability, somebody begins to work, whom no camera sees, and may remove or move the object."""
+        rates = self._parameters.rates
+        for key, mode in list(self.modes.items()) if begins > 0.0 else ():
+            before = mode.worked
+            mode.worked += (1.0 - before) * begins
+            if mode.pose is None or mode.hand or (key == FOLLOWED and (thing.hand or thing.gripper)):
+                continue
+            new = (1.0 - before) * begins
+            self._pass(key, GONE, new * rates.work_removed, Mode(0.0, None), worked=1.0)
+            if key != ELSEWHERE:
+                moved = (1.0 - rates.work_removed) * rates.work_moved
+                self._pass(key, ELSEWHERE, new * moved, Mode(0.0, mode.pose, since=self._now), worked=1.0)
+
     def _moving_rate(self, pose: Pose, evidence: Evidence, rates: Rates) -> float:
         is_near = any(_is_near(known.pose, pose) for known in evidence.hands.values())
         return rates.moved_by_hand if is_near else rates.moved
@@ -187,17 +235,39 @@ class Alternatives:
             inside.anchored = solid.pose.inverse() @ _placed(inside.pose)
             self._pass(FOLLOWED, INSIDE_OF + other, self._parameters.rates.entered / len(hollows), inside)
 
-    def _pass(self, source: str, target: str, share: float, new: Mode) -> None:
-        """Let a share of the weight of a mode go over to another one, which begins as `new`."""
-        amount = self.modes[source].weight * share
+    def _go_on(self, thing: ObjectEvidence) -> None:
+        """What vanished on its way may have gone on in any of many courses, and not as the simulation has it."""
+        begins = thing.courses and not self._has_courses
+        for number, pose in enumerate(thing.courses):
+            key = f"{COURSE}{number}"
+            if key in self.modes:
+                self.modes[key].pose = pose
+            elif begins:
+                share = self._parameters.rates.went_on / (len(thing.courses) - number * self._parameters.rates.went_on)
+                self._pass(FOLLOWED, key, share, Mode(0.0, pose))
+        self._has_courses |= bool(thing.courses)
+
+    def _pass(self, source: str, target: str, share: float, new: Mode, worked: float | None = None) -> None:
+        """Let a share of the weight of a mode go over to another one, which begins as `new`.
+
+        `worked` is the probability in that share that somebody was at work; None: as in the mode that it leaves.
+        """
+        origin = self.modes[source]
+        amount = origin.weight * share
         if amount <= 0.0 or source == target:
             return
         mode = self._mode(target, new)
+        worked = origin.worked if worked is None else worked
+        if origin.weight > amount:
+            origin.worked = min(
+                max((origin.weight * origin.worked - amount * worked) / (origin.weight - amount), 0.0), 1.0
+            )
+        mode.worked = (mode.weight * mode.worked + amount * worked) / (mode.weight + amount)
         if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
             ratio = amount / (mode.weight + amount)
             x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
             mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
-        self.modes[source].weight -= amount
+        origin.weight -= amount
         mode.weight += amount
 
     def _mode(self, key: str, new: Mode) -> Mode:

@@ -76,6 +76,10 @@ class ObjectEvidence:
     """Names of what it rests on, but for the floor"""
     touched_by: tuple[str, ...] = ()
     """Names of the human hands that touch it, sorted"""
+    aloft: bool = False
+    """Whether it is seen in the air."""
+    opens: bool = False
+    """Whether the fingertips of the hand that holds it are seen apart from it just now."""
     let_go_at: float = -np.inf
     """s, when a hand was last known to let go of it"""
     aslant: tuple[float, Pose] | None = None
@@ -84,6 +88,9 @@ class ObjectEvidence:
     The systematic error of its percepts is that of other objects: its own is learned from how it is taken to rest."""
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
     """How it may be turned instead, if its percepts do not tell: probability, and rotation from `believed` to that."""
+
+    courses: tuple[Pose, ...] = ()
+    """world_from_object by each course on which it may be, if it vanished on its way; each is as probable"""
 
     @property
     def seen_at(self) -> float:
@@ -123,6 +130,7 @@ class EvidenceReader:
         lead: gives (3,) m that an object is beyond its body, by name.
         in_doubt: gives the names of objects of which only cameras tell at a time (s) that may have moved.
         config: how far percepts are trusted.
+        courses: gives where an object may be by now that vanished on its way, by name.
     """
 
     def __init__(
@@ -134,8 +142,10 @@ class EvidenceReader:
         lead: Callable[[str], Vector3],
         in_doubt: Callable[[float], frozenset[str]],
         config: BeliefConfig,
+        courses: Callable[[str], tuple[Pose, ...]] = lambda name: (),
     ) -> None:
         self._bodies = bodies
+        self._courses = courses
         self._lead = lead
         self._in_doubt = in_doubt
         self._config = config
@@ -197,8 +207,11 @@ class EvidenceReader:
             containers=innermost_first(name, contents),
             supports=supports,
             touched_by=tuple(hand for hand, thing in touches if thing == name),
+            aloft=item.static or item.hovering_since is not None,
+            opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
+            courses=self._courses(name),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 

@@ -11,7 +11,8 @@ from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.scales import SAME_OUTCOME
 from simulation_handler.worlds.model import Island, ObjectState
 
-_ONE_OUTCOME = PoseTolerance(SAME_OUTCOME, 0.01)  # m, rad; up to which a simulation has the same outcome
+ONE_OUTCOME = PoseTolerance(SAME_OUTCOME, 0.01)
+"""m, rad up to which simulations have the same outcome"""
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,10 @@ def leading(islands: Collection[Island], simulated: RolloutScene, most: int) -> 
     """The simulated world, and then the most probable others, the best first; `most` at most.
 
     Islands are independent, so a world's weight is the product of the weights of its parts. What has no place in the
-    simulated scene has none in any of these worlds.
+    simulated scene has none in any of these worlds. The order of the islands does not matter.
     """
     found = [JointWorld()]
-    for island in islands:
+    for island in sorted(islands, key=lambda island: island.names):
         parts = _parts(island, simulated)
         combined = [
             JointWorld(one.weight * part.weight, {**one.otherwise, **part.otherwise}) for one in found for part in parts
@@ -69,7 +70,7 @@ def _parts(island: Island, simulated: RolloutScene) -> list[JointWorld]:
 def _is_otherwise(state: ObjectState, body: RolloutBody) -> bool:
     if state.pose is None or bool(state.hand) != body.fixed:
         return True
-    return not _ONE_OUTCOME.covers(Pose.unchecked(body.position, body.rotation), state.pose)
+    return not ONE_OUTCOME.covers(Pose.unchecked(body.position, body.rotation), state.pose)
 
 
 def _are_same(one: Mapping[str, ObjectState], other: Mapping[str, ObjectState]) -> bool:
@@ -79,4 +80,4 @@ def _are_same(one: Mapping[str, ObjectState], other: Mapping[str, ObjectState]) 
 def _is_same(one: ObjectState, other: ObjectState) -> bool:
     if one.pose is None or other.pose is None:
         return one.pose is other.pose
-    return bool(one.hand) == bool(other.hand) and _ONE_OUTCOME.covers(one.pose, other.pose)
+    return bool(one.hand) == bool(other.hand) and ONE_OUTCOME.covers(one.pose, other.pose)

@@ -67,6 +67,14 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, that it is still in its container when the simulation moves it out of there"""
     entered: Share
     """1, that what vanishes on its way beside or over a container is in it"""
+    went_on: Share
+    """1, that what vanishes on its way goes on otherwise than the simulation has it, by one of its courses"""
+    work: Amount
+    """1/s, that somebody begins to work while cameras see nothing at all"""
+    work_removed: Share
+    """1, that an object leaves the scene when somebody was at work then"""
+    work_moved: Share
+    """1, that an object is moved to somewhere near when somebody was at work then, if it does not leave"""
     missed: Share
     """1, that it has left the scene when the explanation of its absence says so"""
 
@@ -97,7 +105,7 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise: dict[str, PlaceNoise]
     """By circumstance (`simulation_handler.worlds.circumstances`)."""
     holding: dict[str, Share]
-    """1, probability by circumstance that the human hand which seems to hold or touch an object does hold it"""
+    """1, probability that the human hand which seems to hold or touch an object holds it, by `circumstances.hold`"""
     rates: Rates
     absence: Absence
     recognition: Recognition

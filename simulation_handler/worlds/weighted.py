@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
+    COURSE,
     ELSEWHERE,
     FOLLOWED,
     GONE,
@@ -24,17 +25,21 @@ from simulation_handler.worlds.alternatives import (
     mode_circumstance,
     speed_of,
 )
+from simulation_handler.worlds.blackouts import Blackouts
 from simulation_handler.worlds.circumstances import (
     CIRCUMSTANCES,
     INSIDE,
+    MOVED_UNSEEN,
     RESTLESS,
     RESTS_UNSEEN,
+    hold,
     in_view,
     is_unseen,
     unseen,
 )
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
+from simulation_handler.worlds.merging import WeightedPlace, merged
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
 from simulation_handler.worlds.spread import (
@@ -55,6 +60,8 @@ OTHER_SIDE = "on another side"
 """Reason of a world in which another side of an object is down, for percepts do not tell how it is turned"""
 ASLANT = "leans on something"
 """Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
+ON_COURSE = "went on unseen"
+"""Reason of a world in which what vanished on its way has gone on otherwise than the simulation has it"""
 LOOK_PERIOD = 0.2
 """s between two times at which it is worked out what cameras should see of an unseen object"""
 
@@ -126,11 +133,19 @@ class WeightedWorlds:
         self._shares = shares
         self._watched: dict[str, _Watched] = {}
         self._evidence: Evidence | None = None
+        self._blackouts = Blackouts(parameters.rates.work)
+        self._returned: dict[str, tuple[_Places, _Places]] = {}
+        self._ratios: dict[str, float] = {}
 
     def update(self, evidence: Evidence, names: Collection[str] | None = None) -> None:
         """Take in the evidence of a moment that is not before the last one, of the objects `names`, or of all."""
+        self._note_returned(evidence)
         before, self._evidence = self._evidence, evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
+        if self._blackouts.begins(evidence):
+            for name, alternatives in self._unseen().items():
+                alternatives.settle(self._ratios.get(name, 1.0))
+        work = self._blackouts.update(evidence)
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -149,9 +164,45 @@ class WeightedWorlds:
                 unseen_names.append(name)
         looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
         for name in unseen_names:
-            alternatives = self._watched[name].alternatives
-            assert alternatives is not None
-            alternatives.step(name, evidence, look=name in looking)
+            found = self._watched[name].alternatives
+            assert found is not None
+            found.step(name, evidence, look=name in looking, work=work)
+        self._hear_returned(evidence)
+
+    def _unseen(self) -> dict[str, Alternatives]:
+        """Alternatives of the objects that are not recognised."""
+        return {name: one.alternatives for name, one in self._watched.items() if one.alternatives is not None}
+
+    def _note_returned(self, evidence: Evidence) -> None:
+        """Keep where each object that is seen again might have been, with somebody at work and without."""
+        before = self._evidence
+        for name, alternatives in self._unseen().items():
+            thing = evidence.objects.get(name)
+            if thing is None or before is None or name not in before.objects:
+                continue
+            if alternatives.odds is not None and not is_unseen(thing, evidence.now):
+                modes = alternatives.modes.items()
+                worked = {key: mode.weight * mode.worked for key, mode in modes}
+                idle = {key: mode.weight - worked[key] for key, mode in modes}
+                self._returned[name] = self._places(name, before, worked), self._places(name, before, idle)
+
+    def _places(self, name: str, evidence: Evidence, weights: Mapping[str, float]) -> _Places:
+        states = self._states(name, self._watched[name], evidence, weights)
+        return [(weight, state.pose) for weight, state, _ in states if state.pose is not None]
+
+    def _hear_returned(self, evidence: Evidence) -> None:
+        """Where objects are seen again tells whether somebody was at work while cameras saw nothing."""
+        for name, (worked, idle) in list(self._returned.items()):
+            thing = evidence.objects.get(name)
+            if thing is not None and thing.seen is not None and not (thing.is_moving or thing.gripper):
+                self._blackouts.tell(
+                    name, math.log(_density(worked, thing.seen)) - math.log(_density(idle, thing.seen))
+                )
+            elif thing is not None and not is_unseen(thing, evidence.now):
+                continue
+            del self._returned[name]
+        odds = {name: one.odds for name, one in self._unseen().items()}
+        self._ratios = self._blackouts.ratios({name: value for name, value in odds.items() if value is not None})
 
     def _looking(self, names: Sequence[str], step: float) -> Collection[str]:
         """Names of the unseen objects whose visibility is worked out now, in turn: that takes most of the time."""
@@ -171,7 +222,9 @@ class WeightedWorlds:
         watched, evidence = self._watched[name], self._evidence
         if evidence is None or watched.seen is None:
             return []
-        states = sorted(self._states(name, watched, evidence), key=lambda one: -one[0])[:MOST_WORLDS]
+        alternatives = watched.alternatives
+        weights = {} if alternatives is None else alternatives.weights(self._ratios.get(name, 1.0))
+        states = sorted(self._states(name, watched, evidence, weights), key=lambda one: -one[0])[:MOST_WORLDS]
         total = sum(weight for weight, _, _ in states)
         return [WeightedWorld(weight / total, {name: state}, reason) for weight, state, reason in states]
 
@@ -197,8 +250,10 @@ class WeightedWorlds:
     def leading(self, name: str) -> tuple[str, Mode] | None:
         """The mode of an unseen object that is more probable than all others together, by its kind; None without."""
         alternatives = self._watched[name].alternatives if name in self._watched else None
-        modes = {} if alternatives is None else alternatives.modes
-        return next(((key, mode) for key, mode in modes.items() if mode.weight > 1.0 - mode.weight), None)
+        if alternatives is None:
+            return None
+        weights = alternatives.weights(self._ratios.get(name, 1.0))
+        return next(((key, alternatives.modes[key]) for key, weight in weights.items() if weight > 1.0 - weight), None)
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""
@@ -227,50 +282,58 @@ class WeightedWorlds:
             parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
         parts = [turned for part in parts for turned in _turned(part, thing)]
         if thing.aslant is not None:
-            chance, there = thing.aslant
-            parts = [((1.0 - chance) * share, one, reason) for share, one, reason in parts]
-            parts += [
-                (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
-                for share, factor in zip(*levels_of_wrong(noise), strict=True)
-            ]
+            parts = _or_aslant(parts, state, *thing.aslant, noise)
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
-        held = self._parameters.holding.get(followed.circumstance, 0.0)
+        held = self._parameters.holding.get(hold(thing, followed.circumstance), 0.0)
         return [
             (weight * share * probability, replace(one, hand=hand), reason)
             for share, one, reason in parts
             for probability, hand in ((held, state.hand), (1.0 - held, ""))
         ]
 
-    def _states(self, name: str, watched: _Watched, evidence: Evidence) -> list[_Weighted]:
+    def _states(
+        self, name: str, watched: _Watched, evidence: Evidence, weights: Mapping[str, float]
+    ) -> list[_Weighted]:
+        """Weighted states of an object, of one that is not recognised by the `weights` of its modes."""
         alternatives, thing = watched.alternatives, evidence.objects[name]
         if alternatives is None:
             return self._simulated(name, 1.0, thing)
         found: list[_Weighted] = []
+        courses: list[WeightedPlace] = []
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
-                found += self._simulated(name, mode.weight, thing)
+                found += self._simulated(name, weights[key], thing)
             elif mode.pose is None:
-                found.append((mode.weight, ObjectState(None), GONE))
-            elif mode.weight > 0.0:
-                found.append((mode.weight, self._alternative(key, mode, evidence, evidence.now - thing.seen_at), key))
+                found.append((weights[key], ObjectState(None), GONE))
+            elif weights[key] > 0.0:
+                age = evidence.now - thing.seen_at
+                state = self._alternative(key, mode, alternatives.left, evidence, age)
+                if key.startswith(COURSE) and state.pose is not None:
+                    courses.append(WeightedPlace(weights[key], state.pose))
+                else:
+                    found.append((weights[key], state, key))
+        found += [(one.weight, ObjectState(one.pose), ON_COURSE) for one in merged(courses)]
         return found
 
-    def _alternative(self, key: str, mode: Mode, evidence: Evidence, age: float) -> ObjectState:
-        """The state of an object in a mode other than what the simulation says."""
+    def _alternative(self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float) -> ObjectState:
+        """The state of an object in a mode other than what the simulation says; it was `left` when it was seen last."""
         parameters, pose = self._parameters, mode.pose
         assert pose is not None
         if key == ELSEWHERE:
             broad = parameters.elsewhere
             sideways = broad.level**2 + broad.growth**2 * (evidence.now - mode.since)
             return ObjectState(with_world_covariances(pose, np.diag((sideways, sideways, broad.height**2)), _ANY_TURN))
+        moved = 0.0
         if key == LEFT:
             noise = parameters.noise[RESTS_UNSEEN]
+        elif key.startswith(COURSE):
+            noise, moved = parameters.noise[MOVED_UNSEEN], math.dist(pose.t, left.t)
         elif key.startswith(INSIDE_OF):
             noise = parameters.noise[INSIDE]
         else:
             noise = parameters.noise[mode_circumstance(mode, evidence)]
-        placed = with_spread(pose, noise, age, 0.0, np.zeros(3))
+        placed = with_spread(pose, noise, age, moved, np.zeros(3))
         if mode.container and (solid := evidence.objects[mode.container].solid) is not None:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix
@@ -314,11 +377,36 @@ def _turned(world: _Weighted, thing: ObjectEvidence) -> Iterator[_Weighted]:
             yield weight * chance, replace(state, pose=there), OTHER_SIDE
 
 
+def _density(worlds: _Places, seen: Pose) -> float:
+    """1/m^2, over the floor, by weighted places, of where an object is seen; never 0, for all of them may be wrong."""
+    own, found = seen.parent_covariances()[0], ROUNDING
+    for weight, pose in worlds:
+        covariance = (own + pose.parent_covariances()[0])[:2, :2]
+        distance = float(squared_distance(np.subtract(seen.t, pose.t)[:2], covariance))
+        found += weight * math.exp(-0.5 * distance) / (2.0 * math.pi * math.sqrt(float(np.linalg.det(covariance))))
+    return found
+
+
+def _or_aslant(
+    parts: Sequence[_Weighted], state: ObjectState, chance: float, there: Pose, noise: PlaceNoise
+) -> list[_Weighted]:
+    """Worlds, and those in which the object leans, with the probability `chance`."""
+    return [
+        *(((1.0 - chance) * share, one, reason) for share, one, reason in parts),
+        *(
+            (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
+            for share, factor in zip(*levels_of_wrong(noise), strict=True)
+        ),
+    ]
+
+
 def _hand_of(thing: ObjectEvidence) -> str:
     """Name of the gripper or hand that holds an object, or else touches it; empty for none."""
     return thing.gripper or thing.hand or next(iter(thing.touched_by), "")
 
 
+_Places = Sequence[tuple[float, Pose]]
+"""Weights of where an object may be"""
 _Weighted = tuple[float, ObjectState, str]
 """Weight, state and reason of a world"""
 _ANY_TURN = np.eye(3)

@@ -8,9 +8,10 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from dsr import Memory
+from dsr import Memory, Pose
 from dsr.crdt.context import CausalContext, DotRange, apart, without
 from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
+from dsr.crdt.dots import OrderedDots
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.replication.piece_wire import decode_request
@@ -102,6 +103,62 @@ def test_edges_whose_ends_never_come_cost_others_nothing(fair: float) -> None:
     sent(synchroniser, Delta(context=[("nobody-1", 1, 9)]), "nobody-1")  # nothing of nobody's is left
     synchroniser.make_durable()
     assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == COUNT // 30
+
+
+def test_edges_that_name_many_ends_cost_others_nothing(fair: float) -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    nowhere = tuple(("nobody-1", number + 1) for number in range(100)) * (MAX_ENDS // 100)
+    for first in (1, 151):
+        adds = [Add((LIAR, first + n), ("a", f"b{first + n}", "on"), "on", nowhere, nowhere) for n in range(150)]
+        sent(synchroniser, Delta(adds=adds, context=[(LIAR, first, first + 149)]))
+
+    def others() -> None:
+        for number in range(COUNT // 30):
+            add = Add(("other-1", number + 1), f"n{number}", "cube")
+            sent(synchroniser, Delta(adds=[add], context=[("other-1", number + 1, number + 1)]), "other-1")
+
+    assert cost(others) < FACTOR * fair / 30
+    assert cost(synchroniser.make_durable) < FACTOR * fair / 30
+    sent(synchroniser, Delta(context=[("nobody-1", 1, 100)]), "nobody-1")  # nothing of nobody's is left
+    for _ in range(30):
+        synchroniser.make_durable()
+    assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == COUNT // 30
+
+
+def test_a_chain_of_frames_is_read_as_fast_as_many_frames() -> None:
+    def chain(length: int, hangs_from: Callable[[int], int]) -> float:
+        memory: Memory = Net().join("me")
+        synchroniser = memory.replica.synchroniser
+        synchroniser.nobody_there()
+        memory.add_node("world", "world")
+        memory.add_edge("world", memory.add_node("box", "cube").name, "RT", pose=Pose())
+        memory.transform("world", "box")  # somebody looks at frames
+        sent(synchroniser, additions(length))
+        edges, writes = [], []
+        for number in range(1, length):
+            dot, above = (LIAR, length + 2 * number), hangs_from(number)
+            key = (f"n{above}", f"n{number}", "RT")
+            edges.append(Add(dot, key, "RT", ((LIAR, above + 1),), ((LIAR, number + 1),)))
+            writes.append(Write(dot, "pose", 1, LIAR, (LIAR, dot[1] + 1), Pose((1, 0, 0))))
+        delta = Delta(edges, writes, context=[(LIAR, length + 1, 3 * length)])
+        taken = cost(lambda: sent(synchroniser, delta))
+        assert len(memory.edges("RT")) == length
+        return taken
+
+    beside = min(chain(COUNT, lambda number: 0) for _ in range(2))
+    assert chain(COUNT, lambda number: number - 1) < 4 * beside  # what was squared took fifty times as long
+
+
+def test_many_small_ranges_of_one_reply_are_looked_at_once_each() -> None:
+    def looking(spans: int) -> float:
+        dots = OrderedDots((LIAR, (number + 1000) << 10) for number in range(spans))
+        return cost(lambda: [list(dots.between(LIAR, 2 * n + 1, 2 * n + 1)) for n in range(10 * COUNT)])
+
+    few = min(looking(1) for _ in range(3))
+    assert min(looking(COUNT // 3) for _ in range(3)) < 4 * few  # 50 times as long before
+    crowded = OrderedDots((LIAR, number) for number in range(1, 1 << 10))
+    late = min(cost(lambda: [list(crowded.between(LIAR, 1023, 1023)) for _ in range(10 * COUNT)]) for _ in range(3))
+    assert late < 4 * few
 
 
 def test_a_digest_that_differs_finds_no_edge_that_should_be_gone() -> None:

@@ -59,7 +59,7 @@ MODULES = {
     "dsr.vocabulary.what_if": {
         "Action", "Answer", "MAX_CHANGES", "MAX_SECONDS", "MAX_WORLDS", "Numbers", "Pending", "Question", "SERVICE",
         "Supposed", "TIMEOUT", "USUAL_WORLDS", "WhatIf", "WorldOutcome", "decode_answer", "decode_question",
-        "encode_answer", "encode_question",
+        "encode_answer", "encode_question", "share",
     },
     "dsr.worlds": {
         "ROOT", "Client", "Difference", "Filter", "FilterConfig", "Hosted", "HostedConfig", "Monitor", "Provider",

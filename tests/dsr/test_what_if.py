@@ -17,6 +17,7 @@ from dsr.vocabulary.what_if import (
     Question,
     Supposed,
     WhatIf,
+    WorldOutcome,
     decode_answer,
     decode_question,
     encode_answer,
@@ -132,6 +133,33 @@ def test_refusals_and_nonsense_are_failures(net: Net) -> None:
     net.pass_time()
     assert (refused.answer, refused.failed) == (None, "no object 'x'")
     assert nonsense.answer is None and "malformed what-if answer" in nonsense.failed
+
+
+def test_an_answer_fails_only_if_all_worlds_refuse(net: Net) -> None:
+    refusing = Answer(refused="no room", weight=0.7, others=(WorldOutcome(weight=0.3, moved={"a": 0.1}),))
+    hopeless = Answer(refused="no room", weight=0.7, others=(WorldOutcome(weight=0.3, refused="gone"),))
+    replies = [encode_answer(refusing), encode_answer(hopeless), encode_answer(Answer(refused="late", weight=0.0))]
+    net.serve(lambda *_: replies.pop(0))
+    asked = [net.what_if.ask(Question(0.5, worlds=2)) for _ in range(3)]
+    net.pass_time()
+    assert asked[0].answer == refusing and asked[0].failed == "" and asked[0].refusals == ()
+    assert asked[1].answer is None and asked[1].failed == "no room"
+    assert [one.refused for one in asked[1].refusals] == ["no room", "gone"]
+    assert asked[2].failed == "late" and asked[2].refusals == (), "it was tried in no world"
+    assert refusing.probability(lambda one: not one.refused) == pytest.approx(0.3)
+
+
+def test_the_effect_is_the_difference_from_what_happens_anyway() -> None:
+    rolls = (0.5, 0.0, 0.03, 0.0, 0.0, 0.0, 1.0)
+    stopped = (0.4, 0.0, 0.03, *Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, 0.5)).q)
+    outcome = WorldOutcome(
+        poses={"ball": stopped, "cube": POSE.t + POSE.q, "box": rolls},
+        moved={"ball": 0.3, "cube": 0.02, "box": 0.4}, turned={"ball": 3.0, "cube": 0.1},
+        anyway={"ball": rolls, "box": rolls},
+    )  # fmt: skip
+    assert outcome.effect("ball") == pytest.approx((0.1, 0.5)) and outcome.effect("cube") == (0.02, 0.1)
+    assert outcome.effects == pytest.approx({"ball": 0.1, "cube": 0.02, "box": 0.0})
+    assert decode_answer(encode_answer(Answer(anyway=outcome.anyway))).anyway == outcome.anyway
 
 
 def test_the_first_of_two_answers_counts(net: Net) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from dsr import Pose
-from dsr.believing.distribution import Alternative, Whereabouts
+from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts
+from dsr.math3d.shapes import Part, to_numbers
 from dsr.timeline import query
 from planner.assurance import LOOKED, chance_within, room_between_fingers
 from planner.config import PlannerConfig
@@ -145,12 +146,62 @@ def under_a_cup(run: Run) -> None:
     believe(run.memory, "cube_3", at(0.6, THERE, containers=("cup",)), gone)
 
 
+@pytest.mark.parametrize("told_by", ["whereabouts", "in"])
+def test_what_is_surely_under_a_cover_is_uncovered_before_it_is_taken(told_by: str) -> None:
+    """To lift the cover tells nothing, but without that the arm cannot take the thing."""
+    with Run() as run:
+        under_a_cup(run)
+        run.arm.covered["cube_3"] = "cup"
+        if told_by == "in":
+            run.memory.add_edge("cube_3", "cup", "in", source="contact")
+            believe(run.memory, "cube_3", at(1.0, THERE))
+            run.memory.update_node("cube_3", **{ATTRIBUTE: ""})
+        else:
+            believe(run.memory, "cube_3", at(0.99, THERE, containers=("cup",)), Alternative(weight=0.01, pose=None))
+        run.want("on(cube_3,cube_4)")
+        run.until("reached", 120.0)
+        assert looks_before(run) == ["lift cup before pick cube_3: cube_3 cannot be reached under it"]
+        assert run.arm.done.index("place cup table done") < run.arm.done.index("pick cube_3 done")
+
+
+def test_what_lies_in_something_open_is_taken_out_of_it() -> None:
+    wall = (0.005, 0.07, 0.06)
+    parts = [Part("box", wall, (side * 0.0325, 0.0, 0.0)) for side in (-1, 1)]
+    with Run() as run:
+        run.memory.add_node("tray", "container", size=(0.07, 0.07, 0.06), shape=to_numbers(tuple(parts)))
+        run.memory.add_edge("world", "tray", "Virtual_RT", pose=Pose((*THERE, 0.03)))
+        run.memory.add_edge("tray", "table", "on", source="contact")
+        believe(run.memory, "cube_3", at(0.99, THERE, containers=("tray",)), Alternative(weight=0.01, pose=None))
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert looks_before(run) == [] and "pick tray done" not in run.arm.done
+
+
 def test_a_cover_is_lifted_once_however_little_that_tells() -> None:
     with Run() as run:
         under_a_cup(run)
         run.want("on(cube_3,cube_4)")
         run.until("reached", 120.0)
         assert run.arm.done.count("pick cup done") == 1 and run.replans == 1
+
+
+def test_the_thing_that_is_to_be_moved_may_be_a_cover_itself() -> None:
+    """The cube on which the cup will be put is probably under the cup: that shows when the cup is put on the table."""
+    with Run() as run:
+        run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+        run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*COVERED, 0.04)))
+        run.memory.add_edge("cup", "table", "on", source="contact")
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        for edge in run.memory.edges("Virtual_RT", dst="cube_4"):
+            run.memory.remove_edge(*edge.key)
+        gone = Alternative(weight=0.4, pose=None)
+        believe(run.memory, "cube_4", at(0.6, COVERED, containers=("cup",)), gone)
+        run.arm.covered["cube_4"] = "cup"
+        run.want("on(cup,cube_4)")
+        run.until("reached")
+        assert looks_before(run)[0].startswith("lift cup before pick cup: cube_4 is where")
+        lifted = ["pick cup done", "place cup table done", "pick cup done", "place cup cube_4 done"]
+        assert [told for told in run.arm.done if "cup" in told] == lifted
 
 
 def test_what_cannot_be_lifted_keeps_nobody_from_trying() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import pytest
 
+from dsr import Pose
+from dsr.believing.distribution import Alternative
 from dsr.vocabulary.what_if import SERVICE, Answer, WorldOutcome, decode_question, encode_answer
 from planner import foresight
 from planner.config import PlannerConfig
-from tests.planner.table import Run, add_cube, supports
+from tests.planner.table import SIDE, Run, add_cube, believe, supports
 
 
 def serve(run: Run, answers: list[Answer]) -> list[tuple[float, ...]]:
@@ -69,7 +73,7 @@ def test_without_an_answer_it_goes_on(caplog: pytest.LogCaptureFixture) -> None:
 
 def test_a_refusal_is_no_verdict() -> None:
     with Run(what_if_patience=1.0) as run:
-        serve(run, [Answer(refused="it has just started")])
+        serve(run, [Answer(refused="it has just started", weight=0.0)])
         run.want("on(cube_3,cube_4)")
         run.until("reached")
 
@@ -80,6 +84,27 @@ def test_the_worst_movement_is_told() -> None:
     assert foresight._problem(STAYS, config) == ""
     assert foresight._problem(SLIDES, config) == "cube_3 would move by 40 mm"
     assert foresight._problem(TURNS, config) == "cube_3 would turn by 0.8 rad"
+
+
+def test_what_moves_anyway_does_not_count_against_a_place() -> None:
+    rolls = (0.5, 0.0, 0.03, 0.0, 0.0, 0.0, 1.0)
+    alone = WorldOutcome(poses={"ball": rolls}, moved={"ball": 0.3}, turned={"ball": 3.0}, anyway={"ball": rolls})
+    assert foresight._problem(alone, PlannerConfig()) == ""
+    stopped = msgspec.structs.replace(alone, poses={"ball": (0.4, *rolls[1:])}, moved={"ball": 0.2})
+    assert foresight._problem(stopped, PlannerConfig()) == "ball would move by 100 mm"
+
+
+def test_a_place_without_room_in_most_worlds_is_bad_though_others_answer() -> None:
+    """It is so, too, if the world that the graph shows is one of those; and if they all are."""
+    for stays in (0.1, 0.0):
+        answers = (WorldOutcome(weight=stays, moved=STAYS.moved),) if stays else ()
+        refusal = Answer(refused="'cube_3' would be 20 mm inside 'cube_6' there", weight=1.0 - stays, others=answers)
+        with Run(what_if_patience=1.0) as run:
+            add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
+            asked = serve(run, [refusal, STAYS])
+            run.want("clear(cube_3) & handempty")
+            run.until("reached")
+            assert len(set(asked)) == 2
 
 
 def in_doubt(sliding: float) -> Answer:
@@ -105,3 +130,21 @@ def test_something_is_put_on_a_thing_if_it_stays_there_more_probably_than_not(sl
         run.want("on(cube_3,cube_4)")
         run.until(end, 120.0)
         assert end == "reached" or run.explanation.endswith("cube_3 would move by 40 mm (60 % probable)")
+
+
+def test_a_place_where_something_may_be_is_not_even_asked_about() -> None:
+    """The places beside it are as bad: of those that are nearest all would be tried in vain."""
+    spots = []
+    for may_be_there in (False, True):
+        with Run(what_if_patience=1.0) as run:
+            add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
+            asked = serve(run, [STAYS])
+            if may_be_there:
+                places = [(0.6, (0.42, -0.08, 0.02)), (0.4, (*spots[0], 0.02))]
+                alternatives = [Alternative(weight=weight, pose=Pose(place)) for weight, place in places]
+                believe(run.memory, "cube_6", *alternatives)
+            run.want("clear(cube_3) & handempty")
+            run.until("reached")
+            [spot] = asked
+            spots.append(spot[:2])
+    assert math.dist(*spots) > SIDE + PlannerConfig().clearance

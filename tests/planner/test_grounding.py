@@ -11,14 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr import LocalNetwork, ManualClock, Memory, Pose
+from dsr.believing.distribution import Alternative
 from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.relations import Relations
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.grounding import ground, is_free, place_on_table, stacked
 from planner.plan import PlanStep
-from planner.state import KnownSolid, TableCamera, WorldState, read_state
-from tests.planner.table import set_table
+from planner.state import KnownSolid, PossiblePlace, TableCamera, WorldState, read_state
+from tests.planner.table import Run, believe, set_table
 
 CONFIG = PlannerConfig()
 SIZE = (0.04, 0.04, 0.04)
@@ -61,6 +62,44 @@ def test_the_nearest_place_is_taken_and_bad_ones_are_avoided() -> None:
     assert math.dist(first.t[:2], (0.42, 0.08)) <= 0.0142
     second = place_on_table("cube_0", state, CONFIG, [(first.t[0], first.t[1])])
     assert 0.01 < math.dist(first.t[:2], second.t[:2]) < 0.03
+
+
+def test_a_place_is_free_in_worlds_that_are_probable_enough() -> None:
+    state = world((0.42, 0.08), (0.2, -0.3))
+    near = place_on_table("cube_0", state, CONFIG)
+    for probability, is_good in ((0.1, True), (0.3, False)):
+        doubtful = replace(state, doubts={"cube_1": (PossiblePlace(probability, near.t[:2]),)})
+        assert is_free(near, "cube_0", doubtful, CONFIG) == is_good
+        place = place_on_table("cube_0", doubtful, CONFIG)
+        assert (place == near) == is_good
+        assert is_good or math.dist(place.t[:2], near.t[:2]) >= 2 * 0.0282 + CONFIG.clearance
+        assert is_free(place, "cube_0", doubtful, CONFIG)
+    half = replace(state, doubts={"cube_0": (PossiblePlace(0.5, near.t[:2]), PossiblePlace(0.5, (0.42, 0.08)))})
+    assert place_on_table("cube_0", half, CONFIG) == near, "what is put down is in nobody's way"
+
+
+def test_doubts_of_several_things_add_up_and_the_most_probable_place_is_left() -> None:
+    state = world((0.42, 0.08), (0.2, -0.3), (0.2, 0.3))
+    near = place_on_table("cube_0", state, CONFIG)
+    two = {name: (PossiblePlace(0.15, near.t[:2]),) for name in ("cube_1", "cube_2")}
+    assert place_on_table("cube_0", replace(state, doubts=two), CONFIG) != near
+    tray = KnownSolid((1.6, 1.6, 0.02), Pose((5.0, 5.0, 0.12)))
+    beset = {"tray": (PossiblePlace(0.3, (0.4, 0.0)),), "cube_2": (PossiblePlace(0.3, near.t[:2]),)}
+    crowded = replace(state, solids={**state.solids, "tray": tray}, doubts=beset)
+    place = place_on_table("cube_0", crowded, CONFIG)
+    assert not is_free(place, "cube_0", crowded, CONFIG), "the tray may be anywhere within reach"
+    assert 2 * 0.0282 + CONFIG.clearance <= math.dist(place.t[:2], near.t[:2]) < 0.15
+
+
+def test_where_things_may_be_is_read_but_for_what_is_in_hands() -> None:
+    with Run() as run:
+        there = Alternative(weight=0.3, pose=Pose((0.5, 0.2, 0.02)))
+        carried = Alternative(weight=0.2, pose=Pose((0.1, 0.4, 0.2)), hand="hand_0")
+        here = Alternative(weight=0.5, pose=Pose((0.42, 0.08, 0.02)))
+        believe(run.memory, "cube_3", here, there, carried)
+        state = read_state(run.memory, CONFIG)
+    assert state.doubts.keys() == {"cube_3"}
+    assert state.doubts["cube_3"] == (PossiblePlace(0.5, (0.42, 0.08)), PossiblePlace(0.3, (0.5, 0.2)))
 
 
 def test_where_it_is_crowded_things_stand_closer() -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import sys
 
 import numpy as np
 import pytest
 
 from dsr import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
+from planner import Planner
+from planner.arms import PlannedArm
+from planner.carried import CarriedCamera
 from planner.config import PlannerConfig
 from planner.looking import viewpoints
 from planner.state import read_state
@@ -16,6 +21,7 @@ from tests.planner.table import SIGHT, Run, add_camera, supports
 
 CONFIG = PlannerConfig()
 LENS = Intrinsics(600.0, 600.0, 479.5, 359.5, 960, 720)
+EYE = CarriedCamera("camera_wrist", LENS, PlannedArm("arm", "arm_controller", "gripper"))
 DOWN = (1.0, 0.0, 0.0, 0.0)
 GOAL = "on(cube_3,cube_9)"
 
@@ -99,6 +105,31 @@ def test_a_cancelled_search_leaves_the_arm_at_rest() -> None:
         assert run.memory.nodes("action") == [] and run.arm.done[-1] == "observe done"
 
 
+def test_an_agent_that_ends_during_a_look_ends_without_an_error() -> None:
+    """What is written in a `finally` would be written when the memory is closed."""
+    errors: list[object] = []
+    with pytest.MonkeyPatch.context() as patch, Run() as run:
+        patch.setattr(sys, "unraisablehook", lambda hook: errors.append(hook.exc_value))
+        wait_for(run)
+        run.until_running("look", "camera_wrist", 0.2)
+        planner = run.lockstep.runner("planner").agent
+        assert isinstance(planner, Planner) and planner._script is not None
+        run.lockstep.close()
+        planner._script.close()
+        del planner
+        gc.collect()
+    assert errors == []
+
+
+def test_a_more_urgent_goal_leaves_no_look_behind() -> None:
+    with Run() as run:
+        wait_for(run)
+        look = run.until_running("look", "camera_wrist", 0.2)
+        run.want("on(cube_4,cube_5)", priority=5)
+        run.until(lambda: supports(run.memory).get("cube_4") == "cube_5")
+        assert look not in run.memory and run.arm.done.count("look camera_wrist halted") == 1
+
+
 def within_reach(steps: int = 60) -> np.ndarray:
     """(n, 2) places where the arm can put something, m."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.2, 1.0, steps), np.linspace(-0.4, 0.4, steps)))
@@ -109,22 +140,22 @@ def within_reach(steps: int = 60) -> np.ndarray:
 def test_enough_looks_show_all_that_is_within_reach() -> None:
     with Run(most_looks=99) as run:
         config = PlannerConfig(most_looks=99)
-        views = viewpoints(read_state(run.memory, config), LENS, config)
-    middles = np.array([view.t[:2] for view in views])
+        views = viewpoints(read_state(run.memory, config), [EYE], config)
+    middles = np.array([view.t[:2] for _, view in views])
     away = np.hypot(*(within_reach()[:, None] - middles).transpose(2, 0, 1)).min(axis=1)
-    assert away.max() <= SIGHT + 0.07 and all(view.q == DOWN for view in views)
-    assert len({view.t for view in views}) == len(views)
+    assert away.max() <= SIGHT + 0.07 and all(view.q == DOWN for _, view in views)
+    assert len({view.t for _, view in views}) == len(views)
 
 
 def test_what_a_fixed_camera_sees_needs_no_look() -> None:
     with Run() as run:
-        before = viewpoints(read_state(run.memory, CONFIG), LENS, CONFIG)
+        before = viewpoints(read_state(run.memory, CONFIG), [EYE], CONFIG)
         add_camera(run.memory, "camera_overhead", "world", Pose((0.35, 0.0, 0.65), DOWN))
-        after = viewpoints(read_state(run.memory, CONFIG), LENS, CONFIG)
+        after = viewpoints(read_state(run.memory, CONFIG), [EYE], CONFIG)
         assert 0 < len(after) < len(before)
         add_camera(run.memory, "camera_high", "world", Pose((0.3, 0.0, 3.0), DOWN))
         state = read_state(run.memory, CONFIG)
-        assert viewpoints(state, LENS, CONFIG) == []
+        assert viewpoints(state, [EYE], CONFIG) == []
         run.memory.remove_node("camera_high")
         run.memory.remove_node("table")
-        assert viewpoints(read_state(run.memory, CONFIG), LENS, CONFIG) == []
+        assert viewpoints(read_state(run.memory, CONFIG), [EYE], CONFIG) == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 import pytest
@@ -11,6 +11,9 @@ import pytest
 from dsr import Pose
 from dsr.believing.distribution import Alternative
 from dsr.math3d.shapes import Part, to_numbers
+from dsr.visibility import Body, Picture, VisibleFraction
+from planner.arms import Arms
+from planner.carried import carried_cameras
 from planner.config import PlannerConfig
 from planner.outlook import Look, Outlooks, expected_information
 from planner.state import read_state
@@ -31,8 +34,24 @@ def run() -> Iterator[Run]:
         yield run
 
 
-def best(run: Run, *done: Look, camera: str = "camera_wrist") -> Look | None:
-    return Outlooks(run.memory, read_state(run.memory, CONFIG), camera, CONFIG).best(["cube_3"], done)
+def choosing(run: Run, *done: Look, cameras: bool = True) -> Generator[None, None, Look | None]:
+    eyes = carried_cameras(run.memory, Arms(run.memory, CONFIG)) if cameras else []
+    return Outlooks(run.memory, read_state(run.memory, CONFIG), eyes, ["cube_3"], CONFIG).best(done)
+
+
+def drained(generator: Generator[None, None, Look | None]) -> tuple[Look | None, int]:
+    """The look that is chosen, and after how many steps."""
+    steps = 1
+    while True:
+        try:
+            next(generator)
+        except StopIteration as stop:
+            return stop.value, steps
+        steps += 1
+
+
+def best(run: Run, *done: Look, cameras: bool = True) -> Look | None:
+    return drained(choosing(run, *done, cameras=cameras))[0]
 
 
 def test_information_is_that_of_what_is_seen() -> None:
@@ -72,7 +91,7 @@ def test_there_is_no_look_for_what_is_sure_out_of_reach_or_without_a_camera(run:
     believe(run.memory, "cube_3", at(0.6, 2.0, 0.0), at(0.4, 0.0, 2.0))
     assert best(run) is None
     believe(run.memory, "cube_3", at(0.6, *HERE), at(0.4, *THERE))
-    assert best(run, camera="") is None
+    assert best(run, cameras=False) is None
 
 
 def test_a_cover_is_lifted_if_only_that_shows_the_thing(run: Run) -> None:
@@ -117,3 +136,33 @@ def test_what_may_be_anywhere_around_is_looked_at_too(run: Run) -> None:
     believe(run.memory, "cube_3", Alternative(weight=1.0, pose=wide))
     look = best(run)
     assert look is not None and look.view is not None and look.information > 1.0
+
+
+def test_a_choice_takes_many_short_steps_and_the_scene_of_its_beginning(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The planner's rate holds while the places of things are drawn; what changes meanwhile changes nothing of it."""
+    wide = np.diag([0.05**2, 0.05**2, 1e-6, 1e-6, 1e-6, 1e-6])
+    places = [(0.25 + 0.07 * column, 0.2 * row) for column in range(4) for row in (-1, 1)]
+    spread = [Alternative(weight=1 / 8, pose=Pose((*place, 0.02)).with_covariance(wide)) for place in places]
+    believe(run.memory, "cube_3", *spread)
+    at_once, _ = drained(choosing(run))
+    drawn: list[int] = [0]
+    show = Picture.would_show
+
+    def counting(self: Picture, body: Body) -> VisibleFraction:
+        drawn[-1] += 1
+        return show(self, body)
+
+    monkeypatch.setattr(Picture, "would_show", counting)
+    generator, look = choosing(run), None
+    while look is None:
+        try:
+            next(generator)
+        except StopIteration as stop:
+            look = stop.value
+        drawn.append(0)
+        if len(drawn) == 3:
+            run.memory.remove_node("cube_3")
+            run.memory.remove_node("camera_wrist")
+    assert look == at_once and len(drawn) > 4 and sum(drawn) == 8 * 8 * 6 and max(drawn) <= 100

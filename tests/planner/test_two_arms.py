@@ -5,11 +5,13 @@ from __future__ import annotations
 import pytest
 
 from dsr import Pose
+from dsr.believing.distribution import ATTRIBUTE, Alternative
 from dsr.runtime.system import AgentSpec
 from dsr.vocabulary.halting import HaltOrder, write_order
 from planner.arms import Arms, PlannedArm, chosen
 from planner.config import PlannerConfig
-from tests.planner.table import FakeArm, Run, move, supports
+from planner.outlook import DOWN
+from tests.planner.table import FakeArm, Run, add_camera, believe, move, supports
 
 PLACES = {"cube_3": (0.30, 0.14), "cube_4": (0.46, 0.12), "cube_5": (0.65, -0.14), "cube_6": (0.49, -0.12)}
 GOAL = "on(cube_3, cube_4) & on(cube_5, cube_6)"
@@ -125,3 +127,76 @@ def test_a_halted_arm_is_left_out_and_all_of_them_end_the_mission(arms: tuple[st
             assert supports(run.memory) == BUILT
         else:
             assert run.explanation == "halted by anna" and run.second.done == []
+
+
+def with_cameras(run: TwoArms, *arms: str) -> None:
+    for arm in arms:
+        gripper = "gripper" if arm == "arm" else f"{arm}_gripper"
+        add_camera(run.memory, f"camera_{arm}", gripper, Pose((0.0, 0.05, 0.0)))
+
+
+def doubt(run: TwoArms, cube: str, weight: float = 0.6) -> None:
+    """The cube may be gone."""
+    pose = run.memory.transform("world", cube, types=("Virtual_RT",))
+    believe(run.memory, cube, Alternative(weight=weight, pose=pose), Alternative(weight=1.0 - weight, pose=None))
+
+
+@pytest.mark.parametrize(("cameras", "looks"), [(("arm_2",), (0, 1)), (("arm",), (1, 0)), (("arm", "arm_2"), (1, 1))])
+def test_each_arm_looks_only_where_it_gets(cameras: tuple[str, ...], looks: tuple[int, int]) -> None:
+    with TwoArms() as run:
+        with_cameras(run, *cameras)
+        for arm, cube in ((run.arm, "cube_3"), (run.second, "cube_5")):
+            doubt(run, cube)
+            arm.on_look = lambda cube=cube: run.memory.update_node(cube, **{ATTRIBUTE: ""})
+        run.want(GOAL)
+        run.until("reached", 90.0)
+        assert (len(run.arm.looks), len(run.second.looks)) == looks
+
+
+def test_the_arm_that_has_looked_goes_away_before_the_other_one_takes_the_thing() -> None:
+    with TwoArms() as run:
+        with_cameras(run, "arm_2")
+        move(run.memory, "cube_3", "table", (0.40, 0.14))
+        doubt(run, "cube_3")
+        run.second.on_look = lambda: run.memory.update_node("cube_3", **{ATTRIBUTE: ""})
+        run.want("on(cube_3, cube_4)")
+        run.until_running("pick", "cube_3")
+        assert run.second.done == ["look camera_arm_2 done"] and run.arm.done == []
+        [leaving] = [node for node in run.memory.nodes("action") if node.get("arm") == "arm_2"]
+        assert (leaving["skill"], leaving["request"]) == ("observe", "run")
+        run.until("reached")
+        assert run.second.done == ["look camera_arm_2 done", "observe done"]
+
+
+def test_an_arm_looks_though_the_other_one_holds_something_or_is_halted() -> None:
+    with TwoArms() as run:
+        with_cameras(run, "arm", "arm_2")
+        run.memory.add_edge("gripper", "cube_4", "grasping", source="gripper")
+        run.memory.add_node("cube_9", "cube", size=(0.04, 0.04, 0.04))
+        run.second.hidden["cube_9"] = (0.8, -0.2)
+        run.want("on(cube_9, cube_6)")
+        run.until(lambda: run.second.looks)
+        assert run.arm.looks == []
+    with TwoArms() as run:
+        with_cameras(run, "arm", "arm_2")
+        write_order(run.memory, HaltOrder("1", True, "anna", "", 1.0, "arm"))
+        run.memory.add_node("cube_9", "cube", size=(0.04, 0.04, 0.04))
+        run.second.on_look = lambda: run.second.show("cube_9", (0.6, 0.2))
+        run.want("on(cube_9, cube_6)")
+        run.until("reached", 90.0)
+        assert run.arm.done == [] and len(run.second.looks) == 1
+
+
+def test_the_arm_that_reaches_a_cover_lifts_it() -> None:
+    with TwoArms() as run:
+        with_cameras(run, "arm")
+        run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+        run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((0.65, -0.14, 0.04)))
+        run.memory.add_edge("cup", "table", "on", source="contact")
+        pose = run.memory.transform("world", "cube_5", types=("Virtual_RT",))
+        gone = Alternative(weight=0.4, pose=None)
+        believe(run.memory, "cube_5", Alternative(weight=0.6, pose=pose, containers=("cup",)), gone)
+        add_camera(run.memory, "camera_overhead", "world", Pose((0.6, 0.0, 0.8), DOWN))
+        run.want("on(cube_5, cube_6)")
+        run.until(lambda: "place cup table done" in run.second.done)
+        assert run.arm.done == []

@@ -10,7 +10,7 @@ import pytest
 from dsr import Memory, Pose
 from dsr.cli.what_if import parsed_placing
 from dsr.errors import ConfigError
-from dsr.vocabulary.what_if import SERVICE, Answer, Supposed, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, Supposed, WorldOutcome, decode_question, encode_answer
 
 
 @pytest.mark.parametrize("text", ["cube_3", "=1,2,3", "cube_3=0.3,0.1", "cube_3=0.3,x,0.1", "cube_3=1,2,3,4,5"])
@@ -52,3 +52,20 @@ def test_the_scene_of_another_world_is_simulated(memory: Memory, cli_json: Calla
     assert imagined[0].pose == (0.2, 0.0, 0.02, 0.0, 0.0, 0.0, 1.0)
     with pytest.raises(ConfigError, match="cube_9"):
         cli_json("what-if", "--hold", "cube_9")
+
+
+def test_each_world_is_told_with_what_moves_anyway_or_why_it_refuses(memory: Memory, cli: Callable[..., str]) -> None:
+    rolls, stops = (0.5, 0.0, 0.03, 0.0, 0.0, 0.0, 1.0), (0.4, 0.0, 0.03, 0.0, 0.0, 0.0, 1.0)
+    anyway = {"ball": rolls}
+    others = (
+        WorldOutcome(weight=0.3, otherwise=("ball",), poses={"ball": rolls}, moved={"ball": 0.3}, anyway=anyway),
+        WorldOutcome(weight=0.2, otherwise=("ball",), poses={"ball": stops}, moved={"ball": 0.2}, anyway=anyway),
+        WorldOutcome(weight=0.1, otherwise=("cube_3",), moved={"cube_4": 0.04}),
+    )
+    answer = Answer(refused="no room", weight=0.4, others=others)
+    memory.transport.serve(memory.keys.service(SERVICE), lambda *_: encode_answer(answer))
+    text = " ".join(cli("what-if", "--hold", "cube_3", "--worlds", "4").split())
+    assert "where things are believed to be: no room" in text
+    assert "30 % ball ball moves by 300 mm anyway" in text
+    assert "20 % ball ball moves by 200 mm, 100 mm from where it moves anyway" in text
+    assert "10 % cube_3 cube_4 moves by 40 mm" in text

@@ -213,3 +213,17 @@ def test_what_if_is_asked_of_the_simulation(kitchen: Moment) -> None:
     assert change.pose[:3] == pytest.approx((0.5, 0.0, 0.0905), abs=1e-6)  # box: 0.05 + 0.02 high; the cup's half: 0.02
     assert ask(kitchen, "what if cube_4 were held?").text == "That was not simulated: nobody simulates."
     assert ask(kitchen, "what if cube_10 were put on the box?").text == "Nobody knows where cube_10 is, or how large."
+
+
+def test_what_moves_anyway_does_not_follow_from_a_change(kitchen: Moment) -> None:
+    rolls = (0.7, 0.1, 0.04, 0.0, 0.0, 0.0, 1.0)
+    found = Answer(
+        seconds=2.0, poses={"cup": rolls}, moved={"cup": 0.4}, rests_on={"cup": ("table",)}, anyway={"cup": rolls}
+    )
+    _, response = simulated(kitchen, "what if cube_4 were removed?", found)
+    assert response.text == "Nothing else would move."
+    _, response = simulated(kitchen, "would anything move if cube_4 were removed?", found)
+    assert response.verdict is False
+    _, response = simulated(kitchen, "would the cup fall if cube_4 were removed?", found)
+    assert response.verdict is True
+    assert response.text == "It would move anyway: cup would rest on table then, 0.40 m from where it is now."

@@ -1,0 +1,41 @@
+"""Where things may be besides where they are believed to be: some places of each alternative, with probabilities."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+
+from dsr.believing.distribution import Alternative, Whereabouts
+from dsr.math3d.transforms import Pose, position_deviation
+
+APART = 0.05
+"""m between places that show different things: about the size of what is looked for"""
+MOST_ALTERNATIVES = 8
+"""Alternatives of a thing that are thought of: what may be so besides is improbable"""
+_DRAWN = 6
+"""Places that are drawn of an alternative which is spread out: it may be there in part"""
+
+
+class LikelyPlace(NamedTuple):
+    """A place where a thing may be."""
+
+    probability: float
+    pose: Pose | None
+    """world_from_thing; None if the thing is gone"""
+    alternative: Alternative
+    """The alternative of which this is a place"""
+
+
+def likely_places(where: Whereabouts) -> list[LikelyPlace]:
+    """Places where a thing may be, with their probabilities; some of each alternative that is spread out."""
+    likely = where.alternatives[:MOST_ALTERNATIVES]
+    total = sum(one.weight for one in likely)
+    found = []
+    for one in likely:
+        poses: list[Pose | None] = [one.pose]
+        if one.pose is not None and position_deviation(one.pose) >= APART / 2.0:
+            alone = msgspec.structs.replace(one, weight=1.0)
+            poses = Whereabouts(where.name, (alone,)).samples(_DRAWN, seed=0)
+        found += [LikelyPlace(one.weight / (total * len(poses)), pose, one) for pose in poses]
+    return found

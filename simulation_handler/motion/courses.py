@@ -1,0 +1,162 @@
+"""Many simulated courses of what went out of sight on its way: nobody knows exactly how fast it was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+
+from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.hands.state import UNSEEN
+from simulation_handler.motion.movers import coasts
+from simulation_handler.motion.rolling import rolling
+from simulation_handler.motion.setting_out import SettingOut, starts_of
+from simulation_handler.physics.rollouts.scene import RolloutBody
+from simulation_handler.physics.simulator import SLEEP_SPEED, TIME_STEP, Simulator
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+COUNT = 12
+"""Courses of one object: quantiles of its speed that are 8 % apart"""
+
+
+class Courses:
+    """Simulates how what vanished on its way may have gone on.
+
+    The courses of an object go through each other, and meet all other bodies where these are believed to be.
+    """
+
+    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._config = config
+        self._running: dict[str, _Simulated] = {}
+        self._idle: list[Simulator] = []
+        self._now = -math.inf
+
+    def close(self) -> None:
+        """Free the simulations; harmless when repeated."""
+        for sim in (*self._idle, *(one.sim for one in self._running.values())):
+            sim.close()
+
+    def update(self, now: float) -> None:
+        """Begin and end courses, and bring them to time `now` (s)."""
+        objects, before, self._now = self._bodies.objects, self._now, now
+        new: list[BelievedObject] = []
+        for name, one in list(self._running.items()):
+            item = objects.get(name)
+            if item is None or item.track.last_stamp != one.since or item.hand or item.holder:
+                one.clear()
+                self._idle.append(self._running.pop(name).sim)
+        for name, item in objects.items():
+            if before - item.track.last_stamp <= UNSEEN < now - item.track.last_stamp and _is_on_its_way(item):
+                sim = self._idle.pop() if self._idle else Simulator(most_parts=1)
+                self._running[name] = _Simulated(sim, item, [self._begin(item, one) for one in _starts(item)])
+                new.append(item)
+        moving = {name: one for name, one in self._running.items() if not one.rests}
+        if moving:
+            bodies = self._bodies.frozen().bodies
+            for name, one in moving.items():
+                one.advance([body for body in bodies if body.name != name], now)
+        for item in new:
+            self._follow(item, self._running[item.name].typical())
+
+    def of(self, name: str) -> tuple[Pose, ...]:
+        """world_from_object by each course of an object, each as probable; none if it did not vanish on its way."""
+        one = self._running.get(name)
+        return () if one is None else one.poses()
+
+    def _follow(self, item: BelievedObject, typical: RolloutBody) -> None:
+        """Let the body of what rolls or falls go on at the typical velocity, unless it does already."""
+        if item.driven or item.static or item.name not in self._bodies.sim:
+            return
+        if coasts(item, self._bodies.solid(item.name)):
+            item.leave_to_physics()
+            self._bodies.put(item, typical.position, typical.rotation)
+            self._bodies.sim.set_velocity(item.name, typical.velocity, typical.spin)
+
+    def _begin(self, item: BelievedObject, start: SettingOut) -> RolloutBody:
+        """A body that sets out so: at the height of what carries the object, unless it is seen above that."""
+        ray = item.track.trail[-1].ray
+        x, y, z = (start.position - (item.bias or 0.0) * ray).tolist()
+        a, b, c = start.velocity.tolist()
+        rotation = item.path.last.q
+        if item.name in self._bodies.sim:
+            (_, _, height), rotation = self._bodies.sim.pose(item.name)
+            if abs(z - height) <= self._config.hover_tolerance:
+                z, c = height, 0.0
+        solid = item.solid((x, y, z), rotation)
+        rotation, spin = rolling(solid, (a, b, c), free=not item.shows_rotation)
+        return RolloutBody(
+            item.name, item.size, (x, y, z), rotation, item.mass, item.friction, shape=item.shape,
+            rolling_friction=item.rolling_friction, velocity=(a, b, c), spin=spin,
+        )  # fmt: skip
+
+
+class _Simulated:
+    """The courses of one object, in a simulation that nothing else is in."""
+
+    def __init__(self, sim: Simulator, item: BelievedObject, starts: Sequence[RolloutBody]) -> None:
+        self.sim = sim
+        self.since = self._time = item.track.last_stamp
+        """s, when it was seen last"""
+        self._others: dict[str, RolloutBody] = {}
+        self._starts = starts
+        self._names = [f"{start.name} {number}" for number, start in enumerate(starts)]
+        for name, start in zip(self._names, starts, strict=True):
+            _add(sim, name, start, start.mass)
+            sim.set_velocity(name, start.velocity, start.spin)
+        sim.let_pass(set(combinations(self._names, 2)))
+
+    @property
+    def rests(self) -> bool:
+        """Whether none of them moves any more."""
+        return bool(self._others) and all(max(self.sim.speed(name)) < SLEEP_SPEED for name in self._names)
+
+    def advance(self, others: Sequence[RolloutBody], now: float) -> None:
+        """Let time pass up to `now` (s) among these other bodies, which nothing moves."""
+        for name in self._others.keys() - {body.name for body in others}:
+            self.sim.remove(name)
+            del self._others[name]
+        for body in others:
+            before = self._others.get(body.name)
+            if before is None:
+                _add(self.sim, body.name, body, 0.0)
+            elif (before.position, before.rotation) != (body.position, body.rotation):
+                self.sim.place(body.name, body.position, body.rotation)
+            self._others[body.name] = body
+        count = round((now - self._time) / TIME_STEP)
+        self.sim.step(count)
+        self._time += count * TIME_STEP
+
+    def poses(self) -> tuple[Pose, ...]:
+        """world_from_object by each."""
+        return tuple(Pose.unchecked(*self.sim.pose(name)) for name in self._names)
+
+    def typical(self) -> RolloutBody:
+        """The body on the first course, that of the typical velocity, as it is now."""
+        position, rotation = self.sim.pose(self._names[0])
+        velocity, spin = self.sim.velocity(self._names[0])
+        return self._starts[0]._replace(position=position, rotation=rotation, velocity=velocity, spin=spin)
+
+    def clear(self) -> None:
+        """Take all bodies out."""
+        for name in self.sim.names:
+            self.sim.remove(name)
+
+
+def _starts(item: BelievedObject) -> list[SettingOut]:
+    return starts_of(item.track.trail, COUNT)
+
+
+def _is_on_its_way(item: BelievedObject) -> bool:
+    """Whether an object moved by itself when it was seen last."""
+    is_held = item.hand or item.holder or item.rides
+    return not is_held and len(item.track.trail) > 1 and (item.driven or item.track.is_restless)
+
+
+def _add(sim: Simulator, name: str, body: RolloutBody, mass: float) -> None:
+    sim.add_body(
+        name, body.size, body.shape, body.position, body.rotation,
+        mass=mass, friction=body.friction, rolling_friction=body.rolling_friction,
+    )  # fmt: skip

@@ -1,0 +1,77 @@
+"""Whether somebody was at work while cameras saw nothing: what was changed meanwhile tells of all that is not seen.
+
+One variable of all worlds says so. Its prior grows with the time. Each object that is seen again tells by how much more
+probable its place is if somebody was at work, and one that should be seen and is not tells likewise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from simulation_handler.scales import PRESENT
+from simulation_handler.worlds.evidence import Evidence
+
+_SUREST = 50.0
+"""nats: surer than that nothing is"""
+
+
+class Blackouts:
+    """The last time in which cameras saw nothing, and what speaks for somebody who was at work then.
+
+    Args:
+        rate: 1/s, at which somebody begins to work while cameras see nothing.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._since = -math.inf
+        self._is_open = False
+        self._lasted = 0.0
+        self._told: dict[str, float] = {}
+
+    def begins(self, evidence: Evidence) -> bool:
+        """Whether cameras have just ceased to see anything: several objects vanished at the same time."""
+        return not self._is_open and _are_blind(evidence)
+
+    def update(self, evidence: Evidence) -> float:
+        """Take in a moment; the probability that somebody began to work since the last one, if nobody had."""
+        if self.begins(evidence):
+            self._since, self._lasted, self._told = max(_stamps(evidence)), 0.0, {}
+        self._is_open = _are_blind(evidence)
+        if not self._is_open:
+            return 0.0
+        step = evidence.now - self._since - self._lasted
+        self._lasted += step
+        return -math.expm1(-self._rate * step)
+
+    @property
+    def prior(self) -> float:
+        """Log odds that somebody was at work, by how long it lasted; -inf before the first one."""
+        mean = self._rate * self._lasted
+        return mean + math.log(-math.expm1(-mean)) if mean > 0.0 else -math.inf
+
+    def tell(self, name: str, odds: float) -> None:
+        """Know the log odds that somebody was at work by an object alone that is seen again."""
+        self._told[name] = odds - self.prior
+
+    def ratios(self, unseen: Mapping[str, float]) -> dict[str, float]:
+        """What all others tell to each object that is not seen: by which factor somebody was at work more probably.
+
+        Args:
+            unseen: log odds that somebody was at work, by each of these objects alone.
+        """
+        told = {name: odds - self.prior for name, odds in unseen.items() if name not in self._told}
+        total = sum(told.values()) + sum(self._told.values())
+        return {name: math.exp(min(total - own, _SUREST)) for name, own in told.items()}
+
+
+def _stamps(evidence: Evidence) -> list[float]:
+    """s, of the newest percept of each object."""
+    return [thing.seen_at for thing in evidence.objects.values() if thing.percept is not None]
+
+
+def _are_blind(evidence: Evidence) -> bool:
+    stamps = _stamps(evidence)
+    newest = max(stamps, default=-math.inf)
+    return evidence.now - newest >= PRESENT and sum(newest - stamp < PRESENT for stamp in stamps) > 1

@@ -1,0 +1,154 @@
+"""What vanishes on its way: how fast it may have been, and the courses on which it may have gone on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dsr.math3d.shapes import Part
+from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.motion.courses import COUNT, Courses
+from simulation_handler.motion.setting_out import starts_of
+from simulation_handler.perception.percepts import WeighedPercept
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+PERIOD = 0.1
+"""s between percepts"""
+NOISE = 0.001
+"""m, of each coordinate of a percept"""
+RADIUS = 0.03
+
+
+def percepts(*places: float) -> list[WeighedPercept]:
+    """Of a ball that is seen along x, one a period."""
+    return [
+        WeighedPercept(
+            PERIOD * number, np.array((x, 0.0, RADIUS)), (0.0, 0.0, 0.0, 1.0), NOISE**2 * np.eye(3),
+            4.0 * np.eye(3), np.array((0.0, 0.0, -1.0)),
+        )
+        for number, x in enumerate(places)
+    ]  # fmt: skip
+
+
+def speeds(*places: float, count: int = 40) -> np.ndarray:
+    """(count,) m/s along x."""
+    return np.array([start.velocity[0] for start in starts_of(percepts(*places), count)])
+
+
+def test_one_moved_percept_tells_the_direction_and_the_least_speed() -> None:
+    found = speeds(0.0, 0.0, 0.0, 0.03)
+    assert found.min() > 0.9 * 0.03 / PERIOD, "it was at rest until one period before, at least"
+    assert found.std() > 0.3 * found.mean(), "and may have set out at any time since"
+    across = [start.velocity[1] for start in starts_of(percepts(0.0, 0.0, 0.0, 0.03), 40)]
+    assert np.std(across) < 0.3 * found.std()
+
+
+def test_the_more_percepts_show_it_on_its_way_the_better_its_speed_is_known() -> None:
+    spreads = [
+        speeds(*places).std() for places in ((0.0, 0.0, 0.0, 0.03), (0.0, 0.0, 0.03, 0.06), (0.0, 0.03, 0.06, 0.09))
+    ]
+    assert spreads[0] > 3.0 * spreads[1] and spreads[1] > spreads[2]
+    assert np.median(speeds(0.0, 0.03, 0.06, 0.09)) == pytest.approx(0.3, rel=0.1)
+
+
+def test_what_was_seen_at_rest_may_have_set_out_but_just_now() -> None:
+    found = speeds(0.0, 0.0, 0.0, 0.0)
+    assert abs(np.median(found)) < 0.05 and np.abs(found).max() < 1.2
+    assert found.std() < speeds(0.0, 0.0, 0.0, 0.03).std()
+
+
+def test_the_typical_start_comes_first() -> None:
+    found = speeds(0.0, 0.0, 0.0, 0.03)
+    assert found[0] < found.mean() and (found < found[0]).mean() == pytest.approx(0.5, abs=0.2)
+
+
+class Table:
+    """A ball on a table, which is seen for a while and then not any more."""
+
+    def __init__(self, *places: float) -> None:
+        config = BeliefConfig()
+        self.bodies = Bodies(config)
+        self.bodies.set_fixture("table", (4.0, 4.0, 0.04), Pose((0.0, 0.0, -0.02)))
+        size = (2 * RADIUS, 2 * RADIUS, 2 * RADIUS)
+        self.ball = self.bodies.add_object("ball", size, 0.05, 0.5, (Part("sphere", size),), rolling_friction=0.002)
+        self.bodies.put(self.ball, (places[0], 0.0, RADIUS), (0.0, 0.0, 0.0, 1.0))
+        for percept in percepts(*places):
+            self.ball.observe(percept, "camera")
+        self.courses = Courses(self.bodies, config)
+        self.now = self.ball.track.last_stamp
+
+    def run(self, seconds: float) -> np.ndarray:
+        """(n, 3) m, where it may be by then."""
+        for _ in range(round(seconds / 0.05)):
+            self.now += 0.05
+            self.bodies.sim.step(12)
+            self.courses.update(self.now)
+        return np.array([pose.t for pose in self.courses.of("ball")])
+
+    def close(self) -> None:
+        self.courses.close()
+        self.bodies.sim.close()
+
+
+MOVES = (*(0.0,) * 8, 0.03)
+
+
+def test_it_goes_on_in_many_courses_and_the_simulation_in_a_typical_one() -> None:
+    table = Table(*MOVES)
+    assert len(table.run(0.2)) == 0, "it may be seen again"
+    early, late = table.run(0.2), table.run(1.0)
+    assert len(early) == len(late) == COUNT
+    assert late[:, 0].std() > early[:, 0].std() > 0.01
+    assert np.abs(late[:, 2] - RADIUS).max() < 0.005, "they go through each other, not over each other"
+    assert table.bodies.sim.position("ball")[0] == pytest.approx(late[0, 0], rel=0.1)
+    table.close()
+
+
+def test_a_wall_stops_them_all() -> None:
+    table = Table(*MOVES)
+    table.bodies.set_fixture("wall", (0.02, 1.0, 0.3), Pose((0.15, 0.0, 0.15)))
+    assert table.run(2.0)[:, 0].max() < 0.15 - RADIUS
+    table.close()
+
+
+@pytest.mark.parametrize("end", ["seen", "held", "removed"])
+def test_they_end(end: str) -> None:
+    table = Table(*MOVES)
+    table.run(0.5)
+    if end == "seen":
+        table.ball.track.add(WeighedPercept(**{**vars(percepts(0.2)[0]), "stamp": table.now}))
+    elif end == "held":
+        table.ball.hand = "hand"
+    else:
+        table.bodies.remove("ball")
+    assert len(table.run(0.1)) == 0
+    table.close()
+
+
+def test_what_rested_when_it_vanished_has_none() -> None:
+    table = Table(*(0.0,) * 9)
+    assert len(table.run(1.0)) == 0
+    table.close()
+
+
+def test_they_are_the_same_in_each_run() -> None:
+    tables = Table(*MOVES), Table(*MOVES)
+    one, other = (table.run(0.6) for table in tables)
+    assert (one == other).all()
+    for table in tables:
+        table.close()
+
+
+def test_what_is_held_has_none() -> None:
+    table = Table(*MOVES)
+    table.ball.hand = "hand"
+    assert len(table.run(1.0)) == 0
+    table.close()
+
+
+def test_a_thing_without_two_percepts_has_none() -> None:
+    table = Table(0.0)
+    assert isinstance(table.ball, BelievedObject) and len(table.run(1.0)) == 0
+    table.close()
