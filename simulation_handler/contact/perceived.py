@@ -13,7 +13,7 @@ from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
 
-class Perceived(NamedTuple):
+class PerceivedBody(NamedTuple):
     """Where a body is perceived, with all that is not known of systematic errors."""
 
     solid: Solid

@@ -12,7 +12,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.perceived import Perceived
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import place, separate
 from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import PLACE_FLOOR
@@ -31,7 +31,7 @@ class Stance(NamedTuple):
     """The body there"""
 
 
-def stances(seen: Perceived, others: Sequence[Solid], config: BeliefConfig) -> list[Stance]:
+def stances(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) -> list[Stance]:
     """The ways in which a body may rest where it is perceived, one for each face that may be down; likeliest first.
 
     How it is believed to rest comes first while no other way is better by `nats.AS_GOOD`. None where nothing can carry
@@ -62,7 +62,7 @@ def stances(seen: Perceived, others: Sequence[Solid], config: BeliefConfig) -> l
     return sorted(found, key=lambda stance: stance.cost - nats.AS_GOOD * (stance is as_before))
 
 
-def likeliest_stance(seen: Perceived, others: Sequence[Solid], config: BeliefConfig) -> Quaternion:
+def likeliest_stance(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) -> Quaternion:
     """The rotation of the likeliest of `stances`; that of the percept where there is none."""
     found = stances(seen, others, config)
     return found[0].solid.rotation if found else seen.solid.rotation

@@ -14,7 +14,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
-from simulation_handler.contact.perceived import Perceived
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, covariance_given_height, given_height
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
@@ -25,7 +25,7 @@ from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _TIPS = 8  # count of tilts up to lying at which a neighbour may be met, and of halvings between two of them, to 1 mrad
-_MOST = 4  # count of leans that are simulated: those that fit best as they begin
+_MOST_LEANS = 4  # count of leans that are simulated: those that fit best as they begin
 _UP: Array = np.array((0.0, 0.0, 1.0))
 
 
@@ -75,7 +75,7 @@ class Leaning:
         if self._engine is not None:
             self._engine.close()
 
-    def judge(self, item: BelievedObject, seen: Perceived, flat: Placement, scene: Mapping[str, Solid]) -> Judged:
+    def judge(self, item: BelievedObject, seen: PerceivedBody, flat: Placement, scene: Mapping[str, Solid]) -> Judged:
         """Whether and how an object leans.
 
         Args:
@@ -109,7 +109,7 @@ class Leaning:
         return Judged(None, True, aslant)
 
     def _leans(
-        self, item: BelievedObject, seen: Perceived, flat: Placement, around: Mapping[str, Solid],
+        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Mapping[str, Solid],
         scene: Mapping[str, Solid],
     ) -> tuple[Lean, ...]:  # fmt: skip
         """The ways in which an object may lean; they are worked out anew when something has changed."""
@@ -133,7 +133,9 @@ class Leaning:
     def _is_flat(self, solid: Solid) -> bool:
         return solid.face_down()[1] <= self._config.divergence_angle
 
-    def _tipped(self, item: BelievedObject, seen: Perceived, flat: Placement, around: Sequence[Solid]) -> list[Solid]:
+    def _tipped(
+        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Sequence[Solid]
+    ) -> list[Solid]:
         """The tilts with which the body touches a neighbour about where it is perceived; those that fit best."""
         found = [
             solid
@@ -143,7 +145,7 @@ class Leaning:
             for solid in _touching(seen, rotation, way, flat.solid.bottom, other)
             if not self._is_flat(solid)
         ]
-        return sorted(found, key=lambda solid: seen.cost(solid, PLACE_FLOOR))[:_MOST]
+        return sorted(found, key=lambda solid: seen.cost(solid, PLACE_FLOOR))[:_MOST_LEANS]
 
     def _settled(self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]) -> Lean | None:
         """How an object leans a short time after it was put there, and on what; None if it does not, or moves."""
@@ -208,7 +210,7 @@ def _facing(flat: Solid, way: Vector3, *, turns: bool) -> Iterator[Quaternion]:
             yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, angle)), rotation) if turns else rotation
 
 
-def _touching(seen: Perceived, rotation: Quaternion, way: Vector3, level: float, other: Solid) -> Iterator[Solid]:
+def _touching(seen: PerceivedBody, rotation: Quaternion, way: Vector3, level: float, other: Solid) -> Iterator[Solid]:
     """The body tipped towards a neighbour, and away from it, so far that it just touches that."""
     away = np.array((-way[0], -way[1], 0.0))
 
@@ -238,7 +240,7 @@ def _tip(rotation: Quaternion, side: Vector3, angle: float) -> Quaternion:
     return quaternions.product(turn, rotation)
 
 
-def _on_level(seen: Perceived, rotation: Quaternion, level: float) -> Solid:
+def _on_level(seen: PerceivedBody, rotation: Quaternion, level: float) -> Solid:
     """The body turned so, with its lowest point at the height `level` (m), where it is perceived else."""
     turned = seen.solid.turned(rotation)
     return turned.moved(given_height(turned.position, seen.covariance, level + turned.half_height))

@@ -10,7 +10,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.perceived import Perceived
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.perception.systematic import ErrorOfAnother, KnownError, error_of_another
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
@@ -178,7 +178,7 @@ class Bodies:
         ]
         return error_of_another(known, self._config.depth_bias)
 
-    def told_by_others(self, item: BelievedObject) -> Perceived:
+    def told_by_others(self, item: BelievedObject) -> PerceivedBody:
         """Where an object is perceived by what other objects tell of systematic errors.
 
         What its own percepts told was learned from how it was taken to rest.
@@ -188,7 +188,7 @@ class Bodies:
         mean, std, freedom = self.error_by_others(item)
         x, y, z = estimate.corrected(mean).tolist()
         turning = item.turning() if item.shows_stance else item.turning_of_one()
-        return Perceived(item.percept().moved((x, y, z)), estimate.total_covariance(std), turning, freedom)
+        return PerceivedBody(item.percept().moved((x, y, z)), estimate.total_covariance(std), turning, freedom)
 
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""

@@ -12,7 +12,7 @@ from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.perceived import Perceived
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.stances import is_sure, likeliest_stance, probabilities, stances
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.perception.paths import Path
@@ -109,11 +109,11 @@ def test_a_body_with_an_orientation_that_is_seen_is_not_turned() -> None:
     sure, tells_nothing = 1e-3 * np.eye(3), UNTOLD * np.eye(3)
     position = 1e-6 * np.eye(3)
     lower = percept.moved((0.35, 0.1, 0.03))
-    assert likeliest_stance(Perceived(lower, position, sure), [FLOOR], CONFIG) == pytest.approx(LYING)
-    found = stances(Perceived(lower, position, tells_nothing), [FLOOR], CONFIG)
+    assert likeliest_stance(PerceivedBody(lower, position, sure), [FLOOR], CONFIG) == pytest.approx(LYING)
+    found = stances(PerceivedBody(lower, position, tells_nothing), [FLOOR], CONFIG)
     assert is_sure(found, CONFIG) and found[0].solid.half_height == pytest.approx(0.03)
     assert probabilities(found)[0] > 0.999
-    found = stances(Perceived(lower, 1e-2 * np.eye(3), tells_nothing), [FLOOR], CONFIG)
+    found = stances(PerceivedBody(lower, 1e-2 * np.eye(3), tells_nothing), [FLOOR], CONFIG)
     assert not is_sure(found, CONFIG) and probabilities(found) == pytest.approx([0.5, 0.5], abs=0.05)
 
 
