@@ -210,8 +210,8 @@ class EvidenceReader:
             aloft=item.static or item.hovering_since is not None,
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
-            courses=self._courses(name),
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
+            courses=self._courses(name),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 
