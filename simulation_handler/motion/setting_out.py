@@ -32,7 +32,7 @@ class _ByMoment(NamedTuple):
     """What percepts tell if the object set out at one moment."""
 
     evidence: float
-    """Log likelihood of the percepts, nats"""
+    """Log likelihood of the percepts, nats, up to a constant"""
     mean: Array
     """(6,) position (m) and velocity (m/s) at the last percept"""
     covariance: Array
@@ -79,7 +79,7 @@ def _given(percepts: Sequence[WeighedPercept], moment: float) -> _ByMoment:
     end = percepts[-1]
     precision, shift = np.zeros((6, 6)), np.zeros(6)
     precision[3:, 3:] = np.eye(3) / _SPEED**2
-    evidence, moved = -3.0 * np.log(_SPEED), max(end.stamp - moment, 0.0)
+    evidence, moved = 0.0, max(end.stamp - moment, 0.0)
     for percept in percepts:
         rows = np.hstack([np.eye(3), (max(percept.stamp - moment, 0.0) - moved) * np.eye(3)])
         weighed = np.linalg.inv(percept.position_covariance)

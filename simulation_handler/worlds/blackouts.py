@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from simulation_handler.scales import PRESENT
+from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.evidence import Evidence
 
 
@@ -62,7 +62,7 @@ class Blackouts:
         return {name: math.exp(min(total - own, _MOST)) for name, own in told.items()}
 
 
-_MOST = 50.0  # nats: surer than that nothing is
+_MOST = -math.log(ROUNDING)  # nats: more than that is lost in rounding
 
 
 def _stamps(evidence: Evidence) -> list[float]:
