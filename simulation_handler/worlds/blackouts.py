@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from simulation_handler.scales import PRESENT
+from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.evidence import Evidence
 
 _SUREST = 50.0
@@ -63,7 +63,14 @@ class Blackouts:
         """
         told = {name: odds - self.prior for name, odds in unseen.items() if name not in self._told}
         total = sum(told.values()) + sum(self._told.values())
+<<<<<<< HEAD
         return {name: math.exp(min(total - own, _SUREST)) for name, own in told.items()}
+=======
+        return {name: math.exp(min(total - own, _MOST)) for name, own in told.items()}
+
+
+_MOST = -math.log(ROUNDING)  # nats: more than that is lost in rounding
+>>>>>>> unseen
 
 
 def _stamps(evidence: Evidence) -> list[float]:
