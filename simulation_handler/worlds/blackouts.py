@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.evidence import Evidence
 
-_SUREST = 50.0
-"""nats: surer than that nothing is"""
+_SUREST = -math.log(ROUNDING)
+"""nats: more than that is lost in rounding"""
 
 
 class Blackouts:
@@ -63,14 +63,7 @@ class Blackouts:
         """
         told = {name: odds - self.prior for name, odds in unseen.items() if name not in self._told}
         total = sum(told.values()) + sum(self._told.values())
-<<<<<<< HEAD
         return {name: math.exp(min(total - own, _SUREST)) for name, own in told.items()}
-=======
-        return {name: math.exp(min(total - own, _MOST)) for name, own in told.items()}
-
-
-_MOST = -math.log(ROUNDING)  # nats: more than that is lost in rounding
->>>>>>> unseen
 
 
 def _stamps(evidence: Evidence) -> list[float]:
