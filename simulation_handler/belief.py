@@ -32,7 +32,7 @@ from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
 from simulation_handler.perception.percepts import make_percept
 from simulation_handler.physics.rollouts.scene import RolloutScene
-from simulation_handler.physics.simulator import TIME_STEP
+from simulation_handler.physics.simulator import MOST_STEPS, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
@@ -40,8 +40,6 @@ from simulation_handler.worlds.following import WeightFollowing
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
-
-_MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
 
 class Belief:
@@ -249,7 +247,7 @@ class Belief:
         self._explainer.drag(now)
         self._explainer.explain(now)
         if self._now is not None and now > self._now:
-            count = min(round((now - self._now) / TIME_STEP), _MOST_STEPS)
+            count = min(round((now - self._now) / TIME_STEP), MOST_STEPS)
             self._fingers.update(now, count, self._explainer.waiting)
             self._driving.step(count)
             self._fingers.note_pushes()

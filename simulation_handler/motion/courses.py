@@ -13,7 +13,7 @@ from simulation_handler.motion.movers import coasts
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.motion.setting_out import SettingOut, starts_of
 from simulation_handler.physics.rollouts.scene import RolloutBody
-from simulation_handler.physics.simulator import SLEEP_SPEED, TIME_STEP, Simulator
+from simulation_handler.physics.simulator import MOST_STEPS, SLEEP_SPEED, TIME_STEP, Simulator
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -125,6 +125,7 @@ class _Simulated:
             elif (before.position, before.rotation) != (body.position, body.rotation):
                 self.sim.place(body.name, body.position, body.rotation)
             self._others[body.name] = body
+        self._time = max(self._time, now - UNSEEN - MOST_STEPS * TIME_STEP)  # time beyond is lost, as for all bodies
         count = round((now - self._time) / TIME_STEP)
         self.sim.step(count)
         self._time += count * TIME_STEP

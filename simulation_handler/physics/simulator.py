@@ -27,6 +27,8 @@ from simulation_handler.shapes.hull_shapes import make_hulls
 
 TIME_STEP = 1.0 / 240.0
 """s, of one physics step."""
+MOST_STEPS = 48
+"""Steps of physics in one step of the belief; time beyond is lost"""
 GRAVITY = 9.81
 """m/s^2, towards -z."""
 FINGER_RADIUS = 0.005

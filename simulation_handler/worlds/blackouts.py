@@ -25,6 +25,7 @@ class Blackouts:
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
+        self._longest = _SUREST / rate if rate > 0.0 else math.inf  # s, after which somebody was surely at work
         self._since = -math.inf
         self._is_open = False
         self._lasted = 0.0
@@ -41,7 +42,7 @@ class Blackouts:
         self._is_open = _are_blind(evidence)
         if not self._is_open:
             return 0.0
-        step = evidence.now - self._since - self._lasted
+        step = min(evidence.now - self._since, self._longest) - self._lasted
         self._lasted += step
         return -math.expm1(-self._rate * step)
 

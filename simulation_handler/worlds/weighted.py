@@ -378,8 +378,11 @@ def _turned(world: _Weighted, thing: ObjectEvidence) -> Iterator[_Weighted]:
 
 
 def _density(worlds: _Places, seen: Pose) -> float:
-    """1/m^2, over the floor, by weighted places, of where an object is seen; never 0, for all of them may be wrong."""
-    own, found = seen.parent_covariances()[0], ROUNDING
+    """1/m^2, over the floor, by weighted places, of where an object is seen, times their weight.
+
+    It is never 0, for all of them may be wrong: then their weight alone tells.
+    """
+    own, found = seen.parent_covariances()[0], ROUNDING * max(sum(weight for weight, _ in worlds), ROUNDING**2)
     for weight, pose in worlds:
         covariance = (own + pose.parent_covariances()[0])[:2, :2]
         distance = float(squared_distance(np.subtract(seen.t, pose.t)[:2], covariance))

@@ -14,7 +14,7 @@ from dsr import Memory, TransportError
 from dsr.network.keys import Keys
 from dsr.network.transport import Subscription
 from dsr.replication import holders
-from dsr.replication.holders import HOLDER_PATIENCE, MAX_PLACES, decode_answer, decode_question
+from dsr.replication.holders import HOLDER_PATIENCE, MAX_PLACES, decode_answer, decode_query
 from tests.dsr.conftest import Net
 from tests.dsr.parts.test_parts import house
 from tests.dsr.test_zenoh import Peer, peers
@@ -175,5 +175,5 @@ def test_what_many_say_of_places_that_nobody_asked_for_is_not_kept(net: Net) -> 
 
 def test_messages_are_those_of_the_format() -> None:
     question, answer = msgpack.packb([1, ["part/kitchen"]]), msgpack.packb([1, "a-1", ["a-kitchen.1"]])
-    assert holders._encoder.encode(decode_question(question)) == question
+    assert holders._encoder.encode(decode_query(question)) == question
     assert holders._encoder.encode(decode_answer(answer)) == answer

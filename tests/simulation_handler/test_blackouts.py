@@ -145,3 +145,23 @@ def test_a_night_without_light_is_no_error() -> None:
     scene.run(1.0)
     scene.run(0.5, "can")
     assert 0.0 < scene.gone("box") <= 1.0
+
+
+@pytest.mark.parametrize("dark", [300.0, 400.0, 600.0])
+def test_after_a_long_time_somebody_was_surely_at_work_whatever_is_seen(dark: float) -> None:
+    moved, unmoved = after(dark, "can", moved=True), after(dark, "can")
+    assert moved.gone() == pytest.approx(unmoved.gone(), rel=1e-3)
+
+
+def test_many_things_that_were_moved_tell_of_somebody_after_a_long_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    cans = [f"can {number}" for number in range(12)]
+    for number, name in enumerate(cans):
+        monkeypatch.setitem(PLACES, name, Pose((0.1 * number, -0.5, 0.02)))
+    unmoved, moved = Blackout(), Blackout()
+    for scene in (unmoved, moved):
+        scene.run(1.0, *PLACES)
+        scene.run(190.0)
+    moved.places |= {name: Pose((x, -0.3, z)) for name in cans for x, _, z in (PLACES[name].t,)}
+    for scene in (unmoved, moved):
+        scene.run(0.5, *cans)
+    assert moved.gone() == pytest.approx(unmoved.gone(), rel=1e-3)

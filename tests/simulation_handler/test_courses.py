@@ -152,3 +152,12 @@ def test_a_thing_without_two_percepts_has_none() -> None:
     table = Table(0.0)
     assert isinstance(table.ball, BelievedObject) and len(table.run(1.0)) == 0
     table.close()
+
+
+def test_a_long_pause_costs_no_more_than_a_short_one() -> None:
+    table = Table(*MOVES)
+    table.now += 1e4  # s, as after a machine that slept while the ball was on its way
+    paused = table.run(0.05)
+    assert len(paused) == COUNT
+    assert (table.run(0.1)[:, 0] > paused[:, 0] + 0.001).any(), "time beyond is lost, so they are still on their way"
+    table.close()
