@@ -57,7 +57,7 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m above the table from which it looks: there it reads tags of 2 cm, and the arm is above all towers."""
     sure: float = 0.8
     """1, probability of success from which an action is tried without looking before. A failed one costs some 20 s, a
-    look 4 s."""
+    look 4 s. A place on the table must be free with this probability."""
     least_information: float = 0.1
     """nats that a look must be expected to tell: with less, it would change the probability of a thing by some 0.05."""
     most_looks: int = 8

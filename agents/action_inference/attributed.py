@@ -94,8 +94,8 @@ class AttributedPolicy:
         if beneath and not (thing.grasps and track.held):
             track.beneath = (now, beneath)
         if thing.grasps:
+            track.note_probability(thing.grasps[-1])
             track.last_grasp, track.let_go = now, track.believed.last
-            track.probability = thing.grasps[-1].probability
             if track.held and thing.on and track.believed.is_steady():
                 self._note_rest(track, now)
             track.palm_height = snapshot.palm_height(thing.grasps[-1].holder)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from agents.action_inference.heights import Height, Heights
-from agents.action_inference.observation import ObservedEnd
+from agents.action_inference.observation import ObservedEnd, ObservedGrasp
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import UNKNOWN
 
@@ -22,7 +22,7 @@ class ThingTrack:
     last_grasp: float | None = None
     """Time (s) when something was last known to hold the thing since it was picked; None without any."""
     probability: float = 1.0
-    """1, that who was last known to hold the thing does, by the belief"""
+    """1, that who was last known to hold the thing has held it at some time, by the belief"""
     how: str = Handling.FREE
     """What the hand that held the thing had to do with it in the end, if that is known"""
     lifted: float = -math.inf
@@ -50,3 +50,8 @@ class ThingTrack:
     """s, since when something grasps it in the air, while it is not known where it lay."""
     found: Height | None = None
     """Where it was when it was found to be held; None if it was seen to be picked."""
+
+    def note_probability(self, grasp: ObservedGrasp) -> None:
+        """Something seems to hold it; of one hold the greatest counts, for a hand that opens has held it before."""
+        goes_on = self.held and self.last_grasp is not None and grasp.holder == self.by
+        self.probability = max(grasp.probability, self.probability) if goes_on else grasp.probability

@@ -90,8 +90,9 @@ class PersonTracker(Agent):
         deviations = max(reading.sigma_translation, _LEAST), max(reading.sigma_rotation, _LEAST)
         pose = Pose(reading.pose[:3], reading.pose[3:], stamp)
         edge = self.memory.get_edge(self.config.frame, reading.name, "RT")
-        if edge is not None and PoseTolerance(*deviations).scaled(_MOVES).covers(edge.pose, pose):
-            before = edge.pose.with_covariance(None).with_stamp(0.0)
+        known = None if edge is None else edge.get("pose")
+        if known is not None and PoseTolerance(*deviations).scaled(_MOVES).covers(known, pose):
+            before = known.with_covariance(None).with_stamp(0.0)
             pose = interpolate(before, pose.with_stamp(1.0), self.config.smoothing).with_stamp(stamp)
         return pose.with_covariance(np.diag(np.square(np.repeat(deviations, 3))))
 

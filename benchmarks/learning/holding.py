@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.learning.recorded import Recorded
+from simulation_handler.worlds.circumstances import hold
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HOLDING = "holding"
@@ -47,5 +48,5 @@ def _count(moments: Sequence[Recorded], worlds: WeightedWorlds) -> dict[str, NDA
             hand = thing.hand or next(iter(thing.touched_by), "")
             followed = worlds.followed(name) if hand and not thing.gripper else None
             if followed is not None and name in moment.truth:
-                counts[followed.circumstance][int(moment.held.get(name) != hand)] += 1.0
+                counts[hold(thing, followed.circumstance)][int(moment.held.get(name) != hand)] += 1.0
     return counts

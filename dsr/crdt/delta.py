@@ -78,6 +78,8 @@ class Delta(msgspec.Struct, gc=False):
     live: frozenset[Dot] | None = None
     examined: list[DotRange] | None = None
     """Dots that `live` is about: any of them that is not in `live` was removed; None for all of the context."""
+    misfits: int = 0
+    """Values of another kind than their attributes have, which were taken away when it was read."""
 
     def __bool__(self) -> bool:
         return bool(self.adds or self.writes or self.removed or self.context or self.live is not None)

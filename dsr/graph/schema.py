@@ -24,6 +24,9 @@ _NAME_TEXT = "expected 1 to 128 letters, digits, '_', '.' or '-'"
 _INT_LIMIT = 1 << 63
 MAX_LENGTH = 1 << 20
 """Characters, bytes or numbers in one value; what is larger does not belong in a graph (see `dsr.images.blobs`)."""
+MAX_NUMBER = 1e12
+"""Greatest float of a built-in attribute, in a vector or a pose, too: in m, seven times as far as the sun is. Products
+of many such numbers are finite, so nobody need expect that physics overflows."""
 MAX_TEXT = 1000
 """Characters of a meaning or a unit: some sentences. Every process of a graph keeps them all."""
 POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
@@ -153,6 +156,8 @@ class Schema:
             stored = _CONVERTERS[attribute.kind](value)
             if stored is None or (attribute.length is not None and len(stored) != attribute.length):
                 raise SchemaError(f"attribute {name!r}: expected a finite {attribute.described}, got {value!r:.200}")
+            if name in _BOUNDED and not is_within_bounds(stored):
+                raise SchemaError(f"attribute {name!r}: expected numbers up to {MAX_NUMBER:g}, got {value!r:.200}")
             values[name] = stored
         return values
 
@@ -446,3 +451,18 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "halt_id": "tells an order of an emergency stop from all others",
                              "note": "free text"}),
 ])  # fmt: skip
+
+BUILT_IN: Mapping[str, AttributeType] = _ATTRIBUTES
+"""The attributes that every process knows."""
+_BOUNDED = {name for name, attribute in BUILT_IN.items() if attribute.kind in ("float", "vector", "pose")}
+
+
+def is_within_bounds(value: Any) -> bool:
+    """Whether the numbers of a float, a vector or a pose are no greater than `MAX_NUMBER`."""
+    if isinstance(value, Pose):
+        x, y, z = value.t
+        near = min(x, y, z, value.stamp) >= -MAX_NUMBER and max(x, y, z, value.stamp) <= MAX_NUMBER
+        return near and (value.cov is None or is_within_bounds(tuple(value.cov)))
+    if isinstance(value, tuple):
+        return not value or (min(value) >= -MAX_NUMBER and max(value) <= MAX_NUMBER)
+    return bool(-MAX_NUMBER <= value <= MAX_NUMBER)

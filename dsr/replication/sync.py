@@ -160,6 +160,8 @@ class Synchroniser:
             delta = decode_delta(payload)
             if delta.live is not None:
                 raise WireError("a synchronisation reply that nobody asked for")
+            if delta.misfits:
+                self.complaints.say(sender, "%s writes values of another kind than their attributes have: taken away")
             if self.gate is None and self.joined and self.claims.is_plain(sender, delta, self.part):
                 return self.graph.join(delta, physical)
             self._check_identity(sender, delta)

@@ -1,5 +1,9 @@
 """The values of attributes in MessagePack: what an attribute may have, and nothing else.
 
+A value of another kind than its built-in attribute has, a vector of another length, and numbers that nothing has count
+as taken away. All replicas read them so, and nobody need expect text for a mass. Names that users register are not
+checked: replicas may differ in what they mean.
+
 A pose is extension type 1: little-endian doubles x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row
 by row.
 """
@@ -14,7 +18,7 @@ import msgspec
 
 from dsr.crdt.delta import TOMBSTONE
 from dsr.errors import WireError
-from dsr.graph.schema import MAX_LENGTH
+from dsr.graph.schema import BUILT_IN, MAX_LENGTH, Kind, is_within_bounds
 from dsr.math3d.transforms import Pose
 
 _POSE_CODE = 1
@@ -82,6 +86,27 @@ def to_value(raw: msgspec.Raw) -> Any:
     elif kind is bool or -(1 << 63) <= value < (1 << 63):
         return value
     raise ValueError(f"a {kind.__name__} that no attribute may have")
+
+
+_CLASSES: dict[Kind, type] = {
+    "bool": bool, "int": int, "float": float, "str": str, "bytes": bytes, "vector": tuple, "pose": Pose,
+}  # fmt: skip
+_CLASS_OF = {name: _CLASSES[attribute.kind] for name, attribute in BUILT_IN.items()}
+_WITH_NUMBERS = (float, tuple, Pose)
+_LENGTH_OF = {name: attribute.length for name, attribute in BUILT_IN.items() if attribute.length is not None}
+
+
+def fitted(attribute: str, value: Any) -> Any:
+    """The value as it is read: what no such attribute has is `TOMBSTONE`, an integer is a float where one is wanted."""
+    kind, wanted = value.__class__, _CLASS_OF.get(attribute)
+    if wanted is None or value is TOMBSTONE:
+        return value
+    if kind is int and wanted is float:
+        kind, value = float, float(value)
+    if kind is not wanted or (kind in _WITH_NUMBERS and not is_within_bounds(value)):
+        return TOMBSTONE
+    length = _LENGTH_OF.get(attribute)
+    return value if length is None or len(value) == length else TOMBSTONE
 
 
 def _check_numbers(raw: memoryview) -> None:

@@ -32,7 +32,7 @@ from dsr.crdt.pieces import size_of
 from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
 from dsr.graph.schema import is_own_name
 from dsr.network.decoding import decoded
-from dsr.replication.values import encode_extension, to_value
+from dsr.replication.values import encode_extension, fitted, to_value
 
 VERSION = 1
 """Version of the format of deltas, replies and requests."""
@@ -284,6 +284,7 @@ def _to_delta(message: _KeptDelta) -> Delta:
     if len(message.writes) == 1 and not message.adds and not message.removed and message.live is None:
         return _to_one(names, message.writes[0], message.context)
     delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
+    delta.misfits = _misfits(delta.writes, message.writes)
     if message.removed:
         delta.removed = to_dots(names, message.removed)
     delta.context = to_ranges(names, message.context)
@@ -294,8 +295,18 @@ def _to_delta(message: _KeptDelta) -> Delta:
 def _to_one(names: list[str], row: WriteRow, context: list[int]) -> Delta:
     """A delta of one write alone, as nearly all are, sooner."""
     dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
-    owner, writer, value = (names[row.replica], row.counter), names[row.writer], to_value(row.value)
-    return Delta([], [Write(owner, row.attribute, row.stamp, writer, dot, value)], [], to_ranges(names, context))
+    owner, writer = (names[row.replica], row.counter), names[row.writer]
+    value = fitted(row.attribute, to_value(row.value))
+    delta = Delta([], [Write(owner, row.attribute, row.stamp, writer, dot, value)], [], to_ranges(names, context))
+    if value is TOMBSTONE:
+        delta.misfits = _misfits(delta.writes, [row])
+    return delta
+
+
+def _misfits(writes: list[Write], rows: list[WriteRow]) -> int:
+    """How many values are no values of their attributes: those that were not taken away when they were sent."""
+    gone = [row for write, row in zip(writes, rows, strict=True) if write.value is TOMBSTONE]
+    return sum(to_value(row.value) is not TOMBSTONE for row in gone)
 
 
 def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
@@ -324,7 +335,8 @@ def to_writes(names: list[str], rows: list[WriteRow]) -> list[Write]:
             replica, counter = row.replica, row.counter
             owner = names[replica], counter
         dot = (names[row.dot_replica], row.dot_counter) if row.dot_counter else None
-        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, to_value(row.value)))
+        value = fitted(row.attribute, to_value(row.value))
+        writes.append(Write(owner, row.attribute, row.stamp, names[row.writer], dot, value))
     return writes
 
 

@@ -75,6 +75,11 @@ class Touching:
         """All hands that are known, by name."""
         return self._hands
 
+    def opens(self, relation: Relation) -> bool:
+        """Whether a hand in sight that holds an object may be letting go of it just now: (hand, object)."""
+        hand = self._hands.get(relation[0])
+        return hand is not None and hand.perceived and self._contacts.opens(relation)
+
     def paths(self) -> dict[str, Path]:
         """Paths of the fingertips in sight, by name."""
         return {

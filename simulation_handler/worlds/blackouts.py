@@ -12,6 +12,9 @@ from collections.abc import Mapping
 from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.evidence import Evidence
 
+_SUREST = -math.log(ROUNDING)
+"""nats: surer than that nothing is, in the modes of an object neither"""
+
 
 class Blackouts:
     """The last time in which cameras saw nothing, and what speaks for somebody who was at work then.
@@ -45,7 +48,8 @@ class Blackouts:
     @property
     def prior(self) -> float:
         """Log odds that somebody was at work, by how long it lasted; -inf before the first one."""
-        return math.log(math.expm1(self._rate * self._lasted)) if self._rate * self._lasted > 0.0 else -math.inf
+        mean = self._rate * self._lasted
+        return min(mean + math.log(-math.expm1(-mean)), _SUREST) if mean > 0.0 else -math.inf
 
     def tell(self, name: str, odds: float) -> None:
         """Know the log odds that somebody was at work by an object alone that is seen again."""
@@ -59,10 +63,7 @@ class Blackouts:
         """
         told = {name: odds - self.prior for name, odds in unseen.items() if name not in self._told}
         total = sum(told.values()) + sum(self._told.values())
-        return {name: math.exp(min(total - own, _MOST)) for name, own in told.items()}
-
-
-_MOST = -math.log(ROUNDING)  # nats: more than that is lost in rounding
+        return {name: math.exp(min(total - own, _SUREST)) for name, own in told.items()}
 
 
 def _stamps(evidence: Evidence) -> list[float]:

@@ -35,6 +35,11 @@ ON_ITS_WAY: Final = (MOVES, RIDES, HOVERS, RESTLESS, HELD)
 """Those from which an object may go anywhere once it is not seen any more"""
 
 
+HELD_ALOFT: Final = "held in view, in the air"
+HELD_LYING: Final = "held in view, on something"
+HELD_OPENING: Final = "held in view, on something, by fingers that open"
+
+
 def is_unseen(thing: ObjectEvidence, now: float) -> bool:
     """Whether an object has not been recognised lately, at time `now` (s)."""
     return now - thing.seen_at > UNSEEN
@@ -74,6 +79,16 @@ def unseen(thing: ObjectEvidence, evidence: Evidence, moved: float, before: str)
     if before not in ON_ITS_WAY:
         return RESTS_UNSEEN
     return INSIDE if thing.container else VANISHED
+
+
+def hold(thing: ObjectEvidence, circumstance: str) -> str:
+    """How a hand seems to hold or touch an object that is in a circumstance: what tells whether it does hold it.
+
+    What is in the air is held, or falls. What lies on something may be held or just touched; fingers that open let go.
+    """
+    if circumstance != HELD:
+        return circumstance
+    return HELD_ALOFT if thing.aloft else HELD_OPENING if thing.opens else HELD_LYING
 
 
 def held(hand: str, evidence: Evidence) -> str:

@@ -105,7 +105,7 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise: dict[str, PlaceNoise]
     """By circumstance (`simulation_handler.worlds.circumstances`)."""
     holding: dict[str, Share]
-    """1, probability by circumstance that the human hand which seems to hold or touch an object does hold it"""
+    """1, probability that the human hand which seems to hold or touch an object holds it, by `circumstances.hold`"""
     rates: Rates
     absence: Absence
     recognition: Recognition

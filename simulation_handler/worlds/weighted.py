@@ -32,6 +32,7 @@ from simulation_handler.worlds.circumstances import (
     MOVED_UNSEEN,
     RESTLESS,
     RESTS_UNSEEN,
+    hold,
     in_view,
     is_unseen,
     unseen,
@@ -59,6 +60,8 @@ OTHER_SIDE = "on another side"
 """Reason of a world in which another side of an object is down, for percepts do not tell how it is turned"""
 ON_COURSE = "went on unseen"
 """Reason of a world in which what vanished on its way has gone on otherwise than the simulation has it"""
+ASLANT = "leans on something"
+"""Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
 LOOK_PERIOD = 0.2
 """s between two times at which it is worked out what cameras should see of an unseen object"""
 
@@ -278,9 +281,16 @@ class WeightedWorlds:
         if perceived is not None:
             parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
         parts = [turned for part in parts for turned in _turned(part, thing)]
+        if thing.aslant is not None:
+            chance, there = thing.aslant
+            parts = [((1.0 - chance) * share, one, reason) for share, one, reason in parts]
+            parts += [
+                (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
+                for share, factor in zip(*levels_of_wrong(noise), strict=True)
+            ]
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
-        held = self._parameters.holding.get(followed.circumstance, 0.0)
+        held = self._parameters.holding.get(hold(thing, followed.circumstance), 0.0)
         return [
             (weight * share * probability, replace(one, hand=hand), reason)
             for share, one, reason in parts

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 from agents.plant.messages import arm_command_key, arm_state_key, decode_arm_state, decode_command, readings_key
 from agents.plant.messages import decode_tag_readings as decode_readings
 from agents.scenario.judge.judge import decode_truth
 from agents.scenario.run.staging import make_run, staged_system
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Mutator
+from dsr.crdt.delta import Delta, Write
 from dsr.errors import WireError
-from dsr.replication.wire import decode_delta, decode_digest
+from dsr.math3d.transforms import Pose
+from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
 from dsr.vocabulary.scenario_start import decode_start, start_key
 
 SECONDS = 4.0
+ODD = ("text", "", (), (1.0,), -1e308, 1e308, (1e308,) * 3, True, 7, -(1 << 62), b"\xff", Pose((1e308, 0.0, 0.0)))
+"""Values, each of which is none of most attributes."""
 PER_STEP = 3
 
 
@@ -53,3 +59,26 @@ def test_nobody_minds_nonsense() -> None:
         assert sent > 1000
         assert lockstep.memory.dropped.keys() == {"stranger"}
         assert lockstep.memory.edges("RT"), "the scene is there all the same"
+
+
+def test_nobody_minds_values_that_no_such_attribute_has() -> None:
+    """One wrong value of a pose ended the simulation handler before, for it stays in the graph."""
+    system = staged_system(make_run("joint_action", sensor="poses"))
+    with Lockstep(system.agents, graph=system.graph, seed=1, strict=True) as lockstep:
+        stranger, key, values = lockstep.network.connect("stranger"), lockstep.keys.stream("stranger-1"), cycle(ODD)
+        lockstep.run_for(1.0)
+        told = 0
+
+        def disturb(_now: float) -> None:
+            nonlocal told
+            entries = list(lockstep.memory.replica.graph.store.entries.values())
+            present = [(entry.dot, write) for entry in entries for write in entry.registers.values()]
+            writes = [
+                Write(dot, write.attribute, write.stamp + 1, "stranger-1", None, next(values))
+                for dot, write in present[told % 5 :: 5]
+            ]
+            told += 1
+            stranger.publish(key, encode_delta(Delta(writes=writes)))
+
+        lockstep.run_for(SECONDS, disturb)
+        assert told > 100 and not lockstep.memory.dropped

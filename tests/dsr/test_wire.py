@@ -33,7 +33,7 @@ def sample() -> Delta:
         Write(("a", 1), "mass", 99, "a", ("a", 3), 0.25),
         Write(("a", 2), "pose", 100, "a", None, pose),
         Write(("a", 1), "note", 101, "b", ("a", 4), TOMBSTONE),
-        Write(("a", 1), "size", 102, "b", ("b", 1), (0.5, 1.0)),
+        Write(("a", 1), "area", 102, "b", ("b", 1), (0.5, 1.0)),
         Write(("a", 1), "perceived", 103, "b", ("b", 2), True),
     ]
     delta.removed = [("b", 5)]
@@ -50,7 +50,7 @@ GOLDEN = bytes.fromhex(
     "95"  # writes
     "980001a46d617373630000" + "03cb3fd0000000000000"
     "980002a4706f736564000000c74001" + struct.pack("<8d", 1, 2, 3, 0, 0, 0, 1, 4.5).hex() + "980001a46e6f746565010004c0"
-    "980001a473697a656601010192cb3fe0000000000000cb3ff0000000000000"
+    "980001a4617265616601010192cb3fe0000000000000cb3ff0000000000000"
     "980001a970657263656976656467010102c3"
     "920105"  # removed
     "96000104010102"  # context
@@ -82,12 +82,12 @@ def test_round_trip() -> None:
 def test_one_write_alone_has_the_bytes_of_the_layout(
     owner: str, writer: str, dot: tuple[str, int] | None, context: list[tuple[str, int, int]], value: Any
 ) -> None:
-    delta = Delta(writes=[Write((owner, 3), "note", 99, writer, dot, value)], context=context)
+    delta = Delta(writes=[Write((owner, 3), "area", 99, writer, dot, value)], context=context)
     dot_rid, dot_counter = dot or (writer, 0)
     names = list(dict.fromkeys([owner, writer, dot_rid, *(rid for rid, _, _ in context)]))
     index = names.index
     sent = None if value is TOMBSTONE else value
-    row = [index(owner), 3, "note", 99, index(writer), index(dot_rid), dot_counter, sent]
+    row = [index(owner), 3, "area", 99, index(writer), index(dot_rid), dot_counter, sent]
     flat = [number for rid, first, last in context for number in (index(rid), first, last)]
     assert msgpack.unpackb(encode_delta(delta)) == [1, names, [], [row], [], flat, None]
     assert as_tuple(decode_delta(encode_delta(delta))) == as_tuple(delta)

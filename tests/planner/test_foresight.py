@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import pytest
 
+from dsr import Pose
+from dsr.believing.distribution import Alternative
 from dsr.vocabulary.what_if import SERVICE, Answer, WorldOutcome, decode_question, encode_answer
 from planner import foresight
 from planner.config import PlannerConfig
-from tests.planner.table import Run, add_cube, supports
+from tests.planner.table import SIDE, Run, add_cube, believe, supports
 
 
 def serve(run: Run, answers: list[Answer]) -> list[tuple[float, ...]]:
@@ -126,3 +130,21 @@ def test_something_is_put_on_a_thing_if_it_stays_there_more_probably_than_not(sl
         run.want("on(cube_3,cube_4)")
         run.until(end, 120.0)
         assert end == "reached" or run.explanation.endswith("cube_3 would move by 40 mm (60 % probable)")
+
+
+def test_a_place_where_something_may_be_is_not_even_asked_about() -> None:
+    """The places beside it are as bad: of those that are nearest all would be tried in vain."""
+    spots = []
+    for may_be_there in (False, True):
+        with Run(what_if_patience=1.0) as run:
+            add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
+            asked = serve(run, [STAYS])
+            if may_be_there:
+                places = [(0.6, (0.42, -0.08, 0.02)), (0.4, (*spots[0], 0.02))]
+                alternatives = [Alternative(weight=weight, pose=Pose(place)) for weight, place in places]
+                believe(run.memory, "cube_6", *alternatives)
+            run.want("clear(cube_3) & handempty")
+            run.until("reached")
+            [spot] = asked
+            spots.append(spot[:2])
+    assert math.dist(*spots) > SIDE + PlannerConfig().clearance

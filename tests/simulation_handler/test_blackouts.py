@@ -135,3 +135,19 @@ def test_what_is_held_by_a_gripper_is_not_taken() -> None:
     scene._thing = lambda name: replace(thing(name), gripper="gripper" if name == "box" else "")  # type: ignore[method-assign]
     scene.run(5.0)
     assert scene.gone() == 0.0 and scene.gone("can") > 0.0
+
+
+def test_a_night_without_light_is_no_error() -> None:
+    scene = Blackout()
+    scene.run(1.0, *PLACES)
+    scene.run(STEP)
+    scene.now += 1e5  # s, as after a machine that slept
+    scene.run(1.0)
+    scene.run(0.5, "can")
+    assert 0.0 < scene.gone("box") <= 1.0
+
+
+def test_after_a_night_it_is_as_sure_that_somebody_was_at_work_as_after_a_minute() -> None:
+    minute, night = after(60.0), after(600.0)
+    assert night.gone() >= minute.gone() > 0.15
+    assert after(600.0, "can").gone() > 0.15, "one thing in its place is no proof"

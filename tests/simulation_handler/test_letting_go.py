@@ -9,6 +9,8 @@ import pytest
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
 from simulation_handler.hands.relation import DROPPED, LEFT_BEHIND, LET_GO, PINCHING, PUT_DOWN, TOUCHING
+from simulation_handler.worlds.circumstances import HELD as IN_VIEW
+from simulation_handler.worlds.circumstances import HELD_ALOFT, HELD_LYING, HELD_OPENING, hold
 from tests.simulation_handler.occluded import PERIOD, SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")
@@ -58,6 +60,29 @@ def test_what_lies_where_a_hand_opens_was_put_down(seed: int) -> None:
     world = lifted_and_lowered(seed, 0.0)
     opened(world, 0.0)
     assert world.belief.let_go()[HELD].state is PUT_DOWN
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_tells_whether_a_hand_holds_is_where_the_thing_is_and_how_the_fingers_are(seed: int) -> None:
+    def way(world: Occlusion) -> str:
+        return hold(world.belief.evidence().objects["cup"], IN_VIEW)
+
+    def probability(world: Occlusion) -> float:
+        return world.belief.probability("grasping", HELD)
+
+    carried, lying = lifted_and_lowered(seed, 0.12), lifted_and_lowered(seed, 0.0)
+    assert way(carried) == HELD_ALOFT and way(lying) == HELD_LYING
+    assert probability(lying) < probability(carried)
+    before, ways = probability(lying), set()
+    for wider in (0.01, 0.02, 0.02, 0.02):
+        places = lying.tips_from_object
+        lying.held = ""
+        lying.tips_from_object = {name: (x, y + math.copysign(wider, y), z) for name, (x, y, z) in places.items()}
+        lying.tick()
+        if HELD in lying.belief.grasps():
+            ways.add(way(lying))
+    assert HELD_OPENING in ways, "before it is sure that the hand has let go"
+    assert probability(lying) < before
 
 
 @pytest.mark.parametrize(("height", "state"), [(0.05, DROPPED), (0.0, PUT_DOWN)])

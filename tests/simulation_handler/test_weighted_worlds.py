@@ -15,7 +15,7 @@ from dsr.errors import ConfigError
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES, RESTLESS
+from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD_ALOFT, HELD_LYING, HELD_OPENING, RESTLESS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -199,6 +199,16 @@ def test_a_hand_that_was_near_may_have_it() -> None:
     assert len(held) == 1 and held[0].weight > 0.0
     assert held[0].objects["box"].pose is not None
     assert held[0].objects["box"].pose.t == pytest.approx((0.7, 0.0, 0.12))
+
+
+def test_a_hand_holds_what_is_in_the_air_more_probably_than_what_lies_or_what_it_opens_about() -> None:
+    shares = {HELD_ALOFT: 0.97, HELD_LYING: 0.7, HELD_OPENING: 0.1}
+    for aloft, opens, share in ((True, False, 0.97), (False, False, 0.7), (False, True, 0.1), (True, True, 0.97)):
+        course = Course()
+        course.worlds = WeightedWorlds(msgspec.structs.replace(learned_parameters(), holding=shares))
+        course.run(1.0, lambda box, aloft=aloft, opens=opens: replace(box, hand="hand", aloft=aloft, opens=opens))
+        held = sum(world.weight for world in course.worlds.worlds("box") if world.objects["box"].hand)
+        assert held == pytest.approx(share)
 
 
 def test_parameters_are_complete(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ class Depths:
             for kind in THINGS
             for node in self._memory.nodes(kind)
             if node.get("surprising") is not True and node.name not in held
-            if (edge := self._memory.get_edge(WORLD, node.name, "Virtual_RT")) is not None
+            if (edge := self._memory.get_edge(WORLD, node.name, "Virtual_RT")) is not None and "pose" in edge
         }
         for percept in self._percepts.new(now, believed, (camera,)):
             camera_from_world = percept.world_from_camera.inverse()

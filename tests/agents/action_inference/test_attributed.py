@@ -72,6 +72,26 @@ def test_an_action_is_no_more_probable_than_the_grasp_that_it_rests_on():
     assert told[0.6] == pytest.approx([0.6 * confidence for confidence in told[1.0]])
 
 
+def test_a_hand_that_opens_has_held_the_thing_as_probably_as_before():
+    stage = Stage(AttributedPolicy())
+    stage.add("cup", (0.0, 0.0, 0.02))
+    stage.run(1.0)
+    stage.change("cup", grasps=(ObservedGrasp(HAND, stage.now, 0.7),))
+    lift(stage)
+    stage.change("cup", grasps=(ObservedGrasp(HAND, stage.now, 0.95),))
+    stage.run(1.0)
+    put_down(stage)
+    stage.change("cup", grasps=(ObservedGrasp(HAND, stage.now, 0.1),))
+    stage.run(0.3)
+    stage.grasp("cup")
+    stage.run(1.0)
+    stage.change("cup", grasps=(ObservedGrasp(HAND, stage.now, 0.4),))
+    lift(stage)
+    stage.run(1.0)
+    assert [action.kind for _, action in stage.actions] == [PICK, PLACE, PICK]
+    assert stage.confidences == pytest.approx([0.7, 0.95, 0.4]), "another hold is as probable as it is itself"
+
+
 def test_noise_is_no_pick():
     for noise in (0.003, 0.005):
         stage = Stage(AttributedPolicy(), noise=noise)

@@ -21,7 +21,7 @@ from benchmarks.learning.recognition import CURVES, Look, learn_recognition, loo
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import HELD, RESTS, RIDES
+from simulation_handler.worlds.circumstances import HELD, HELD_LYING, RESTS, RIDES
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.spread import odds_of_percepts, position_covariance
@@ -30,7 +30,7 @@ from simulation_handler.worlds.weighted import WeightedWorlds
 HERE = Pose((0.3, 0.0, 0.02))
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
 SOURCES = {"episodes": ["hands-1"]}
-PARAMETERS = msgspec.structs.replace(BEGUN, holding={HELD: 0.5})
+PARAMETERS = msgspec.structs.replace(BEGUN, holding={HELD_LYING: 0.5})
 
 
 def course(gone: bool, *, hand: str = "", seconds: float = 6.0) -> Episode:
@@ -103,12 +103,12 @@ def test_how_often_a_hand_holds_is_counted() -> None:
     one = episode.moments, WeightedWorlds(PARAMETERS, episode.shares)
     other = [moment for moment in episode.moments if moment.time < 1.0], WeightedWorlds(PARAMETERS, episode.shares)
     found, errors = learn_holding([one])
-    assert found[HELD] == pytest.approx(15 / 26), "and one moment just after it was seen"
+    assert found[HELD_LYING] == pytest.approx(15 / 26), "and one moment just after it was seen"
     assert found["held unseen"] < 0.1
     assert max(errors.values()) == pytest.approx(0.0, abs=1e-9), "the same episode again is no other"
     one = episode.moments, WeightedWorlds(PARAMETERS, episode.shares)
     _, errors = learn_holding([one, other])
-    assert errors["held unseen"] > errors[HELD] > 0.0, "only one of them tells what is held unseen"
+    assert errors["held unseen"] > errors[HELD_LYING] > 0.0, "only one of them tells what is held unseen"
 
 
 def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
@@ -136,16 +136,16 @@ def test_some_circumstances_are_learned_alone(tmp_path: Path) -> None:
 
 def test_what_hands_hold_is_learned_alone(tmp_path: Path) -> None:
     file = tmp_path / "worlds.toml"
-    before = msgspec.structs.replace(PARAMETERS, holding={HELD: 0.1, RIDES: 0.2})
+    before = msgspec.structs.replace(PARAMETERS, holding={HELD_LYING: 0.1, RIDES: 0.2})
     errors = {(group, "any"): 0.5 for group in ("rates", "absence", "elsewhere", "within")}
-    errors |= {(HOLDING, HELD): 9.0, (HOLDING, RIDES): 8.0}
+    errors |= {(HOLDING, HELD_LYING): 9.0, (HOLDING, RIDES): 8.0}
     file.write_text(toml_of(before, {RESTS: {"level": 9.0}}, errors, SOURCES))
     (tmp_path / "hands-7.pickle").write_bytes(pickle.dumps((0.0, [*course(gone=False, hand="hand").moments])))
     text = learn_some(tmp_path, [HOLDING], file, lambda line: None)
     (anew := tmp_path / "anew.toml").write_text(text)
     found, told = learned_parameters(anew), tomllib.loads(text)
-    assert found.holding[HELD] > 0.5 and msgspec.structs.replace(found, holding=before.holding) == before
-    assert told["errors"][HOLDING][HELD] < 9.0
+    assert found.holding[HELD_LYING] > 0.5 and msgspec.structs.replace(found, holding=before.holding) == before
+    assert told["errors"][HOLDING][HELD_LYING] < 9.0
     assert found.holding[RIDES] == 0.2 and told["errors"][HOLDING][RIDES] == 8.0, "nothing new is known of these"
     assert told["errors"]["noise"] == {RESTS: {"level": 9.0}} and told["errors"]["rates"] == {"any": 0.5}
     assert told["source"] == {**SOURCES, HOLDING: ["hands-7"]}
