@@ -16,7 +16,8 @@ def told_by(*metres: float, may_lean: bool = False) -> ErrorOfAnother:
 
 
 def test_without_others_an_error_is_as_unknown_as_the_shared_part() -> None:
-    assert told_by() == (0.0, pytest.approx(SHARED, rel=0.01), math.inf)
+    nothing = told_by()
+    assert nothing.mean == 0.0 and nothing.scale == pytest.approx(SHARED, rel=0.01) and math.isinf(nothing.freedom)
 
 
 def test_the_more_agree_the_surer_is_the_error_of_another() -> None:
