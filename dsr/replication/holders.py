@@ -145,7 +145,8 @@ class Holders:
     def _take(self, places: list[str], key: str, payload: bytes) -> None:
         try:
             answer = decode_answer(payload)
-            if len(answer.held) != len(places) or agent_of(answer.replica) != agent_of(key.rsplit("/", 1)[-1]):
+            agents = {agent_of(rid) for rid in (answer.replica, *answer.held) if rid}
+            if len(answer.held) != len(places) or agents != {agent_of(key.rsplit("/", 1)[-1])}:
                 raise WireError("an answer to another question, or in the name of another agent")
         except WireError:
             self.malformed += 1

@@ -478,7 +478,8 @@ class Synchroniser:
     @property
     def heard(self) -> list[str]:
         """Replica ids of the peers that have spoken: nobody else need be waited for."""
-        return sorted(rid for rid, peer in self._peers.items() if peer.digest)
+        peers = list(self._peers.items())  # other threads may ask while peers come and go
+        return sorted(rid for rid, peer in peers if peer.digest)
 
     @property
     def is_held_up(self) -> bool:

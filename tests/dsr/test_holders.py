@@ -140,8 +140,13 @@ def test_a_process_that_has_not_joined_knows_of_too_few_to_begin_a_part(net: Net
 def test_answers_in_the_name_of_others_and_nonsense_are_counted(net: Net) -> None:
     a, b = house(net)
     evil, keys = net.network.connect("evil"), Keys("g")
-    answers = [[1, a.rid, [""]], [1, "evil-1", []], [2, "evil-1", [""]], [1, "evil-1", [7]], [1, "evil-1", ["x" * 300]]]
-    serving = [evil.serve(keys.holders(f"evil-{n}"), lambda *_, n=n: msgpack.packb(answers[n])) for n in range(5)]
+    answers = [
+        [1, a.rid, [""]], [1, "evil-1", []], [2, "evil-1", [""]], [1, "evil-1", [7]], [1, "evil-1", ["x" * 300]],
+        [1, "evil-1", ["a-kitchen.1"]],
+    ]  # fmt: skip
+    serving = [
+        evil.serve(keys.holders(f"evil-{n}"), lambda *_, n=n: msgpack.packb(answers[n])) for n in range(len(answers))
+    ]
     net.network.suspend("a")
     b.hold_part("kitchen")
     assert b.who_holds.malformed == len(answers)
@@ -171,6 +176,22 @@ def test_what_many_say_of_places_that_nobody_asked_for_is_not_kept(net: Net) -> 
     assert not b.who_holds._answers and not b.who_holds._wanted
     b.who_holds._take(["part/other"], Keys("g").holders(a.rid), msgpack.packb([1, a.rid, ["x"]]))
     assert not b.who_holds._answers
+
+
+def test_who_is_heard_may_be_asked_while_peers_come(net: Net) -> None:
+    a, _ = house(net)
+    net.pump(1.0)
+    sync = a.replica.synchroniser
+
+    class Coming:
+        @property
+        def digest(self) -> bool:
+            sync._peers[f"c-{len(sync._peers)}"] = sync._peers[heard[0]]
+            return True
+
+    heard = sync.heard
+    sync._peers["new-1"] = Coming()  # type: ignore[assignment]
+    assert sync.heard == sorted([*heard, "new-1"])
 
 
 def test_messages_are_those_of_the_format() -> None:
