@@ -9,6 +9,8 @@ RESOLUTION = 0.001
 """m, lengths that differ by less are the same: so close, physics counts surfaces as touching."""
 PLACE_FLOOR = 0.002
 """m, standard deviation of what is no noise of percepts: of bodies in contact, of models"""
+OWN_ERROR = RESOLUTION
+"""m, systematic error of depth of its own that one more thing is imagined to have, beside those that are known"""
 TURN_FLOOR = 0.03
 """rad, likewise"""
 SAME_OUTCOME = 0.005

@@ -15,10 +15,13 @@ from benchmarks.honesty.watching import ToldWorlds
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import PLACE, RELEASE
+from simulation_handler.shapes.geometry import Solid
 
-LYING, ROLLED, DRAGGED, EMERGING, FALL, LET_GO = "lying", "rolled", "dragged", "emerging", "fall", "let go"
+LYING, LEANING, ROLLED, DRAGGED = "lying", "leaning", "rolled", "dragged"
+EMERGING, FALL, LET_GO = "emerging", "fall", "let go"
 KINDS: dict[str, tuple[str, str]] = {
     LYING: ("lying", "a can that lies is believed standing"),
+    LEANING: ("leaning", "what leans is believed with a face down"),
     ROLLED: ("rolling_away", "a ball that rolled out of sight is believed elsewhere"),
     DRAGGED: ("letting_go", "what an empty hand in view let go unseen is believed with it"),
     EMERGING: ("emerging", "what comes out of hiding while it moves is believed elsewhere"),
@@ -28,10 +31,12 @@ KINDS: dict[str, tuple[str, str]] = {
 """The scene in which each kind shows, and its failure in words."""
 ASLANT = math.cos(math.pi / 3)
 """1, cosine of an axis with the vertical, up to which a can lies: it rests at 90 degrees, and stands at 0"""
+FLAT = 0.1
+"""rad from having a face down, up to which a thing counts as flat: what leans does so by 0.15 rad and more"""
 OFF, OFF_MOVING = 0.1, 0.05
 """m from the truth, from which a place is wrong: unseen, a hand's breadth; in view and moving, 0.15 s at 0.35 m/s"""
 RESTED, UNSEEN, NOTICED, WAITED = 1.0, 0.5, 0.3, 1.0
-"""s that a can rests in view, a thing is out of sight, and is back in view, and since it was let go"""
+"""s that a can or what leans rests in view, a thing is out of sight, and is back in view, and since it was let go"""
 SPEED = 0.05
 """m/s from which a thing moves: half of the slowest slide"""
 
@@ -64,13 +69,18 @@ class Found(NamedTuple):
 def moments(history: History) -> list[Found]:
     """All moments of all kinds but `FALL`, by the truth alone, ten times a second."""
     window = thinned(history.window(history.scenario.settle, history.end))
-    finders: list[Callable[[ObjectSpec, Sequence[Sample]], Iterator[Found]]] = [_lying, _rolled, _emerging, _let_go]
+    finders: list[Callable[[ObjectSpec, Sequence[Sample]], Iterator[Found]]] = [
+        _lying, _leaning, _rolled, _emerging, _let_go,
+    ]  # fmt: skip
     return [found for spec in history.scenario.objects for find in finders for found in find(spec, window)]
 
 
 def cases(seed: int, history: History, told: Mapping[float, ToldWorlds], palms: Palms) -> list[Case]:
     """All moments of all kinds, with what was believed."""
-    found = [_compared(seed, one, told[one.sample.time], palms.get(one.sample.time, {})) for one in moments(history)]
+    specs = history.scenario.objects
+    found = [
+        _compared(seed, one, told[one.sample.time], palms.get(one.sample.time, {}), specs) for one in moments(history)
+    ]
     return [*(case for case in found if case is not None), *_falls(seed, history)]
 
 
@@ -93,6 +103,19 @@ def _lying(spec: ObjectSpec, window: Sequence[Sample]) -> Iterator[Found]:
         since = min(since, sample.time)
         if sample.time - since >= RESTED:
             yield Found(LYING, spec.name, sample)
+
+
+def _leaning(spec: ObjectSpec, window: Sequence[Sample]) -> Iterator[Found]:
+    since = math.inf
+    for sample in window:
+        pose = sample.truth.get(spec.name)
+        rests = spec.name in sample.in_view and spec.name not in sample.moving and spec.name not in sample.grasped
+        if pose is None or not rests or _tilt(spec, pose) <= FLAT:
+            since = math.inf
+            continue
+        since = min(since, sample.time)
+        if sample.time - since >= RESTED:
+            yield Found(LEANING, spec.name, sample)
 
 
 def _rolled(spec: ObjectSpec, window: Sequence[Sample]) -> Iterator[Found]:
@@ -138,13 +161,19 @@ def _let_go(spec: ObjectSpec, window: Sequence[Sample]) -> Iterator[Found]:
                 yield Found(DRAGGED, spec.name, sample)
 
 
-def _compared(seed: int, found: Found, told: ToldWorlds, palms: Mapping[str, Vector3]) -> Case | None:
+def _compared(
+    seed: int, found: Found, told: ToldWorlds, palms: Mapping[str, Vector3], specs: Sequence[ObjectSpec]
+) -> Case | None:
     """The case of a moment; None where no empty hand is in view away from the thing, as `DRAGGED` asks."""
     name, truth = found.object, found.sample.truth[found.object]
     said = told.places.get(name, Statement())
     if found.kind == LYING:
         share = sum(likely.weight for likely in said.poses if _upright(likely.pose) >= ASLANT)
         return Case(LYING, seed, name, found.sample.time, share > 0.5, share)
+    if found.kind == LEANING:
+        spec = next(one for one in specs if one.name == name)
+        share = sum(likely.weight * _flatness(spec, likely.pose) for likely in said.poses)
+        return Case(LEANING, seed, name, found.sample.time, share > 0.5, share)
     if found.kind == DRAGGED:
         away = [palm for palm in palms.values() if math.dist(palm, truth.t) > 2 * OFF]
         if not away:
@@ -185,6 +214,22 @@ def _goes_with(pose: Pose, truth: Pose, palms: Sequence[Vector3]) -> bool:
 def _upright(pose: Pose) -> float:
     """Cosine (0 to 1) of a thing's z axis with the vertical, whichever end is up."""
     return abs(float(pose.rotation_matrix[2, 2]))
+
+
+def _tilt(spec: ObjectSpec, pose: Pose) -> float:
+    """Rad by which a thing is turned from having a face down."""
+    return Solid(spec.name, spec.size, pose.t, pose.q, shape=spec.shape).face_down()[1]
+
+
+def _flatness(spec: ObjectSpec, said: Pose) -> float:
+    """The probability that a thing has a face down, if it is where and how a pose with a covariance has it.
+
+    Its tilt about a face is Rayleigh distributed then. A pose that leans is no face down, however unsure.
+    """
+    if said.cov is None or _tilt(spec, said) > FLAT:
+        return 0.0
+    _, turning = said.parent_covariances()
+    return 1.0 - math.exp(-(FLAT**2) / float(turning[0, 0] + turning[1, 1]))
 
 
 def _speed(before: Sample, sample: Sample, name: str) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from agents.scenario.format.scenario import HandMove, Roll, Topple
-from agents.scenario.generate.bodies import SOLIDS, ball, can, cup, wall
+from agents.scenario.generate.bodies import SOLIDS, ball, box, can, cup, wall
 from agents.scenario.generate.draft import ARENA, TOP, CrowdedError, EpisodeDraft
 from agents.scenario.generate.draw import NumberRange
 from agents.scenario.generate.families.handling import LIFTED, OUTSIDE
 from agents.scenario.generate.families.motions import behind
-from agents.scenario.generate.families.piles import TOPPLING, lie, maybe_hand, shove
+from agents.scenario.generate.families.piles import TOPPLING, lean_against, lie, maybe_hand, prop_up, shove
 from agents.scenario.generate.registry import Family
 
 AWAY = NumberRange(0.25, 0.7)
@@ -34,6 +34,17 @@ def lying(draft: EpisodeDraft) -> None:
     if draw.chance():
         draft.do(Topple(at=draft.now, object=upright, direction=draw.direction()), TOPPLING)
     shove(draft, draw.one_of(cans), None)
+
+
+def leaning(draft: EpisodeDraft) -> None:
+    """A board leans against a box, or a thing lies aslant on the edge of another one; one that stands by is shoved."""
+    draw = draft.draw
+    if draw.chance():
+        lean_against(draft, draft.stand(draw.one_of((box, wall))(draw), yaw=0.0))
+    else:
+        prop_up(draft)
+    others = draft.bystanders(least=1)
+    shove(draft, draw.one_of(others), None)
 
 
 def rolling_away(draft: EpisodeDraft) -> None:
@@ -106,6 +117,7 @@ SCENES: dict[str, Family] = {
     scene.name: scene
     for scene in (
         Family("lying", "Cans lie on their side", lying, "tuning", may_fall=True),
+        Family("leaning", "Things lean on others", leaning, "tuning", may_fall=True),
         Family("rolling_away", "Balls roll out of sight", rolling_away, "tuning", may_fall=True),
         Family("emerging", "Things come out of hiding while they move", emerging, "tuning", may_fall=True),
         Family("letting_go", "A hand lets go and is empty", letting_go, "tuning", may_fall=True),

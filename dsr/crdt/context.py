@@ -85,6 +85,11 @@ class CausalContext:
         place = bisect_left(beyond, start, key=_last)
         return start > last or (place < len(beyond) and beyond[place][0] <= start and last <= beyond[place][1])
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no dot is included."""
+        return not self.vector and not self.cloud
+
     def knows(self, rid: str) -> bool:
         """Whether any dot of replica `rid` is included."""
         return rid in self.vector or rid in self.cloud

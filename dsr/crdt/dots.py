@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, insort
 from collections.abc import Iterable, Iterator
+from itertools import repeat
 
 from dsr.crdt.context import Dot
 
@@ -45,8 +46,7 @@ class OrderedDots:
         first, counter = begin
         for rid in sorted(self._lists):
             if rid >= first:
-                for each in self._lists[rid].starting_at(counter if rid == first else 0):
-                    yield rid, each
+                yield from zip(repeat(rid), self._lists[rid].starting_at(counter if rid == first else 0))
 
     def between(self, rid: str, first: int, last: int) -> Iterator[Dot]:
         """The dots of one replica with counters from `first` to `last`, both included.

@@ -41,6 +41,8 @@ _BYTES_OF_CHANGE = 100
 """Bytes for which an addition or a write with short names and a short value counts."""
 _BYTES_OF_ADD, _BYTES_OF_WRITE = 37, 48
 """The most bytes that the numbers in one take, and the lengths of its texts and lists."""
+_SHORT = (_BYTES_OF_CHANGE - _BYTES_OF_WRITE) // 4
+"""Characters of an attribute's name with which it is short: each takes 4 bytes at most."""
 _BYTES_OF_DOT, _BYTES_OF_RANGE = 14, 23
 """The most bytes that one takes whose replica id is in the message already."""
 _BYTES_OF_LENGTH = 5
@@ -96,19 +98,45 @@ class _Weigher:
 
     def add(self, add: Add) -> None:
         """An addition is in the piece."""
-        texts = (add.key, add.type) if isinstance(add.key, str) else (*add.key, add.type)
-        self.name(add.dot[0])
-        for rid, _ in add.sources + add.destinations:
-            self.name(rid)
-        dots = len(add.sources) + len(add.destinations)
-        self.bytes += max(_BYTES_OF_CHANGE, _BYTES_OF_ADD + sum(map(size_of, texts)) + _BYTES_OF_DOT * dots)
+        key, named, weight = add.key, self._named, _BYTES_OF_ADD + size_of(add.type)
+        if add.dot[0] not in named:
+            self.name(add.dot[0])
+        if isinstance(key, str):
+            weight += size_of(key)
+        else:
+            ends = add.sources + add.destinations
+            weight += size_of(key[0]) + size_of(key[1]) + size_of(key[2]) + _BYTES_OF_DOT * len(ends)
+            for rid, _ in ends:
+                if rid not in named:
+                    self.name(rid)
+        self.bytes += max(_BYTES_OF_CHANGE, weight)
 
-    def write(self, write: Write) -> None:
-        """A write is in the piece."""
-        self.name(write.writer)
-        if write.dot is not None:
-            self.name(write.dot[0])
-        self.bytes += _weight(write)
+    def weigh(self, writes: list[Write]) -> tuple[int, list[str]]:
+        """Bytes that writes would take, or more, and the replica ids that would be new in the piece."""
+        weight, named = 0, self._named
+        new: list[str] = []
+        for write in writes:
+            value, writer, dot = write.value, write.writer, write.dot
+            if len(write.attribute) <= _SHORT:
+                weight += _BYTES_OF_CHANGE
+            else:
+                weight += max(_BYTES_OF_CHANGE, _BYTES_OF_WRITE + size_of(write.attribute))
+            kind = value.__class__
+            if kind is tuple:
+                weight += 9 * len(value)
+            elif kind is str or kind is bytes:
+                weight += len(value)
+            if writer not in named:
+                new.append(writer)
+            if dot is not None and dot[0] is not writer and dot[0] not in named:
+                new.append(dot[0])
+        return weight, new
+
+    def writes(self, weight: int, new: list[str]) -> None:
+        """Writes are in the piece that were weighed so."""
+        self.bytes += weight
+        for rid in new:
+            self.name(rid)
 
 
 def size_of(text: str) -> int:
@@ -179,45 +207,40 @@ def _take(
     store: Store, entry: Incarnation, seen: CausalContext, piece: Piece, weigher: _Weigher
 ) -> Place | None:
     """Add what is missing of one element; returns the place of the rest, if there is no room for all of it."""
-    first = piece.begin[2] if entry.dot == piece.begin[:2] else ""
+    first = piece.begin[2]
+    if first and entry.dot != piece.begin[:2]:
+        first = ""
     missing = _missing(entry, seen)
     if entry.dot not in store.entries:
         weigher.name(entry.dot[0])  # what is said of an element of another graph: it is created there
-    elif entry.dot in seen or first:
+    elif first or (not seen.is_empty and entry.dot in seen):
         weigher.kept(entry.dot)
         piece.kept.append(entry.dot)
     else:
         add = Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations)
         weigher.add(add)
         piece.adds.append(add)
-    if not first and weigher.bytes + sum([_weight(write) for write in missing]) <= MAX_WEIGHT:
-        for write in missing:
-            weigher.write(write)
+    weight, new = weigher.weigh(missing)
+    if not first and weigher.bytes + weight <= MAX_WEIGHT:
+        weigher.writes(weight, new)
         piece.writes += missing
         return None
     left = sorted((write for write in missing if write.attribute >= first), key=lambda write: write.attribute)
     for count, write in enumerate(left):
         if count and weigher.bytes >= MAX_WEIGHT:
             return (*entry.dot, write.attribute)
-        weigher.write(write)
+        weigher.writes(*weigher.weigh([write]))
         piece.writes.append(write)
     return None
 
 
 def _missing(entry: Incarnation, seen: CausalContext) -> list[Write]:
     """The writes of one element that `seen` lacks."""
+    if seen.is_empty:
+        return list(entry.registers.values())
     known = seen.vector.get
     beyond = [write for write in entry.registers.values() if (dot := write.dot) is None or dot[1] > known(dot[0], 0)]
     return [write for write in beyond if write.dot is None or write.dot not in seen] if seen.cloud else beyond
-
-
-def _weight(write: Write) -> int:
-    """Bytes that a write takes, or more, but for replica ids."""
-    value, weight = write.value, max(_BYTES_OF_CHANGE, _BYTES_OF_WRITE + size_of(write.attribute))
-    kind = value.__class__
-    if kind is tuple:
-        return weight + 9 * len(value)
-    return weight + len(value) if kind is str or kind is bytes else weight
 
 
 def _clipped(ranges: Iterable[DotRange], begin: Dot, end: Dot | None) -> Iterator[DotRange]:

@@ -156,7 +156,7 @@ class Schema:
             stored = _CONVERTERS[attribute.kind](value)
             if stored is None or (attribute.length is not None and len(stored) != attribute.length):
                 raise SchemaError(f"attribute {name!r}: expected a finite {attribute.described}, got {value!r:.200}")
-            if name in _BOUNDED and not is_within_bounds(stored):
+            if name in _BOUNDED and attribute.kind == _ATTRIBUTES[name].kind and not is_within_bounds(stored):
                 raise SchemaError(f"attribute {name!r}: expected numbers up to {MAX_NUMBER:g}, got {value!r:.200}")
             values[name] = stored
         return values

@@ -29,6 +29,8 @@ HELD = VERY_RARE
 """nats: something unknown holds an object."""
 HELD_ON_ITS_WAY = RARE
 """nats: something unknown holds an object, while percepts show it moving."""
+LEANS = RARE
+"""nats: an object beside another one leans on it."""
 REMOVED = VERY_RARE
 """nats: an object was taken away."""
 FELL = VERY_RARE + RARE

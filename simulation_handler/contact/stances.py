@@ -12,6 +12,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import place, separate
 from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import PLACE_FLOOR
@@ -25,30 +26,27 @@ class Stance(NamedTuple):
     """One way in which a body may rest where it is perceived."""
 
     cost: float
-    """nats: half its squared Mahalanobis distance from the percept"""
+    """nats, up to a constant: minus the logarithm of how probable the percept is then"""
     solid: Solid
     """The body there"""
 
 
-def stances(
-    percept: Solid, covariance: Array, turning: Array, others: Sequence[Solid], config: BeliefConfig
-) -> list[Stance]:
+def stances(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) -> list[Stance]:
     """The ways in which a body may rest where it is perceived, one for each face that may be down; likeliest first.
 
     How it is believed to rest comes first while no other way is better by `nats.AS_GOOD`. None where nothing can carry
     any of them. Turned about the vertical, for nobody sees that, where its neighbours would else push it aside.
 
     Args:
-        percept: the body as it is perceived, turned as it is believed to be.
-        covariance: (3, 3) m^2 of its position, with all that is not known of systematic errors.
-        turning: (3, 3) rad^2 of its rotation.
+        seen: the body as it is perceived, turned as it is believed to be.
         others: all other solids.
         config: tolerances.
     """
+    percept, covariance = seen.solid, seen.covariance
 
     def weighed(rotation: Quaternion) -> Stance:
         solid = place(percept.turned(rotation), covariance, others, config).solid
-        return Stance(misfit(_beside(solid, others), percept, covariance, turning), solid)
+        return Stance(seen.cost(_beside(solid, others)), solid)
 
     def ways(rotation: Quaternion) -> Iterator[Stance]:
         first = weighed(rotation)
@@ -64,12 +62,10 @@ def stances(
     return sorted(found, key=lambda stance: stance.cost - nats.AS_GOOD * (stance is as_before))
 
 
-def likeliest_stance(
-    percept: Solid, covariance: Array, turning: Array, others: Sequence[Solid], config: BeliefConfig
-) -> Quaternion:
-    """The rotation of the likeliest of `stances`; that of `percept` where there is none."""
-    found = stances(percept, covariance, turning, others, config)
-    return found[0].solid.rotation if found else percept.rotation
+def likeliest_stance(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) -> Quaternion:
+    """The rotation of the likeliest of `stances`; that of the percept where there is none."""
+    found = stances(seen, others, config)
+    return found[0].solid.rotation if found else seen.solid.rotation
 
 
 def is_sure(found: Sequence[Stance], config: BeliefConfig) -> bool:

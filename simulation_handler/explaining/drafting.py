@@ -10,6 +10,7 @@ import numpy as np
 
 from dsr.math3d import quaternions
 from simulation_handler.contact.depenetration import depenetrated
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.explaining.glimpses import Motion
@@ -113,7 +114,8 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
             others = list(scene.values())
             turned = solid
             if seen is not None and not seen.shows_stance:
-                turned = solid.turned(likeliest_stance(solid, covariance, seen.turning, others, situation.config))
+                there = PerceivedBody(solid, covariance, seen.turning)
+                turned = solid.turned(likeliest_stance(there, others, situation.config))
             placements[name] = place(turned, covariance, others, situation.config)
         scene[name] = placements[name].solid
     return placements

@@ -16,7 +16,7 @@ from simulation_handler.contact.stances import Stance, stances
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning
 from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
-from simulation_handler.scales import UNSEEN_VARIANCE
+from simulation_handler.scales import ROUNDING, UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -106,7 +106,10 @@ class Correction:
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
             item.adopt(self._confirmed(item, placement))
-        item.learn_bias(placement)
+        if item.leans:  # how high it leans is not known so well
+            item.bias = self._bodies.error_by_others(item).mean
+        else:
+            item.learn_bias(placement)
         must_move = is_new or is_astray or self._may_return(item)
         believed = item.placement.solid if item.placement and (must_move or item.static) else None
         scene[item.name] = believed or self._bodies.solid(item.name)
@@ -129,14 +132,18 @@ class Correction:
         if item.prop is not None:
             others.append(item.prop)
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
-        return self._leaning.find(item, *self._bodies.without_own_bias(item), flat, around.of(item)) or flat
+        seen = self._bodies.told_by_others(item)
+        judged = self._leaning.judge(item, seen, flat, around.of(item))
+        item.may_lean, item.leans = judged.may_lean, judged.leaning is not None
+        item.aslant = (judged.aslant, seen) if judged.aslant > ROUNDING else None
+        return judged.leaning or flat
 
     def _stances(self, item: BelievedObject, around: Neighbourhood) -> list[Stance]:
         """How an object, whose percepts do not tell, may be turned by its height."""
-        percept, covariance = self._bodies.without_own_bias(item)
-        above = self._bodies.above(item, percept.position)
+        seen = self._bodies.told_by_others(item)
+        above = self._bodies.above(item, seen.solid.position)
         others = [solid for name, solid in around.of(item).items() if name not in above]
-        return stances(percept, covariance, item.turning_of_one(), others, self._config)
+        return stances(seen, others, self._config)
 
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""

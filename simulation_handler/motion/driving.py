@@ -21,6 +21,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, place
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.contact.stances import likeliest_stance, misfit
@@ -344,7 +345,8 @@ class Driving:
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config)
         if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
-            seen = seen.turned(likeliest_stance(seen, covariance, item.turning_of_one(), others, config))
+            there = PerceivedBody(seen, covariance, item.turning_of_one())
+            seen = seen.turned(likeliest_stance(there, others, config))
             placement = place(seen, covariance, others, config)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
             as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,18 +14,39 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, covariance_given_height, given_height
-from simulation_handler.contact.stances import misfit
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
-from simulation_handler.scales import SLOW
+from simulation_handler.scales import PLACE_FLOOR, SLOW
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _TIPS = 8  # count of tilts up to lying at which a neighbour may be met, and of halvings between two of them, to 1 mrad
+_MOST_LEANS = 4  # count of leans that are simulated: those that fit best as they begin
 _UP: Array = np.array((0.0, 0.0, 1.0))
+
+
+class Lean(NamedTuple):
+    """One way in which a body may lean."""
+
+    solid: Solid
+    """The body there"""
+    supports: tuple[str, ...]
+    """Names of what carries it then, sorted"""
+
+
+class Judged(NamedTuple):
+    """How a body rests, by what is perceived."""
+
+    leaning: Placement | None
+    """How it leans; None if it stands, or lies"""
+    may_lean: bool
+    """Whether something is beside it on which it may lean"""
+    aslant: float = 0.0
+    """Probability that it leans, known how or not"""
 
 
 class _Found(NamedTuple):
@@ -32,15 +54,14 @@ class _Found(NamedTuple):
 
     flat: Placement
     around: Mapping[str, Solid]
-    leans: tuple[tuple[Solid, tuple[str, ...]], ...]
-    """How it may lean, and what carries it then"""
+    leans: tuple[Lean, ...]
 
 
 class Leaning:
     """Finds how an object leans on a neighbour, if that explains its percepts better than that it stands by itself.
 
     If percepts tell how it is turned, that is where a simulation begins. If they do not, it begins where the object
-    has tipped so far, about where it is perceived, that a neighbour stops it. Where the simulation leaves it weighs.
+    has tipped so far, about where it is perceived, that it touches a neighbour. Where the simulation leaves it weighs.
     """
 
     def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
@@ -54,38 +75,50 @@ class Leaning:
         if self._engine is not None:
             self._engine.close()
 
-    def find(
-        self, item: BelievedObject, percept: Solid, covariance: Array, flat: Placement, scene: Mapping[str, Solid]
-    ) -> Placement | None:
-        """How an object leans; None if it stands, or lies, as `flat` has it.
+    def judge(self, item: BelievedObject, seen: PerceivedBody, flat: Placement, scene: Mapping[str, Solid]) -> Judged:
+        """Whether and how an object leans.
 
         Args:
             item: the object.
-            percept: where it is perceived.
-            covariance: (3, 3) m^2 of that position.
+            seen: where it is perceived, by what other objects tell of systematic errors.
             flat: how it would rest with a face down.
             scene: all other solids.
 
-        What is believed stays so while the other explains what is perceived only as well.
+        What is believed to lean does so while standing explains what is perceived only as well.
         """
         around = {name: other for name, other in scene.items() if _is_beside(other, flat)}
         is_held = not flat.rests  # by something unknown, unless it leans
-        is_upright = percept.face_down()[1] <= self._config.tilt_tolerance
-        if not around or percept.kind == "sphere" or (is_held and is_upright):
-            return None
+        is_upright = seen.solid.face_down()[1] <= self._config.tilt_tolerance
+        if not around or seen.solid.kind == "sphere" or (is_held and is_upright):
+            return Judged(None, bool(around))
+        standing = seen.cost(flat.solid) + is_held * nats.HELD
+        is_flat = item.placement is None or self._is_flat(item.placement.solid)
+        if is_flat and standing <= seen.cost(seen.solid) + nats.AS_GOOD:
+            return Judged(None, True)
+        leans = self._leans(item, seen, flat, around, scene)
+        ways = [(seen.cost(lean.solid, PLACE_FLOOR) + nats.LEANS, lean) for lean in leans]
+        ways.sort(key=lambda way: way[0])
+        costs = [cost for cost, _ in ways]
+        if not item.shows_stance:
+            costs.append(seen.cost(seen.solid, _heights(seen.solid)) + nats.LEANS)
+        least = min(costs, default=math.inf)
+        aslant = 1.0 / (1.0 + math.exp(min(least - standing, nats.MOST_MISFIT)))
+        if ways and ways[0][0] < standing + (0.0 if is_flat else nats.AS_GOOD):
+            _, (solid, supports) = ways[0]
+            return Judged(Placement(solid, supports, covariance_given_height(seen.covariance)), True, aslant)
+        return Judged(None, True, aslant)
+
+    def _leans(
+        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Mapping[str, Solid],
+        scene: Mapping[str, Solid],
+    ) -> tuple[Lean, ...]:  # fmt: skip
+        """The ways in which an object may lean; they are worked out anew when something has changed."""
         known = self._found.get(item.name)
         if known is None or not self._holds(known, flat, around):
-            starts = [percept] if item.shows_stance else _tipped(percept, covariance, flat, list(around.values()))
+            starts = [seen.solid] if item.shows_stance else self._tipped(item, seen, flat, list(around.values()))
             leans = [lean for start in starts if (lean := self._settled(item, start, scene)) is not None]
             known = self._found[item.name] = _Found(flat, around, tuple(leans))
-        turning = item.turning()
-        as_believed = -nats.AS_GOOD if item.placement is None or self._is_flat(item.placement.solid) else nats.AS_GOOD
-        least, best = misfit(flat.solid, percept, covariance, turning) + as_believed + is_held * nats.HELD, None
-        for solid, supports in known.leans:
-            cost = misfit(solid, percept, covariance, turning)
-            if cost < least:
-                least, best = cost, Placement(solid, supports, covariance_given_height(covariance))
-        return best
+        return known.leans
 
     def _holds(self, known: _Found, flat: Placement, around: Mapping[str, Solid]) -> bool:
         """Whether what was found before was found for the same."""
@@ -100,9 +133,21 @@ class Leaning:
     def _is_flat(self, solid: Solid) -> bool:
         return solid.face_down()[1] <= self._config.divergence_angle
 
-    def _settled(
-        self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]
-    ) -> tuple[Solid, tuple[str, ...]] | None:
+    def _tipped(
+        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Sequence[Solid]
+    ) -> list[Solid]:
+        """The tilts with which the body touches a neighbour about where it is perceived; those that fit best."""
+        found = [
+            solid
+            for other in around
+            for way in _ways_to(other, flat.solid)
+            for rotation in _facing(flat.solid, way, turns=not item.shows_rotation)
+            for solid in _touching(seen, rotation, way, flat.solid.bottom, other)
+            if not self._is_flat(solid)
+        ]
+        return sorted(found, key=lambda solid: seen.cost(solid, PLACE_FLOOR))[:_MOST_LEANS]
+
+    def _settled(self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]) -> Lean | None:
         """How an object leans a short time after it was put there, and on what; None if it does not, or moves."""
         clear = depenetrated(start, [other for other in scene.values() if other.fixed], _UP)
         friction = self._config.default_friction
@@ -125,7 +170,12 @@ class Leaning:
             return None
         pairs = [{contact.upper, contact.lower} for contact in outcome.contacts]
         supports = {name for pair in pairs if item.name in pair for name in pair - {item.name}}
-        return (solid, tuple(sorted(supports))) if supports else None
+        return Lean(solid, tuple(sorted(supports))) if supports else None
+
+
+def _heights(solid: Solid) -> float:
+    """M, standard deviation of how high the middle of a body is that leans: all heights that it may have are alike."""
+    return (solid.radius - 0.5 * min(solid.size)) / math.sqrt(12.0)  # 1, of an even distribution
 
 
 def _is_beside(other: Solid, flat: Placement) -> bool:
@@ -139,27 +189,49 @@ def _is_beside(other: Solid, flat: Placement) -> bool:
     )  # fmt: skip
 
 
-def _tipped(percept: Solid, covariance: Array, flat: Placement, around: Sequence[Solid]) -> Iterator[Solid]:
-    """The body tipped over each of its sides about where it is perceived, until a neighbour stops it."""
-    level = flat.solid.bottom
-    for side in flat.solid.level_sides():
-        away = np.array((-side[0], -side[1], 0.0))
+def _ways_to(other: Solid, solid: Solid) -> Iterator[Vector3]:
+    """Horizontal unit vectors from a body to a neighbour: to its middle, and straight to the side that is nearest."""
+    x, y = (there - here for there, here in zip(other.position[:2], solid.position[:2], strict=True))
+    distance = math.hypot(x, y)
+    if distance > PLACE_FLOOR:
+        yield (x / distance, y / distance, 0.0)
+        if other.kind == "box":
+            a, b, _ = max(other.level_sides(), key=lambda side: side[0] * x + side[1] * y)
+            length = math.hypot(a, b)
+            yield (a / length, b / length, 0.0)
 
-        def tipped(angle: float, side: Vector3 = side) -> Solid:
-            return _on_level(percept, covariance, _tip(flat.solid.rotation, side, angle), level)
 
-        def is_stopped(solid: Solid, away: Array = away) -> bool:
-            return depenetrated(solid, around, away) is not solid
+def _facing(flat: Solid, way: Vector3, *, turns: bool) -> Iterator[Quaternion]:
+    """Rotations that put a face down; with `turns`, turned about the vertical so that a side is across the way."""
+    for rotation in flat.stances() if turns else [flat.rotation]:
+        for x, y, _ in flat.turned(rotation).level_sides()[::2]:
+            angle = math.atan2(way[1], way[0]) - math.atan2(y, x)
+            angle -= math.pi * round(angle / math.pi)  # both sides are alike
+            yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, angle)), rotation) if turns else rotation
 
-        angles = [0.5 * math.pi * k / _TIPS for k in range(_TIPS + 1)]
-        first = next((k for k, angle in enumerate(angles) if is_stopped(tipped(angle))), 0)
-        if first == 0:
-            continue
-        free, stopped = angles[first - 1], angles[first]
-        for _ in range(_TIPS):
-            middle = 0.5 * (free + stopped)
-            free, stopped = (free, middle) if is_stopped(tipped(middle)) else (middle, stopped)
-        yield tipped(free)
+
+def _touching(seen: PerceivedBody, rotation: Quaternion, way: Vector3, level: float, other: Solid) -> Iterator[Solid]:
+    """The body tipped towards a neighbour, and away from it, so far that it just touches that."""
+    away = np.array((-way[0], -way[1], 0.0))
+
+    def tipped(angle: float) -> Solid:
+        return _on_level(seen, _tip(rotation, way, angle), level)
+
+    def is_free(angle: float) -> bool:
+        solid = tipped(angle)
+        return depenetrated(solid, [other], away) is solid
+
+    for sign in (1.0, -1.0):
+        angles = [sign * 0.5 * math.pi * k / _TIPS for k in range(_TIPS + 1)]
+        are_free = [is_free(angle) for angle in angles]
+        for (one, two), (is_first_free, is_next_free) in zip(pairwise(angles), pairwise(are_free), strict=True):
+            if is_first_free == is_next_free:
+                continue
+            free, stopped = (one, two) if is_first_free else (two, one)
+            for _ in range(_TIPS):
+                middle = 0.5 * (free + stopped)
+                free, stopped = (middle, stopped) if is_free(middle) else (free, middle)
+            yield tipped(free)
 
 
 def _tip(rotation: Quaternion, side: Vector3, angle: float) -> Quaternion:
@@ -168,7 +240,7 @@ def _tip(rotation: Quaternion, side: Vector3, angle: float) -> Quaternion:
     return quaternions.product(turn, rotation)
 
 
-def _on_level(percept: Solid, covariance: Array, rotation: Quaternion, level: float) -> Solid:
+def _on_level(seen: PerceivedBody, rotation: Quaternion, level: float) -> Solid:
     """The body turned so, with its lowest point at the height `level` (m), where it is perceived else."""
-    turned = percept.turned(rotation)
-    return turned.moved(given_height(percept.position, covariance, level + turned.half_height))
+    turned = seen.solid.turned(rotation)
+    return turned.moved(given_height(turned.position, seen.covariance, level + turned.half_height))

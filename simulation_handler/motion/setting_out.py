@@ -32,7 +32,7 @@ class _ByMoment(NamedTuple):
     """What percepts tell if the object set out at one moment."""
 
     evidence: float
-    """Log likelihood of the percepts, nats"""
+    """Log likelihood of the percepts, nats, up to a constant"""
     mean: Array
     """(6,) position (m) and velocity (m/s) at the last percept"""
     covariance: Array

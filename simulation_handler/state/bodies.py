@@ -10,7 +10,8 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.percepts import Array
+from simulation_handler.contact.perceived import PerceivedBody
+from simulation_handler.perception.systematic import ErrorOfAnother, KnownError, error_of_another
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
@@ -167,27 +168,27 @@ class Bodies:
         """Whether physics has moved an object from the pose at which it was put."""
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
 
-    def shared_bias(self, item: BelievedObject) -> tuple[float, float]:
-        """Systematic error along the viewing ray of an object by those of the others: mean and standard deviation, m.
+    def error_by_others(self, item: BelievedObject) -> ErrorOfAnother:
+        """The systematic error along the viewing ray of an object, by those of the others that rest on something."""
+        others = [other for other in self.objects.values() if other is not item]
+        known = [
+            KnownError(other.bias, other.may_lean)
+            for other in others
+            if other.bias is not None and other.is_sure_of_stance and not other.leans
+        ]
+        return error_of_another(known, self._config.depth_bias)
 
-        Each error is a part that all share, of standard deviation `depth_bias`, and one of its own, of `learned_bias`.
-        """
-        own, shared = self._config.learned_bias**2, self._config.depth_bias**2
-        others = (other for other in self.objects.values() if other is not item and other.is_sure_of_stance)
-        known = [other.bias for other in others if other.bias is not None]
-        left = 1.0 / (1.0 / shared + len(known) / own)
-        return left * sum(known) / own, math.sqrt(left + own)
-
-    def without_own_bias(self, item: BelievedObject) -> tuple[Solid, Array]:
-        """Where an object is perceived, and (3, 3) m^2, by what other objects tell of systematic errors.
+    def told_by_others(self, item: BelievedObject) -> PerceivedBody:
+        """Where an object is perceived by what other objects tell of systematic errors.
 
         What its own percepts told was learned from how it was taken to rest.
         """
         estimate = item.track.estimate
         assert estimate is not None
-        mean, std = self.shared_bias(item)
+        mean, std, freedom = self.error_by_others(item)
         x, y, z = estimate.corrected(mean).tolist()
-        return item.percept().moved((x, y, z)), estimate.total_covariance(std)
+        turning = item.turning() if item.shows_stance else item.turning_of_one()
+        return PerceivedBody(item.percept().moved((x, y, z)), estimate.total_covariance(std), turning, freedom)
 
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""

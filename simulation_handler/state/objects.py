@@ -14,6 +14,7 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.stances import Stance, is_sure, probabilities
 from simulation_handler.contact.supports import UNKNOWN
@@ -69,6 +70,12 @@ class BelievedObject:
     """How it is believed to be turned in the world, for percepts that do not tell; None as long as it has no place."""
     is_sure_of_stance: bool = True
     """Whether it is clear which of its sides is down, if that makes a difference of its height."""
+    may_lean: bool = False
+    """Whether something is beside it on which it may lean."""
+    leans: bool = False
+    """Whether it is believed to lean: its bias is then that of the others."""
+    aslant: tuple[float, PerceivedBody] | None = None
+    """Probability that it leans, known how or not, and where it is perceived then; None if nothing says so."""
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
     """How it may be turned instead of `stance`, as far as percepts tell: probability, and rotation from it to that."""
     hovering_since: float | None = None

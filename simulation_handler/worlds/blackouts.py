@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from simulation_handler.scales import PRESENT
+from simulation_handler.scales import PRESENT, ROUNDING
 from simulation_handler.worlds.evidence import Evidence
 
-_SUREST = 20.0
-"""nats: surer than that nothing is. Far surer, rounding errors would be what is left of the other possibility."""
+_SUREST = -math.log(ROUNDING)
+"""nats: more than that is lost in rounding"""
 
 
 class Blackouts:

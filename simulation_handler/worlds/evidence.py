@@ -82,6 +82,10 @@ class ObjectEvidence:
     """Whether the fingertips of the hand that holds it are seen apart from it just now."""
     let_go_at: float = -np.inf
     """s, when a hand was last known to let go of it"""
+    aslant: tuple[float, Pose] | None = None
+    """Probability that it leans, and world_from_object as perceived then, with covariance.
+
+    The systematic error of its percepts is that of other objects: its own is learned from how it is taken to rest."""
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
     """How it may be turned instead, if its percepts do not tell: probability, and rotation from `believed` to that."""
 
@@ -206,6 +210,7 @@ class EvidenceReader:
             aloft=item.static or item.hovering_since is not None,
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
+            aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
             courses=self._courses(name),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
@@ -231,6 +236,15 @@ def _otherwise(item: BelievedObject, pose: Pose, config: BeliefConfig) -> tuple[
         return ()
     down, before = (quaternions.rotate(quaternions.conjugate(q), (0.0, 0.0, 1.0)) for q in (pose.q, item.stance))
     return item.otherwise if math.dist(down, before) < config.tilt_tolerance else ()
+
+
+def _aslant(item: BelievedObject) -> tuple[float, Pose] | None:
+    """Where a thing is perceived if it leans, and how probable that is."""
+    if item.aslant is None:
+        return None
+    chance, seen = item.aslant
+    pose = Pose.unchecked(seen.solid.position, seen.solid.rotation, item.track.last_stamp)
+    return chance, with_world_covariances(pose, seen.covariance, seen.turning)
 
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:

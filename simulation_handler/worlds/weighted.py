@@ -58,6 +58,8 @@ PERCEIVED = "as perceived"
 """Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
 OTHER_SIDE = "on another side"
 """Reason of a world in which another side of an object is down, for percepts do not tell how it is turned"""
+ASLANT = "leans on something"
+"""Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
 ON_COURSE = "went on unseen"
 """Reason of a world in which what vanished on its way has gone on otherwise than the simulation has it"""
 LOOK_PERIOD = 0.2
@@ -279,6 +281,8 @@ class WeightedWorlds:
         if perceived is not None:
             parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
         parts = [turned for part in parts for turned in _turned(part, thing)]
+        if thing.aslant is not None:
+            parts = _or_aslant(parts, state, *thing.aslant, noise)
         if not state.hand or thing.gripper:
             return [(weight * share, one, reason) for share, one, reason in parts]
         held = self._parameters.holding.get(hold(thing, followed.circumstance), 0.0)
@@ -384,6 +388,19 @@ def _density(worlds: _Places, seen: Pose) -> float:
         distance = float(squared_distance(np.subtract(seen.t, pose.t)[:2], covariance))
         found += weight * math.exp(-0.5 * distance) / (2.0 * math.pi * math.sqrt(float(np.linalg.det(covariance))))
     return found
+
+
+def _or_aslant(
+    parts: Sequence[_Weighted], state: ObjectState, chance: float, there: Pose, noise: PlaceNoise
+) -> list[_Weighted]:
+    """Worlds, and those in which the object leans, with the probability `chance`."""
+    return [
+        *(((1.0 - chance) * share, one, reason) for share, one, reason in parts),
+        *(
+            (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
+            for share, factor in zip(*levels_of_wrong(noise), strict=True)
+        ),
+    ]
 
 
 def _hand_of(thing: ObjectEvidence) -> str:

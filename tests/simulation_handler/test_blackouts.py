@@ -165,3 +165,9 @@ def test_many_things_that_were_moved_tell_of_somebody_after_a_long_time(monkeypa
     for scene in (unmoved, moved):
         scene.run(0.5, *cans)
     assert moved.gone() == pytest.approx(unmoved.gone(), rel=1e-3)
+
+
+def test_after_a_night_it_is_as_sure_that_somebody_was_at_work_as_after_a_minute() -> None:
+    minute, night = after(60.0), after(600.0)
+    assert night.gone() >= minute.gone() > 0.15
+    assert after(600.0, "can").gone() > 0.15, "one thing in its place is no proof"

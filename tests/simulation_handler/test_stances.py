@@ -12,10 +12,12 @@ from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.stances import is_sure, likeliest_stance, probabilities, stances
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.perception.paths import Path
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.weighted import ASLANT
 from tests.simulation_handler.worlds import BALL, CAMERA, PERIOD, ROUND, TABLE
 
 CAN: Vector3 = (0.09, 0.09, 0.06)
@@ -107,11 +109,11 @@ def test_a_body_with_an_orientation_that_is_seen_is_not_turned() -> None:
     sure, tells_nothing = 1e-3 * np.eye(3), UNTOLD * np.eye(3)
     position = 1e-6 * np.eye(3)
     lower = percept.moved((0.35, 0.1, 0.03))
-    assert likeliest_stance(lower, position, sure, [FLOOR], CONFIG) == pytest.approx(LYING)
-    found = stances(lower, position, tells_nothing, [FLOOR], CONFIG)
+    assert likeliest_stance(PerceivedBody(lower, position, sure), [FLOOR], CONFIG) == pytest.approx(LYING)
+    found = stances(PerceivedBody(lower, position, tells_nothing), [FLOOR], CONFIG)
     assert is_sure(found, CONFIG) and found[0].solid.half_height == pytest.approx(0.03)
     assert probabilities(found)[0] > 0.999
-    found = stances(lower, 1e-2 * np.eye(3), tells_nothing, [FLOOR], CONFIG)
+    found = stances(PerceivedBody(lower, 1e-2 * np.eye(3), tells_nothing), [FLOOR], CONFIG)
     assert not is_sure(found, CONFIG) and probabilities(found) == pytest.approx([0.5, 0.5], abs=0.05)
 
 
@@ -147,6 +149,27 @@ def test_a_board_leans_on_the_box_that_stops_it_and_shoves_nothing(*, told: bool
     assert world.off("board") < 0.004
     assert world.off("wall") < 0.003
     assert ("board", "table") in world.belief.supports()
+
+
+def test_what_lies_aslant_on_an_edge_is_likelier_where_it_is_seen() -> None:
+    """Nobody sees how the box and the plate are turned. Things that stand by themselves tell the error of depth."""
+    world, tilt, size = World(), 0.25, (0.04, 0.04, 0.04)
+    for k, y in enumerate((-0.3, -0.2, 0.2, 0.3)):
+        world.add(f"cube_{k}", size, (0.1, y, 0.02))
+    world.add("plate", (0.2, 0.06, 0.01), (0.35, 0.0, 0.005))
+    edge = 0.01 / math.sin(tilt)  # m, of the lower side, from the table to the edge of the plate
+    across, up = (part * math.cos(tilt) for part in (edge - 0.02, 0.02))
+    box = (0.45 + across - 0.02 * math.sin(tilt), 0.0, up + 0.02 * math.sin(tilt))
+    world.add("box", size, box)
+    world.run(3.0)
+    assert world.off("plate") < 0.003
+    (told,) = [island for island in world.belief.islands() if "box" in island.names]
+    aslant = [one for one in told.worlds if one.reason == ASLANT]
+    assert sum(one.weight for one in aslant) > 0.5
+    pose = aslant[0].objects["box"].pose
+    assert pose is not None and math.dist(pose.t, box) < 0.002
+    cubes = [island for island in world.belief.islands() if island.names[0].startswith("cube")]
+    assert len(cubes) == 4 and not any(one.reason == ASLANT for island in cubes for one in island.worlds)
 
 
 def test_a_board_that_stands_free_is_not_believed_to_lean() -> None:

@@ -14,7 +14,20 @@ from agents.scenario.truth.history import History, Inferred, Sample
 from benchmarks.honesty.statement import Likely, Statement, mass_near
 from benchmarks.honesty.watching import ToldWorlds
 from benchmarks.kinds import __main__ as command
-from benchmarks.kinds.cases import DRAGGED, EMERGING, FALL, KINDS, LET_GO, LYING, ROLLED, Case, cases, moments, shows
+from benchmarks.kinds.cases import (
+    DRAGGED,
+    EMERGING,
+    FALL,
+    KINDS,
+    LEANING,
+    LET_GO,
+    LYING,
+    ROLLED,
+    Case,
+    cases,
+    moments,
+    shows,
+)
 from benchmarks.kinds.playing import Job, episode_of
 from benchmarks.kinds.scenes import SCENES
 from dsr.math3d.quaternions import Vector3
@@ -76,6 +89,18 @@ def test_a_can_that_rests_on_its_side_in_view_may_be_believed_standing() -> None
     assert len(right) == 5 and not any(case.wrong for case in right) and right[0].time == pytest.approx(3.5)
     standing = found(made, LYING, {"can": [(1.0, UPRIGHT)]})
     assert {(case.wrong, round(case.told, 6)) for case in standing} == {(True, 1.0)}
+
+
+def test_what_leans_in_view_may_be_believed_with_a_face_down() -> None:
+    aslant = Pose.from_rotvec((0.3, 0.3, 0.05), (0.3, 0.0, 0.0))
+    made = history([*[(UPRIGHT, at(0.3), {})] * 15, *[(aslant, at(0.3), {})] * 15])
+    right = found(made, LEANING, {"can": [(0.7, aslant), (0.3, UPRIGHT)]})
+    assert len(right) == 5 and not any(case.wrong for case in right)
+    flat = found(made, LEANING, {"can": [(1.0, UPRIGHT)]})
+    assert all(case.wrong and case.told > 0.99 for case in flat)
+    nobody_knows = Statement((Likely(1.0, UPRIGHT.with_covariance(np.diag([1e-4] * 3 + [1.0] * 3))),))
+    said = {one.time: ToldWorlds({"can": nobody_knows}, {}, {}) for one in made.samples}
+    assert not any(case.wrong for case in cases(0, made, said, {}) if case.kind == LEANING)
 
 
 def test_a_ball_that_rolls_out_of_sight_may_be_believed_where_it_vanished() -> None:

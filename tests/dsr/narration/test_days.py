@@ -154,7 +154,7 @@ def test_of_many_things_the_newest_are_told_and_the_rest_is_counted(house: House
     assert sum(one.text in response.text for one in response.evidence) < 20
 
 
-@pytest.mark.parametrize("time", [1e300, -1e300, 2.6e11])
+@pytest.mark.parametrize("time", [9e11, -9e11, 2.6e11])
 def test_times_that_no_calendar_has_are_passed_over(time: float) -> None:
     """Whoever may write events could end every account of the past otherwise."""
     house = House()

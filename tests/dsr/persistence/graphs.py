@@ -6,11 +6,13 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from dsr.graph.schema import AttributeType, Schema
+from dsr.graph.schema import MAX_NUMBER, AttributeType, Schema
 from dsr.math3d.transforms import Pose
 from dsr.persistence.content import GraphContent, NodeContent
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+BOUNDED = st.floats(-MAX_NUMBER, MAX_NUMBER)
+"""Those that built-in attributes have."""
 NAMES = st.from_regex(r"[A-Za-z0-9_.\-]{1,20}", fullmatch=True)
 
 
@@ -22,7 +24,7 @@ def poses(draw: st.DrawFn) -> Pose:
     variances = draw(st.lists(st.floats(0, 1e3), min_size=6, max_size=6))
     covariance = [[variances[row] if row == column else 0.0 for column in range(6)] for row in range(6)]
     translation = draw(st.tuples(*[st.floats(-1e6, 1e6)] * 3))
-    stamp = draw(NUMBERS) + 0.0  # never -0.0
+    stamp = draw(BOUNDED) + 0.0  # never -0.0
     return Pose(translation, [x / norm for x in rotation], stamp, draw(st.sampled_from([None, covariance])))
 
 
@@ -47,7 +49,7 @@ def contents(draw: st.DrawFn) -> GraphContent:
     schema.register_edge_type("Assumed_RT", "guessed", geometric=True)
     schema.register_edge_type("blocks", "stands before")
     own = {f"own_{kind}": values for kind, values in VALUES.items()}
-    attributes = st.fixed_dictionaries({}, optional={**own, "mass": NUMBERS, "note": VALUES["str"]})
+    attributes = st.fixed_dictionaries({}, optional={**own, "mass": BOUNDED, "note": VALUES["str"]})
     names = draw(st.lists(NAMES, unique=True, max_size=5))
     nodes = {name: NodeContent(draw(st.sampled_from(["cube", "drawer"])), draw(attributes)) for name in names}
     types = st.sampled_from(["RT", "Assumed_RT", "blocks"])

@@ -308,7 +308,7 @@ def test_a_confidence_is_0_to_1(company: Company, confidence: float) -> None:
     chronicle.happened("x", confidence=1)
 
 
-@pytest.mark.parametrize("values", [{}, {"begin": 3.0}, {"time": 1e300}, {"time": -1e300}, {"time": 2.6e11}])
+@pytest.mark.parametrize("values", [{}, {"begin": 3.0}, {"time": 9e11}, {"time": -9e11}, {"time": 2.6e11}])
 def test_nodes_without_a_time_are_no_entries(company: Company, values: dict[str, Any]) -> None:
     memory = company.join("waiter")
     memory.add_node("event_x", "event", kind="x", **values)

@@ -123,7 +123,7 @@ def leaning(draft: EpisodeDraft) -> None:
     """Boards lean against boxes, and cans lie; what holds them up is moved, and what lies is pushed."""
     draw = draft.draw
     support = draft.stand(draw.one_of((box, wall))(draw) if draw.chance() else wall(draw), yaw=0.0)
-    leaner = _lean(draft, support)
+    leaner = lean_against(draft, support)
     lying = [lie(draft) for _ in range(draw.count(0, 2))]
     draft.bystanders()
     hand = maybe_hand(draw)
@@ -150,7 +150,7 @@ def leaning(draft: EpisodeDraft) -> None:
 def propped(draft: EpisodeDraft) -> None:
     """Planks and boxes lie aslant, one end on a thing and the other on the table; then something is moved or shoved."""
     draw = draft.draw
-    pairs = [_propped_pair(draft) for _ in range(draw.count(1, 2))]
+    pairs = [prop_up(draft) for _ in range(draw.count(1, 2))]
     lying = [lie(draft) for _ in range(draw.count(0, 1))]
     draft.bystanders()
     for support, leaner in draw.some_of(pairs, draw.count(1, len(pairs))):
@@ -167,7 +167,7 @@ def propped(draft: EpisodeDraft) -> None:
         shove(draft, name, None)
 
 
-def _propped_pair(draft: EpisodeDraft) -> tuple[str, str]:
+def prop_up(draft: EpisodeDraft) -> tuple[str, str]:
     """Let a plank lie with one end on the edge of a solid thing, or a solid thing with one side on a plank."""
     draw = draft.draw
     lower, upper = draw.one_of(((cube, plank), (box, plank), (plank, box), (plank, cube)))
@@ -188,7 +188,7 @@ def _propped_pair(draft: EpisodeDraft) -> tuple[str, str]:
     return support, leaner
 
 
-def _lean(draft: EpisodeDraft, support: str) -> str:
+def lean_against(draft: EpisodeDraft, support: str) -> str:
     """Let a board lean against the side of a box that is turned along the world's axes, so that it faces +x."""
     draw, spec = draft.draw, next(spec for spec in draft.objects if spec.name == support)
     body, angle = board(draw), draw.number(LEAN)
