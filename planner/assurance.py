@@ -89,7 +89,7 @@ class Assurance:
         eyes, look = self._looking.eyes(), None
         problem = self._looking.problem
         if len(done) < self._config.most_looks:
-            things = [name for name, chance in self._chances(step, following).items() if chance < self._config.sure]
+            things = self._doubtful(step, following)
             state = read_state(self._memory, self._config)
             look = yield from Outlooks(self._memory, state, eyes, things, self._config).best(done, self._kept())
         if look is None:
@@ -113,7 +113,7 @@ class Assurance:
 
     def _tell(self, look: Look, step: PlanStep, following: PlanStep | None) -> str:
         """Write into the timeline why there is a look; returns the text."""
-        things = sorted(name for name, chance in self._chances(step, following).items() if chance < self._config.sure)
+        things = self._doubtful(step, following)
         if look.information > 0.0:
             there = self._chances(step, following, lambda _name, _one: True)
             doubt = listed([f"{name} is where it is believed to be with {percent(there[name])}" for name in things])
@@ -124,6 +124,12 @@ class Assurance:
         self._chronicle.happened(LOOKED, things, text=text, confidence=self._chance(step, following))
         self._log.info("%s", text)
         return text
+
+    def _doubtful(self, step: PlanStep, following: PlanStep | None) -> list[str]:
+        """Names of the things that the arm relies on too little: all of them together must be sure enough."""
+        chances = self._chances(step, following)
+        each = self._config.sure ** (1.0 / max(len(chances), 1))
+        return sorted(name for name, chance in chances.items() if chance < each)
 
     def _chance(self, step: PlanStep, following: PlanStep | None) -> float:
         return math.prod(self._chances(step, following).values())

@@ -87,6 +87,17 @@ def test_what_it_will_be_put_on_is_made_sure_before_anything_is_taken_up() -> No
         assert run.arm.done.index("look camera_wrist done") < run.arm.done.index("pick cube_3 done")
 
 
+def test_things_that_are_sure_enough_each_but_not_together_are_looked_at() -> None:
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        x, y, _ = run.memory.transform("world", "cube_4", types=("Virtual_RT",)).t
+        believe(run.memory, "cube_3", at(0.85, HERE), at(0.15, THERE))
+        believe(run.memory, "cube_4", at(0.85, (x, y)), at(0.15, (0.30, -0.30)))
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert looks_before(run)
+
+
 def test_what_is_sure_enough_is_not_looked_at() -> None:
     with Run() as run:
         add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
