@@ -29,7 +29,7 @@ class LikelyPlace(NamedTuple):
 
 def likely_places(where: Whereabouts) -> list[LikelyPlace]:
     """Places where a thing may be, with their probabilities; some of each alternative that is spread out."""
-    likely = where.alternatives[:MOST_ALTERNATIVES]
+    likely = sorted(where.alternatives, key=lambda one: -one.weight)[:MOST_ALTERNATIVES]  # others may order otherwise
     total = sum(one.weight for one in likely)
     found = []
     for one in likely:

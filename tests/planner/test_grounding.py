@@ -193,3 +193,12 @@ def test_things_go_on_the_table_that_carries_most(memory: Memory) -> None:
     memory.add_node("a_desk", "table", size=(1.0, 1.0, 0.03))
     memory.add_edge("world", "a_desk", "RT", pose=Pose((2.0, 0.0, 0.0)))
     assert read_state(memory, CONFIG).table == "table"
+
+
+def test_a_distribution_whose_first_places_are_impossible_is_read_all_the_same() -> None:
+    with Run() as run:
+        impossible = [Alternative(weight=0.0, pose=Pose((0.3, 0.01 * number, 0.02))) for number in range(9)]
+        likely = [Alternative(weight=share, pose=Pose((0.4, share, 0.02))) for share in (0.4, 0.6)]
+        believe(run.memory, "cube_3", *impossible, *likely)
+        found = read_state(run.memory, PlannerConfig()).doubts["cube_3"]
+    assert [doubt.probability for doubt in found[:2]] == pytest.approx([0.6, 0.4])
