@@ -43,9 +43,10 @@ class Covers:
         Empty if it is in nothing, or in something that is open above it, such as a tray.
         """
         containers = {*one.containers, *(edge.dst for edge in self._memory.edges("in", src=name))}
-        if not containers or one.pose is None:
+        node = self._memory.get_node(name)
+        if not containers or one.pose is None or node is None:
             return ""
-        body = body_at(self._memory, self._memory.node(name), one.pose)
+        body = body_at(self._memory, node, one.pose)
         if body is None:
             return ""
         x, y, z = one.pose.t

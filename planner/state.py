@@ -125,8 +125,8 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
 
 def _doubts(memory: Memory, name: str) -> tuple[PossiblePlace, ...]:
     """Where a thing may be that lies somewhere; none if only one place is thought of."""
-    node = memory.node(name)
-    where = memory.belief(name) if node.get(ATTRIBUTE) else None
+    node = memory.get_node(name)  # it may just have been removed
+    where = memory.belief(name) if node is not None and node.get(ATTRIBUTE) else None
     if where is None:
         return ()
     return tuple(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from dsr.believing.distribution import Alternative
 from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.relations import Relations
 from planner.config import PlannerConfig
+from planner.covers import Covers
 from planner.errors import NoPlace
 from planner.grounding import ground, is_free, place_on_table, stacked
 from planner.plan import PlanStep
@@ -202,3 +204,21 @@ def test_a_distribution_whose_first_places_are_impossible_is_read_all_the_same()
         believe(run.memory, "cube_3", *impossible, *likely)
         found = read_state(run.memory, PlannerConfig()).doubts["cube_3"]
     assert [doubt.probability for doubt in found[:2]] == pytest.approx([0.6, 0.4])
+
+
+def test_what_is_removed_while_the_state_is_read_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Run() as run:
+        memory = run.memory
+        read = memory.get_transform
+
+        def remove_then(*names: str, **options: Any) -> Pose | None:
+            pose = read(*names, **options)
+            if "cube_3" in names and "cube_3" in memory:
+                memory.remove_node("cube_3")
+            return pose
+
+        monkeypatch.setattr(memory, "get_transform", remove_then)
+        state = read_state(memory, PlannerConfig())
+        assert "cube_3" in state.solids and "cube_3" not in state.doubts
+        alternative = Alternative(weight=1.0, pose=Pose(), containers=("cup",))
+        assert Covers(memory, PlannerConfig()).cover_of("cube_3", alternative) == ""
