@@ -23,6 +23,7 @@ from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
+from simulation_handler.contact.depenetration import GAP
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
@@ -38,6 +39,9 @@ OBJECTS = THINGS
 """Node types of the objects that the belief follows."""
 FARTHEST = 100.0
 """m from the world's origin that anything may be: farther is an error, not a tabletop"""
+
+MASSES = (1e-6, 1e6)
+"""kg that an object may have: beyond, physics divides by what is as good as zero"""
 
 Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
 """Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
@@ -205,16 +209,16 @@ class GraphReader:
 
 def _properties(node: Node, forms: Forms) -> Properties:
     mass, friction = _number(node, "mass"), _number(node, "friction")
-    if mass == 0.0:
-        raise SchemaError(f"{node}: mass 0 kg; expected more")
+    if mass is not None and not MASSES[0] <= mass <= MASSES[1]:
+        raise SchemaError(f"{node}: mass {mass} kg; expected from {MASSES[0]:g} to {MASSES[1]:g}")
     size = _size(node)
     return size, mass, friction, _number(node, "rolling_friction"), _shape(node, size, forms)
 
 
 def _size(node: Node) -> Vector3:
     size: Any = node.get("size")
-    if not isinstance(size, tuple) or len(size) != 3 or not all(0.0 < edge < math.inf for edge in size):
-        raise SchemaError(f"{node}: size {size}; expected three positive lengths in m")
+    if not isinstance(size, tuple) or len(size) != 3 or not all(GAP <= edge <= 2.0 * FARTHEST for edge in size):
+        raise SchemaError(f"{node}: size {size}; expected three lengths from {GAP:g} to {2.0 * FARTHEST:g} m")
     return size
 
 

@@ -31,6 +31,8 @@ class Courses:
         self._bodies = bodies
         self._config = config
         self._running: dict[str, _Simulated] = {}
+        self._waiting: dict[str, tuple[float, float]] = {}
+        """Objects whose courses are to begin: s, when each was seen last, and time (s) that was lost since."""
         self._idle: list[Simulator] = []
         self._now = -math.inf
 
@@ -42,24 +44,46 @@ class Courses:
     def update(self, now: float) -> None:
         """Begin and end courses, and bring them to time `now` (s)."""
         objects, before, self._now = self._bodies.objects, self._now, now
-        new: list[BelievedObject] = []
         for name, one in list(self._running.items()):
             item = objects.get(name)
             if item is None or item.track.last_stamp != one.since or item.hand or item.holder:
                 one.clear()
                 self._idle.append(self._running.pop(name).sim)
-        for name, item in objects.items():
-            if before - item.track.last_stamp <= UNSEEN < now - item.track.last_stamp and _is_on_its_way(item):
-                sim = self._idle.pop() if self._idle else Simulator(most_parts=1)
-                self._running[name] = _Simulated(sim, item, [self._begin(item, one) for one in _starts(item)])
-                new.append(item)
+        self._note_waiting(before, now)
+        new = self._begin_next()
         moving = {name: one for name, one in self._running.items() if not one.rests}
         if moving:
             bodies = self._bodies.frozen().bodies
             for name, one in moving.items():
                 one.advance([body for body in bodies if body.name != name], now)
-        for item in new:
-            self._follow(item, self._running[item.name].typical())
+        if new is not None:
+            self._follow(new, self._running[new.name].typical())
+
+    def _note_waiting(self, before: float, now: float) -> None:
+        """Note what has just vanished on its way, and the time that all lose if the last update is long ago."""
+        lost = max(0.0, now - before - MOST_STEPS * TIME_STEP)  # as for all bodies
+        for one in self._running.values():
+            one.lose(lost)
+        self._waiting = {name: (since, so_far + lost) for name, (since, so_far) in self._waiting.items()}
+        for name, item in self._bodies.objects.items():
+            since = item.track.last_stamp
+            if before - since <= UNSEEN < now - since and _is_on_its_way(item):
+                gap = now - max(before, since + UNSEEN)
+                self._waiting[name] = since, max(0.0, gap - MOST_STEPS * TIME_STEP)
+
+    def _begin_next(self) -> BelievedObject | None:
+        """Begin the courses of one object, for to begin takes about as long as a tick; return the object."""
+        while self._waiting:
+            name, (since, lost) = next(iter(self._waiting.items()))
+            del self._waiting[name]
+            item = self._bodies.objects.get(name)
+            if item is not None and item.track.last_stamp == since:
+                sim = self._idle.pop() if self._idle else Simulator(most_parts=1)
+                one = _Simulated(sim, item, [self._begin(item, start) for start in _starts(item)])
+                one.lose(lost)
+                self._running[name] = one
+                return item
+        return None
 
     def of(self, name: str) -> tuple[Pose, ...]:
         """world_from_object by each course of an object, each as probable; none if it did not vanish on its way."""
@@ -113,6 +137,10 @@ class _Simulated:
         """Whether none of them moves any more."""
         return bool(self._others) and all(max(self.sim.speed(name)) < SLEEP_SPEED for name in self._names)
 
+    def lose(self, seconds: float) -> None:
+        """Let time pass in which nothing moves."""
+        self._time += seconds
+
     def advance(self, others: Sequence[RolloutBody], now: float) -> None:
         """Let time pass up to `now` (s) among these other bodies, which nothing moves."""
         for name in self._others.keys() - {body.name for body in others}:
@@ -125,7 +153,6 @@ class _Simulated:
             elif (before.position, before.rotation) != (body.position, body.rotation):
                 self.sim.place(body.name, body.position, body.rotation)
             self._others[body.name] = body
-        self._time = max(self._time, now - UNSEEN - MOST_STEPS * TIME_STEP)  # time beyond is lost, as for all bodies
         count = round((now - self._time) / TIME_STEP)
         self.sim.step(count)
         self._time += count * TIME_STEP

@@ -237,7 +237,9 @@ def test_bad_percepts_are_skipped(table: Table, kind: str, caplog: pytest.LogCap
 @pytest.mark.parametrize(
     "attributes",
     [{}, {"size": (0.04, 0.0, 0.04)}, {"size": (0.04, -1.0, 0.04)}, {"size": CUBE, "mass": 0.0},
-     {"size": CUBE, "mass": -1.0}, {"size": CUBE, "friction": -0.1}],
+     {"size": CUBE, "mass": -1.0}, {"size": CUBE, "friction": -0.1},
+     {"size": (0.04, 1e-300, 0.04)}, {"size": (1e9, 1e9, 1e9)}, {"size": CUBE, "mass": 1e-300},
+     {"size": CUBE, "mass": 1e12}],
 )  # fmt: skip
 def test_bad_nodes_are_skipped_and_said_once(
     table: Table, attributes: dict[str, object], caplog: pytest.LogCaptureFixture

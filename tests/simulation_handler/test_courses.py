@@ -21,11 +21,11 @@ NOISE = 0.001
 RADIUS = 0.03
 
 
-def percepts(*places: float) -> list[WeighedPercept]:
+def percepts(*places: float, y: float = 0.0) -> list[WeighedPercept]:
     """Of a ball that is seen along x, one a period."""
     return [
         WeighedPercept(
-            PERIOD * number, np.array((x, 0.0, RADIUS)), (0.0, 0.0, 0.0, 1.0), NOISE**2 * np.eye(3),
+            PERIOD * number, np.array((x, y, RADIUS)), (0.0, 0.0, 0.0, 1.0), NOISE**2 * np.eye(3),
             4.0 * np.eye(3), np.array((0.0, 0.0, -1.0)),
         )
         for number, x in enumerate(places)
@@ -71,13 +71,18 @@ class Table:
         config = BeliefConfig()
         self.bodies = Bodies(config)
         self.bodies.set_fixture("table", (4.0, 4.0, 0.04), Pose((0.0, 0.0, -0.02)))
-        size = (2 * RADIUS, 2 * RADIUS, 2 * RADIUS)
-        self.ball = self.bodies.add_object("ball", size, 0.05, 0.5, (Part("sphere", size),), rolling_friction=0.002)
-        self.bodies.put(self.ball, (places[0], 0.0, RADIUS), (0.0, 0.0, 0.0, 1.0))
-        for percept in percepts(*places):
-            self.ball.observe(percept, "camera")
+        self.ball = self.add("ball", *places)
         self.courses = Courses(self.bodies, config)
         self.now = self.ball.track.last_stamp
+
+    def add(self, name: str, *places: float, y: float = 0.0) -> BelievedObject:
+        """A ball that was seen at these places along x."""
+        size = (2 * RADIUS, 2 * RADIUS, 2 * RADIUS)
+        ball = self.bodies.add_object(name, size, 0.05, 0.5, (Part("sphere", size),), rolling_friction=0.002)
+        self.bodies.put(ball, (places[0], y, RADIUS), (0.0, 0.0, 0.0, 1.0))
+        for percept in percepts(*places, y=y):
+            ball.observe(percept, "camera")
+        return ball
 
     def run(self, seconds: float) -> np.ndarray:
         """(n, 3) m, where it may be by then."""
@@ -160,4 +165,17 @@ def test_a_long_pause_costs_no_more_than_a_short_one() -> None:
     paused = table.run(0.05)
     assert len(paused) == COUNT
     assert (table.run(0.1)[:, 0] > paused[:, 0] + 0.001).any(), "time beyond is lost, so they are still on their way"
+    table.close()
+
+
+def test_of_several_that_vanish_at_once_the_courses_begin_one_after_the_other() -> None:
+    table = Table(*MOVES)
+    table.add("other", *MOVES, y=0.4)
+    begun = []
+    for _ in range(16):
+        table.run(0.05)
+        begun.append([name for name in ("ball", "other") if table.courses.of(name)])
+    assert [] in begun and ["ball"] in begun and begun[-1] == ["ball", "other"]
+    ball, second = (np.array([pose.t for pose in table.courses.of(name)])[:, 0] for name in ("ball", "other"))
+    assert second == pytest.approx(ball, abs=0.002), "who began later has lost no time"
     table.close()
