@@ -9,6 +9,8 @@ The peer is the last percept, with the sensor's covariance. docs/explanation/hon
 from __future__ import annotations
 
 import argparse
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
@@ -26,6 +28,8 @@ from benchmarks.honesty.tables import markdown, show_report
 def main() -> None:
     """Play what the command line asks for, or read what was played before, and print the scores."""
     options = _parser().parse_args()
+    if options.pictures and find_spec("matplotlib") is None:
+        sys.exit("pictures need matplotlib: pip install 'dsr-memory[bench]'")
     if options.read:
         runs = msgspec.msgpack.decode(options.read.read_bytes(), type=list[RunScores])
     else:

@@ -14,7 +14,7 @@ from dsr.security.policy import Grant
 _AT_ONCE = 400
 """Nodes of long names in one message."""
 _NAMED = 1600
-_LONG = 252 * "\U0001f600"
+_LONG = 252 * chr(0x1F600)
 """A name of a thousand bytes."""
 _EDGES, _IN_ONE = 1000, 200
 _CHANGES = 60

@@ -123,7 +123,7 @@ def test_what_is_surprising_comes_first(stage: Any) -> None:
     assert explained_page(stage).startswith(r"**Surprising: cube\_3**, seen 38 mm beside its belief")
 
 
-@pytest.mark.parametrize("time", [1e300, -1e300])
+@pytest.mark.parametrize("time", [1e12, -1e12])
 def test_an_event_at_no_time_is_shown_all_the_same(stage: Any, time: float) -> None:
     explain(stage, 3)
     stage.memory.update_node("event_3", time=time)

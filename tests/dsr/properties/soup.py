@@ -26,6 +26,7 @@ from dsr.graph.graph import Graph
 from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.replication.outbox import Outbox
+from dsr.replication.values import fitted
 from dsr.replication.wire import decode_delta, encode_delta
 
 START = 1_000_000_000.0
@@ -222,7 +223,8 @@ class Soup:
         delta = Delta(writes=[Write(fact[0], attribute, stamp, FORGER, dot, value)])
         delta.context = [(*dot, dot[1])] if dot else []
         self._note_dots(delta)
-        self._send(delta, facts_of(delta))
+        read = Write(fact[0], attribute, stamp, FORGER, dot, fitted(attribute, value))
+        self._send(delta, facts_of(Delta(writes=[read], context=delta.context)))
         self._receive(self._site(reaches)[0], self.messages[-1])
 
     def a_dot(self, index: int, choice: int) -> Dot | None:
