@@ -91,7 +91,8 @@ class Deltas(RuleBasedStateMachine):
         self, site: int, choice: int, attribute: str, stamp: int | None, value: int, durable: bool, unknown: int
     ) -> None:
         target = self.soup.a_dot(site, choice) if unknown else None
-        self.soup.forge(target, attribute, stamp, value, durable=durable, reaches=site)
+        told = Pose((value, 0.0, 0.0)) if attribute == "pose" else value
+        self.soup.forge(target, attribute, stamp, told, durable=durable, reaches=site)
 
     @rule(site=sites, choice=choices)
     def renew_node(self, site: int, choice: int) -> None:
