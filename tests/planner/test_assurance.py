@@ -107,17 +107,22 @@ def test_what_is_sure_enough_is_not_looked_at() -> None:
         assert looks_before(run) == [] and run.arm.looks == []
 
 
+def cover_cube_4(run: Run) -> None:
+    """Put a cup over it: cube_4 is believed to be there with 0.6, or else gone."""
+    run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
+    run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*COVERED, 0.04)))
+    run.memory.add_edge("cup", "table", "on", source="contact")
+    add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+    for edge in run.memory.edges("Virtual_RT", dst="cube_4"):
+        run.memory.remove_edge(*edge.key)
+    gone = Alternative(weight=0.4, pose=None)
+    believe(run.memory, "cube_4", at(0.6, COVERED, containers=("cup",)), gone)
+    run.arm.covered["cube_4"] = "cup"
+
+
 def test_a_cover_is_lifted_from_what_is_probably_under_it() -> None:
     with Run() as run:
-        run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
-        run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*COVERED, 0.04)))
-        run.memory.add_edge("cup", "table", "on", source="contact")
-        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
-        for edge in run.memory.edges("Virtual_RT", dst="cube_4"):
-            run.memory.remove_edge(*edge.key)
-        gone = Alternative(weight=0.4, pose=None)
-        believe(run.memory, "cube_4", at(0.6, COVERED, containers=("cup",)), gone)
-        run.arm.covered["cube_4"] = "cup"
+        cover_cube_4(run)
         run.want("on(cube_4,cube_5)")
         run.until("reached")
         assert supports(run.memory)["cube_4"] == "cube_5" and supports(run.memory)["cup"] == "table"
@@ -199,15 +204,7 @@ def test_a_cover_is_lifted_once_however_little_that_tells() -> None:
 def test_the_thing_that_is_to_be_moved_may_be_a_cover_itself() -> None:
     """The cube on which the cup will be put is probably under the cup: that shows when the cup is put on the table."""
     with Run() as run:
-        run.memory.add_node("cup", "cup", size=(0.07, 0.07, 0.08))
-        run.memory.add_edge("world", "cup", "Virtual_RT", pose=Pose((*COVERED, 0.04)))
-        run.memory.add_edge("cup", "table", "on", source="contact")
-        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
-        for edge in run.memory.edges("Virtual_RT", dst="cube_4"):
-            run.memory.remove_edge(*edge.key)
-        gone = Alternative(weight=0.4, pose=None)
-        believe(run.memory, "cube_4", at(0.6, COVERED, containers=("cup",)), gone)
-        run.arm.covered["cube_4"] = "cup"
+        cover_cube_4(run)
         run.want("on(cup,cube_4)")
         run.until("reached")
         assert looks_before(run)[0].startswith("lift cup before pick cup: cube_4 is where")
