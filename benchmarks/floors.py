@@ -10,7 +10,6 @@ What one process does alone is told in processor time.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import itertools
 import statistics
 import threading
@@ -24,14 +23,13 @@ from rich.table import Table
 
 from benchmarks import session, workload
 from benchmarks.links import DsrLink, Link
-from benchmarks.pairs import Latencies
+from benchmarks.pairs import in_turns
 from benchmarks.peers import zenoh_query
 from benchmarks.peers.documents import Document
 from benchmarks.peers.zenoh_link import ZenohLink
 from benchmarks.peers.zenoh_ring import RingLink
 from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import number
-from benchmarks.timing import percentile
 from benchmarks.workers import Worker
 from dsr.clock import WALL_CLOCK
 from dsr.crdt.context import CausalContext
@@ -44,7 +42,6 @@ from dsr.replication.collector import collector_paused
 from dsr.replication.piece_wire import decode_piece, encode_piece
 
 _NODES = 10_000
-_BURST = 100
 Times = dict[str, list[float]]
 """s, by what was done."""
 
@@ -58,15 +55,7 @@ def one_way(rounds: int) -> Times:
         "and it is encoded, decoded, kept in a dictionary": RingLink(reserved_endpoint(), size, decoded=True),
         "the memory: attribute update": DsrLink("floor", "attribute"),
     }
-    times: Times = {name: [] for name in links}
-    with contextlib.ExitStack() as stack:
-        pairs = {name: stack.enter_context(Latencies(link)) for name, link in links.items()}
-        for pair in pairs.values():
-            pair.warm_up()
-        for _ in range(rounds):
-            for name, pair in pairs.items():
-                times[name].append(percentile(pair.burst(_BURST), 0.5))
-    return times
+    return in_turns(links, rounds)
 
 
 class _Element:

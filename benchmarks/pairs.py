@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from types import TracebackType
 
 from benchmarks.links import Link
-from benchmarks.timing import monotonic, sleep, sleep_until
+from benchmarks.timing import monotonic, percentile, sleep, sleep_until
 from benchmarks.workers import BenchmarkError, Worker, commands
 
 PERIOD = 0.01
 """s between two messages at 100 Hz."""
+_BURST = 100
+"""Messages of a link until it is another one's turn."""
 _COLD = 10
 """Messages at the start of a burst that do not count."""
 _ON_ITS_WAY = 0.1  # s
@@ -99,6 +101,19 @@ class Latencies:
         """End all processes."""
         for worker in (*self._readers, self._writer):
             worker.close()
+
+
+def in_turns(links: Mapping[str, Link], rounds: int) -> dict[str, list[float]]:
+    """Median time (s) of a burst in each round by each link; the links take turns, so that all share what disturbs."""
+    times: dict[str, list[float]] = {name: [] for name in links}
+    with contextlib.ExitStack() as stack:
+        pairs = {name: stack.enter_context(Latencies(link)) for name, link in links.items()}
+        for pair in pairs.values():
+            pair.warm_up()
+        for _ in range(rounds):
+            for name, pair in pairs.items():
+                times[name].append(percentile(pair.burst(_BURST), 0.5))
+    return times
 
 
 def _write(connection: Connection, link: Link) -> None:

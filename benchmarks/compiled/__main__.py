@@ -19,7 +19,6 @@ import argparse
 import statistics
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console
@@ -32,18 +31,16 @@ from benchmarks.compiled.comparing import compare
 from benchmarks.compiled.steps import CORE, PYTHON, SHELL, Times
 from benchmarks.compiled.whole import shares
 from benchmarks.links import DsrLink, Link
-from benchmarks.pairs import Latencies
+from benchmarks.pairs import in_turns
 from benchmarks.peers import zenoh_query
 from benchmarks.peers.compiled_link import CompiledLink
 from benchmarks.peers.zenoh_link import ZenohLink
 from benchmarks.ports import reserved_endpoint
 from benchmarks.rows import number
-from benchmarks.timing import percentile
 from benchmarks.workers import Worker
 
 _COMPARED, _STEPS = 10, 500
 """Random histories, and their steps, in which the prototype must equal Python before it is measured."""
-_BURST = 100
 KINDS = ("attribute", "RT")
 OneWay = dict[str, dict[str, float]]
 """By kind of update and by link: s, median, and over raw Zenoh of the same round."""
@@ -59,14 +56,7 @@ def one_way(file: Path, rounds: int) -> OneWay:
             "core": CompiledLink(reserved_endpoint(), str(file), kind),  # type: ignore[arg-type]
             "memory": DsrLink(f"compiled-{kind}", kind),  # type: ignore[arg-type]
         }
-        times: dict[str, list[float]] = {name: [] for name in links}
-        with ExitStack() as stack:
-            pairs = {name: stack.enter_context(Latencies(link)) for name, link in links.items()}
-            for pair in pairs.values():
-                pair.warm_up()
-            for _ in range(rounds):
-                for name, pair in pairs.items():
-                    times[name].append(percentile(pair.burst(_BURST), 0.5))
+        times = in_turns(links, rounds)
         found[kind] = {
             name: statistics.median(mine / raw for mine, raw in zip(taken, times["raw Zenoh"], strict=True))
             for name, taken in times.items()

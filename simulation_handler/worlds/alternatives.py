@@ -37,7 +37,7 @@ _BESIDE = 0.05  # m from a container within which what vanishes may be in it
 _WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
 
 
-_SUREST = 1.0 - ROUNDING  # 1, of somebody who was at work: what is sure cannot be doubted later
+_AS_GOOD_AS_SURE = 1.0 - ROUNDING  # 1, of somebody who was at work: what is sure cannot be doubted later
 
 
 @dataclass
@@ -208,14 +208,14 @@ class Alternatives:
         rates = self._parameters.rates
         for key, mode in list(self.modes.items()) if begins > 0.0 else ():
             before = mode.worked
-            mode.worked = min(before + (1.0 - before) * begins, _SUREST)
+            mode.worked = min(before + (1.0 - before) * begins, _AS_GOOD_AS_SURE)
             if mode.pose is None or mode.hand or (key == FOLLOWED and (thing.hand or thing.gripper)):
                 continue
             new = (1.0 - before) * begins
-            self._pass(key, GONE, new * rates.work_removed, Mode(0.0, None), worked=_SUREST)
+            self._pass(key, GONE, new * rates.work_removed, Mode(0.0, None), worked=_AS_GOOD_AS_SURE)
             if key != ELSEWHERE:
                 moved = (1.0 - rates.work_removed) * rates.work_moved
-                self._pass(key, ELSEWHERE, new * moved, Mode(0.0, mode.pose, since=self._now), worked=_SUREST)
+                self._pass(key, ELSEWHERE, new * moved, Mode(0.0, mode.pose, since=self._now), worked=_AS_GOOD_AS_SURE)
 
     def _moving_rate(self, pose: Pose, evidence: Evidence, rates: Rates) -> float:
         is_near = any(_is_near(known.pose, pose) for known in evidence.hands.values())
