@@ -26,6 +26,12 @@ _REPLACED = ("tests", "benchmarks")
 """What is taken from another revision: the tests, and what they import beside the packages."""
 
 
+_STARTING = 60.0
+"""s that pytest may take to start and to import what is tested, before its first test begins."""
+_LOOK = 0.05
+"""s between two looks whether a test has begun."""
+
+
 class MutationError(DsrError):
     """Mutants cannot be tried like this."""
 
@@ -91,12 +97,12 @@ class Sandbox:
     def pytest(
         self, files: Iterable[str], tests: Iterable[str] = (), *, seconds: float, file_seconds: float | None = None
     ) -> Outcome:
-        """Run tests of these files until the first failure, for at most so many s.
+        """Run tests of these files until the first failure, for at most so many s and what starting takes.
 
         Args:
             files: relative to the root.
             tests: only these, in this order; all, if there are none.
-            seconds: afterwards everything is ended.
+            seconds: after the first test began; afterwards everything is ended.
             file_seconds: if given, go on after failures, note which functions each test runs, and leave a file after
                 so many s.
         """
@@ -135,6 +141,7 @@ class Sandbox:
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
         try:
+            _wait_begun(self._process, notes)
             code = self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             code = None
@@ -142,6 +149,16 @@ class Sandbox:
             _end(self._process)
         *whole, _ = notes.read_text().split("\n")  # who is ended may have written half a line
         return Outcome(code, [json.loads(line) for line in whole])
+
+
+def _wait_begun(process: subprocess.Popen[bytes], notes: Path) -> None:
+    """Wait until a test has begun, for as long as starting may take."""
+    for _ in range(round(_STARTING / _LOOK)):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_LOOK)
+            return
+        if notes.stat().st_size:
+            return
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -18,8 +18,8 @@ from benchmarks.timing import monotonic
 
 _SLOWER = 4.0
 """Times as long as without the mutant, after which a run counts as endless: the machine may be busy meanwhile."""
-_START = 30.0
-"""s beyond that, for starting pytest and importing what is tested."""
+_BEYOND = 30.0
+"""s beyond that, for what the first test does for all."""
 
 
 class Verdict(msgspec.Struct, frozen=True):
@@ -118,7 +118,7 @@ class Trials:
     @staticmethod
     def _run(sandbox: Sandbox, chosen: list[Test]) -> Outcome:
         files = dict.fromkeys(test.name.partition("::")[0] for test in chosen)
-        seconds = _START + _SLOWER * sum(test.seconds for test in chosen)
+        seconds = _BEYOND + _SLOWER * sum(test.seconds for test in chosen)
         return sandbox.pytest(files, [test.name for test in chosen], seconds=seconds)
 
 

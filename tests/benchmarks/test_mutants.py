@@ -169,7 +169,7 @@ def test_what_runs_in_child_processes_only_is_tried_with_all_tests_of_its_packag
 
 
 def test_what_does_not_end_is_caught(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trial, "_START", 4.0)
+    monkeypatch.setattr(trial, "_BEYOND", 4.0)
     (mutant,) = tried(toy, "--only", "toy/counting.py:14:9:delete").mutants
     assert (mutant.verdict, mutant.test) == ("timed out", "tests/toy/test_counting.py::test_down")
 

@@ -36,8 +36,7 @@ class Mate(Agent):
     def tick(self, now: float) -> None:
         self.memory.update_node(self.name, mass=self.memory.node(self.name)["mass"] + 1.0)
         file = Path(self.config.folder) / f"{self.name}.order"
-        if file.exists():
-            order = file.read_text()
+        if file.exists() and (order := file.read_text()):  # whoever writes it begins with an empty file
             file.unlink()
             self.obey(order)
         if self.fails:
