@@ -1,7 +1,7 @@
 """Whether somebody was at work while cameras failed: what was changed meanwhile tells of all that is not seen.
 
 Two variables of all worlds say so. Cameras failed, or the belief tells why nothing is seen: an arm is in the way, say.
-What cameras should see and do not is improbable unless they failed. If they did, the prior that somebody was at work
+The more cameras should see and do not, the more probably they failed. If they did, the prior that somebody was at work
 grows with the time. Each object that is seen again tells by how much more probable its place is if somebody was at
 work, and one that should be seen and is not tells likewise.
 """
@@ -23,12 +23,10 @@ class Blackouts:
 
     Args:
         rate: 1/s, at which somebody begins to work while cameras fail.
-        failed: probability that cameras fail if all that is seen vanishes at the same time, whatever it is.
     """
 
-    def __init__(self, rate: float, failed: float) -> None:
+    def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._failed = math.log(failed / (1.0 - failed)) if 0.0 < failed < 1.0 else math.copysign(math.inf, failed - 0.5)
         self._longest = _SUREST / rate if rate > 0.0 else math.inf  # s, after which somebody was surely at work
         self._since = -math.inf
         self._is_open = False
@@ -63,9 +61,11 @@ class Blackouts:
 
     @property
     def failing(self) -> float:
-        """Probability that cameras failed the last time that they saw nothing."""
-        odds = self._failed + self._improbable
-        return 1.0 / (1.0 + math.exp(-odds)) if odds > -_SUREST else math.exp(odds)
+        """Probability that cameras failed the last time that they saw nothing: else they had shown something by then.
+
+        It is 0 where the belief explains that nothing is seen.
+        """
+        return -math.expm1(-self._improbable)
 
     @property
     def probability(self) -> float:

@@ -69,8 +69,6 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, that what vanishes on its way beside or over a container is in it"""
     went_on: Share
     """1, that what vanishes on its way goes on otherwise than the simulation has it, by one of its courses"""
-    failed: Share
-    """1, that cameras fail when all that they see vanishes at the same time, if nothing is known of what hides it"""
     work: Amount
     """1/s, that somebody begins to work while cameras fail"""
     work_removed: Share

@@ -133,7 +133,7 @@ class WeightedWorlds:
         self._shares = shares
         self._watched: dict[str, _Watched] = {}
         self._evidence: Evidence | None = None
-        self._blackouts = Blackouts(parameters.rates.work, parameters.rates.failed)
+        self._blackouts = Blackouts(parameters.rates.work)
         self._returned: dict[str, tuple[_Places, _Places]] = {}
         self._ratios: dict[str, float] = {}
 
@@ -143,6 +143,7 @@ class WeightedWorlds:
         before, self._evidence = self._evidence, evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
         if self._blackouts.begins(evidence):
+            self._returned.clear()
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
         work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))

@@ -25,7 +25,7 @@ ASIDE = Pose((0.15, 0.3, 0.02))
 
 def parameters() -> WorldParameters:
     known = learned_parameters()
-    rates = msgspec.structs.replace(known.rates, failed=0.5, work=0.1, work_removed=0.2, work_moved=0.2)
+    rates = msgspec.structs.replace(known.rates, work=0.1, work_removed=0.2, work_moved=0.2)
     return msgspec.structs.replace(known, rates=rates)
 
 
@@ -91,20 +91,6 @@ def test_what_is_in_the_way_is_no_failure_of_cameras() -> None:
     assert weights == sorted(weights) and weights[0] < 0.6 * weights[-1]
     seen = [after(3.0, "can", moved=True, expected=expected).gone() for expected in (0.0, 1.0)]
     assert seen[0] < seen[1], "and there is more that speaks for it if the can is elsewhere"
-
-
-@pytest.mark.parametrize("failed", [0.0, 1.0])
-def test_cameras_that_never_or_always_fail(failed: float) -> None:
-    rates = msgspec.structs.replace(parameters().rates, failed=failed)
-    scene = Blackout()
-    scene.worlds = WeightedWorlds(
-        msgspec.structs.replace(parameters(), rates=rates), lambda evidence, name, places: [0.5] * len(places)
-    )
-    scene.run(1.0, *PLACES)
-    before = scene.gone()
-    scene.run(3.0)
-    scene.run(0.5, "can")
-    assert (scene.gone() - before > 0.02) == (failed == 1.0)
 
 
 def _gripped(scene: Blackout, name: str) -> None:
