@@ -54,6 +54,8 @@ class Mode:
     """Name of the hand that holds it; empty for none"""
     container: str = ""
     """Name of the container that it is in; empty for none"""
+    supports: tuple[str, ...] = ()
+    """Names of what it rests on there, but for the floor"""
     anchored: Pose | None = None
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
@@ -93,6 +95,7 @@ class Alternatives:
         self.unshown = 0.0
         """nats, how improbable it is that cameras do not show it in this gap, if they do not fail"""
         self._container = thing.container
+        self._supports = thing.supports
         self._solid = thing.solid
         self.looked = now
         """s, when it was last worked out what cameras should see of it"""
@@ -186,7 +189,7 @@ class Alternatives:
                 self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
         self._container = thing.container
         followed.pose = pose
-        self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left))
+        self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
 
     def _flow(self, thing: ObjectEvidence, evidence: Evidence, step: float) -> None:
         """Events that nobody sees."""
@@ -251,13 +254,13 @@ class Alternatives:
     def _go_on(self, thing: ObjectEvidence) -> None:
         """What vanished on its way may have gone on in any of many courses, and not as the simulation has it."""
         begins = thing.courses and not self._has_courses
-        for number, pose in enumerate(thing.courses):
+        for number, (pose, supports) in enumerate(thing.courses):
             key = f"{COURSE}{number}"
             if key in self.modes:
-                self.modes[key].pose = pose
+                self.modes[key].pose, self.modes[key].supports = pose, supports
             elif begins:
                 share = self._parameters.rates.went_on / (len(thing.courses) - number * self._parameters.rates.went_on)
-                self._pass(FOLLOWED, key, share, Mode(0.0, pose))
+                self._pass(FOLLOWED, key, share, Mode(0.0, pose, supports=supports))
         self._has_courses |= bool(thing.courses)
 
     def _pass(self, source: str, target: str, share: float, new: Mode, worked: float | None = None) -> None:

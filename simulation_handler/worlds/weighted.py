@@ -302,7 +302,7 @@ class WeightedWorlds:
         if alternatives is None:
             return self._simulated(name, 1.0, thing)
         found: list[_Weighted] = []
-        courses: list[WeightedPlace] = []
+        courses: dict[tuple[str, ...], list[WeightedPlace]] = {}
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
                 found += self._simulated(name, weights[key], thing)
@@ -312,10 +312,11 @@ class WeightedWorlds:
                 age = evidence.now - thing.seen_at
                 state = self._alternative(key, mode, alternatives.left, evidence, age)
                 if key.startswith(COURSE) and state.pose is not None:
-                    courses.append(WeightedPlace(weights[key], state.pose))
+                    courses.setdefault(state.supports, []).append(WeightedPlace(weights[key], state.pose))
                 else:
                     found.append((weights[key], state, key))
-        found += [(one.weight, ObjectState(one.pose), ON_COURSE) for one in merged(courses)]
+        for supports, places in courses.items():
+            found += [(one.weight, ObjectState(one.pose, supports=supports), ON_COURSE) for one in merged(places)]
         return found
 
     def _alternative(self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float) -> ObjectState:
@@ -340,7 +341,8 @@ class WeightedWorlds:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
-        return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+        containers = (mode.container,) if mode.container else ()
+        return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
 
 
 def _spread(followed: Followed, noise: PlaceNoise) -> Pose:
