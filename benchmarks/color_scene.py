@@ -45,13 +45,17 @@ class ColorScene:
             ColoredObject(spec.name, spec.color, spec.size, spec.shape) for spec in specs if spec.color and spec.model
         ]
         self._world = World(self._bullet, TableSpec(), specs)
-        self._sensor = SensorModel(SensorSpec(), [], rng)
+        self.draw_noise_from(rng)
         for name in self._world:
             self.put(name, AWAY)
 
     def put(self, name: str, world_from_object: Pose) -> None:
         """Let an object be at a pose."""
         self._world.put(name, world_from_object)
+
+    def draw_noise_from(self, rng: np.random.Generator) -> None:
+        """Let the camera's noise come from a generator, from the next frame on."""
+        self._sensor = SensorModel(SensorSpec(), [], rng)
 
     def height(self, name: str) -> float:
         """Of the centre of an object that stands on the table, m."""

@@ -106,6 +106,14 @@ class Cluster(NamedTuple):
     """How well its contour tells where the thing ends."""
 
 
+class _Silhouette(NamedTuple):
+    """The image of a piece, as far as its colour tells it."""
+
+    image: Mask
+    taken: Mask
+    """What has its colour, too, but is nearer to another piece of that colour"""
+
+
 class _Beside(NamedTuple):
     """What stands next to the pixels of a piece, or of its edge."""
 
@@ -224,18 +232,18 @@ class Relief:
         top, left = max(int(rows.min()) - margin, 0), max(int(columns.min()) - margin, 0)
         part = np.s_[top : int(rows.max()) + margin + 1, left : int(columns.max()) + margin + 1]
         own = labels[part] == label
-        image = self._silhouette(own, labels[part] > 0, part, color)
-        edge = self._edge_by_depth(self._depth[part][own]) if image is None else _EDGE_BY_COLOR
-        image = own if image is None else image
+        told = self._silhouette(own, labels[part] > 0, part, color)
+        edge = self._edge_by_depth(self._depth[part][own]) if told is None else _EDGE_BY_COLOR
+        image, taken = (own, np.zeros_like(own)) if told is None else told
         pixels = _outermost(image)
         if len(pixels) == 0:
             return None
         row, column = pixels[:, 1] + top, pixels[:, 0] + left
         at_border = (row <= 1) | (column <= 1) | (row >= height - 2) | (column >= width - 2)
-        beside = self._beside(labels, part, own, image)
+        beside = self._beside(labels, part, own, image, taken)
         covered, slack = beside.covered[pixels[:, 1], pixels[:, 0]], beside.slack[pixels[:, 1], pixels[:, 0]]
         cut = np.zeros(own.shape, np.uint8)
-        hides = at_border | (covered & np.isinf(slack))
+        hides = at_border | np.isinf(slack)
         cut[pixels[hides, 1], pixels[hides, 0]] = 1
         near_cut = cv2.dilate(cut, _square(NEAR_CUT)) > 0
         kept = np.nonzero((cv2.erode(own.astype(np.uint8), _SMALL) > 0) & ~near_cut)
@@ -243,7 +251,7 @@ class Relief:
             return None
         ends = ~near_cut[pixels[:, 1], pixels[:, 0]]
         contour = np.column_stack([column, row]).astype(np.float64)[ends]
-        slack = np.where(covered, slack, 0.0)[ends]
+        slack = slack[ends]
         slack *= math.sqrt(max(int((slack > 0.0).sum()), 1))  # what is wrong at one is wrong at all
         rays = self._rays(kept[0] + top, kept[1] + left)
         depths = self._depth[part][kept].astype(np.float64)
@@ -251,8 +259,11 @@ class Relief:
         hidden = float((at_border | covered).mean())
         return Cluster(points, rays, depths, color / 255.0, contour, slack, hidden, self._base, edge)
 
-    def _silhouette(self, own: Mask, pieces: Mask, part: tuple[slice, slice], color: Array) -> Mask | None:
-        """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too."""
+    def _silhouette(self, own: Mask, pieces: Mask, part: tuple[slice, slice], color: Array) -> _Silhouette | None:
+        """The pixels of a piece with those at its edge that have its colour; None if what is around has it, too.
+
+        A pixel at the edges of several pieces of this colour is one of the piece that is nearest in the image.
+        """
         reaches = (_STEEP * self._reach, (_STEEP + 1) * self._reach)
         near, far = (cv2.dilate(own.astype(np.uint8), _square(reach)) > 0 for reach in reaches)
         image = self._color[part]
@@ -265,17 +276,21 @@ class Relief:
             return None
         alike = _directions(image) @ direction.astype(np.float32) > np.cos(TOLERANCE)
         before = self._standing[part] & ~own & (self._depth[part] < self._far(part, own))
-        grown = own | (near & alike & ~before & ~pieces)
+        free = near & alike & ~before & ~pieces
+        taken = free & _nearer_to(pieces & ~own & alike, own)
+        grown = own | (free & ~taken)
         closed = cv2.morphologyEx(grown.astype(np.uint8), cv2.MORPH_CLOSE, _SMALL)
         _, joined = cv2.connectedComponents(closed, connectivity=4)
-        return np.asarray(np.isin(joined, np.unique(joined[own])) & (closed > 0))
+        return _Silhouette(np.asarray(np.isin(joined, np.unique(joined[own])) & (closed > 0)), taken)
 
     def _far(self, part: tuple[slice, slice], own: Mask) -> float:
         """m, the depth of the nearest pixel of a piece, less what a thing before it must be nearer by."""
         return float(self._depth[part][own].min()) - _NEARER
 
-    def _beside(self, labels: NDArray[np.int32], part: tuple[slice, slice], own: Mask, image: Mask) -> _Beside:
-        """What stands next to the pixels of a piece."""
+    def _beside(
+        self, labels: NDArray[np.int32], part: tuple[slice, slice], own: Mask, image: Mask, taken: Mask
+    ) -> _Beside:
+        """What stands next to the pixels of a piece, of which others have taken some."""
         beside = (self._standing[part] & ~own & ~image).astype(np.uint8)
         other = cv2.morphologyEx(beside, cv2.MORPH_OPEN, _SMALL) > 0  # specks beside an edge are its own
         around, infinite = _square(self._reach), np.float32(np.inf)
@@ -289,7 +304,10 @@ class Relief:
         rows, columns = np.nonzero(meets)
         rays = self._rays(rows + part[0].start, columns + part[1].start)
         sine = np.hypot(rays[:, 0], rays[:, 1]) / np.linalg.norm(rays, axis=1)
-        slack = np.full(own.shape, np.inf)
+        at_taken = cv2.dilate(taken.astype(np.uint8), _SMALL) > 0
+        next_to = cv2.erode(np.where(other, self._depth[part], infinite), _square(_BEYOND))
+        covered |= at_taken & (np.isinf(next_to) | (next_to < depth + np.float32(_NEARER)))
+        slack = np.where(covered, np.inf, np.where(at_taken, _BY_DEPTH, 0.0))
         behind = np.hypot(nearer[rows, columns], math.sqrt(2.0) * self._bias)
         slack[rows, columns] = behind * sine * self._view.intrinsics.fx / depth[rows, columns]
         return _Beside(covered, slack)
@@ -309,6 +327,14 @@ def _directions(color: NDArray[np.uint8]) -> NDArray[np.float32]:
     values = cv2.medianBlur(color, 3).astype(np.float32)
     length = np.sqrt(np.einsum("hwc,hwc->hw", values, values))
     return np.asarray(values / np.maximum(length, 1.0)[..., None], np.float32)
+
+
+def _nearer_to(others: Mask, own: Mask) -> Mask:
+    """Which pixels are nearer to those of others than to own ones."""
+    if not others.any():
+        return np.zeros_like(own)
+    away = [cv2.distanceTransform((~which).astype(np.uint8), cv2.DIST_L2, 3) for which in (others, own)]
+    return np.asarray(away[0] < away[1])
 
 
 def _square(reach: int) -> NDArray[np.uint8]:

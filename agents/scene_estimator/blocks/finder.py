@@ -140,10 +140,11 @@ class BlockFinder:
             return None
         fit = self._solved_two(view, cluster, halves, halves)
         for k in range(2):
-            for kind in EXTENTS:
+            for kind in reversed(EXTENTS):  # a box last: a cube or a cylinder may have shown where it is
                 start = list(halves if fit is None else fit.blocks)
+                same = start[k].kind == kind
                 start[k] = start[k]._replace(kind=kind)
-                other = self._solved_two(view, cluster, halves, start) if kind != "box" else None
+                other = None if same else self._solved_two(view, cluster, halves, start)
                 fit = min((one for one in (fit, other) if one is not None), key=lambda one: one.cost, default=None)
         shares = None if fit is None else parted(view, cluster, fit.blocks)
         if fit is None or shares is None or fit.strained:

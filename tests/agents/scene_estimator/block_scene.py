@@ -37,7 +37,13 @@ class BlockScene(ColorScene):
         super().__init__([], np.random.default_rng(0), specs.values())
         self.specs = specs
 
-    def clear(self) -> None:
+    def begin(self, noise: int) -> None:
+        """Empty the table, and let the noise of the camera begin anew.
+
+        Args:
+            noise: its seed.
+        """
+        self.draw_noise_from(np.random.default_rng(noise))
         for name in self.specs:
             self.put(name, AWAY)
 

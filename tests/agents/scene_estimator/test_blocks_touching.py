@@ -34,6 +34,13 @@ SPECS = {
 CAMERA = transforms.looking_at((-0.05, 0.1, 0.6), (0.35, 0.0, 0.0))
 
 
+@pytest.fixture(params=range(3))
+def scene(rendered_blocks: BlockScene, request: pytest.FixtureRequest) -> BlockScene:
+    """An empty table, and the blocks that a test may stand on it: each test sees them with several noises."""
+    rendered_blocks.begin(noise=request.param)
+    return rendered_blocks
+
+
 def find(scene: BlockScene, camera: Pose, nearer: dict[str, float] | None = None) -> list[BlockSighting]:
     view, _, clusters = scene.look(camera, nearer)
     return [one for cluster in clusters for one in BlockFinder(NoiseModel()).most_likely(view, cluster)]
