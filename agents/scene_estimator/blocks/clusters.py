@@ -293,23 +293,20 @@ class Relief:
         """What stands next to the pixels of a piece, of which others have taken some."""
         beside = (self._standing[part] & ~own & ~image).astype(np.uint8)
         other = cv2.morphologyEx(beside, cv2.MORPH_OPEN, _SMALL) > 0  # specks beside an edge are its own
-        around, infinite = _square(self._reach), np.float32(np.inf)
-        nearest = cv2.erode(np.where(other, self._depth[part], infinite), around)
-        depth = cv2.dilate(np.where(own, self._depth[part], np.float32(0.0)), around)
-        covered = np.asarray(nearest < depth + np.float32(_NEARER))
-        below = self._below_top(labels, part)
-        lowest = np.maximum(*(cv2.erode(np.where(which, below, infinite), around) for which in (own, other)))
-        nearer = np.maximum(depth - nearest, np.float32(0.0))
-        meets = covered & (lowest < _NEARER) & (nearer < 2.0 * self._bias)
-        rows, columns = np.nonzero(meets)
+        depths, upper = self._depth[part], self._below_top(labels, part) < _NEARER
+        nearest, farthest = _least(depths, other, self._reach), -_least(-depths, own, self._reach)
+        covered = nearest < farthest + np.float32(_NEARER)
+        top_before, own_top = _least(depths, other & upper, self._reach), -_least(-depths, own & upper, self._reach)
+        meet = np.isfinite(own_top) & np.isfinite(top_before) & (own_top - top_before < 2.0 * self._bias)
+        rows, columns = np.nonzero(covered & meet)
         rays = self._rays(rows + part[0].start, columns + part[1].start)
         sine = np.hypot(rays[:, 0], rays[:, 1]) / np.linalg.norm(rays, axis=1)
-        at_taken = cv2.dilate(taken.astype(np.uint8), _SMALL) > 0
-        next_to = cv2.erode(np.where(other, self._depth[part], infinite), _square(_BEYOND))
-        covered |= at_taken & (np.isinf(next_to) | (next_to < depth + np.float32(_NEARER)))
+        at_taken, close = cv2.dilate(taken.astype(np.uint8), _SMALL) > 0, _least(depths, other, _BEYOND)
+        covered |= at_taken & ~((farthest + np.float32(_NEARER) <= close) & np.isfinite(close))
         slack = np.where(covered, np.inf, np.where(at_taken, _BY_DEPTH, 0.0))
-        behind = np.hypot(nearer[rows, columns], math.sqrt(2.0) * self._bias)
-        slack[rows, columns] = behind * sine * self._view.intrinsics.fx / depth[rows, columns]
+        nearer = np.maximum(own_top[rows, columns] - top_before[rows, columns], 0.0)
+        behind = np.hypot(nearer, math.sqrt(2.0) * self._bias)
+        slack[rows, columns] = behind * sine * self._view.intrinsics.fx / own_top[rows, columns]
         return _Beside(covered, slack)
 
     def _below_top(self, labels: NDArray[np.int32], part: tuple[slice, slice]) -> NDArray[np.float32]:
@@ -335,6 +332,12 @@ def _nearer_to(others: Mask, own: Mask) -> Mask:
         return np.zeros_like(own)
     away = [cv2.distanceTransform((~which).astype(np.uint8), cv2.DIST_L2, 3) for which in (others, own)]
     return np.asarray(away[0] < away[1])
+
+
+def _least(values: NDArray[np.float32], which: Mask, reach: int) -> NDArray[np.float32]:
+    """(h, w) least of the values of some pixels, of those up to `reach` px away: infinite where there is none."""
+    some = np.where(which, values, np.float32(np.inf))
+    return np.asarray(cv2.erode(some, _square(reach), borderType=cv2.BORDER_REPLICATE))
 
 
 def _square(reach: int) -> NDArray[np.uint8]:
