@@ -124,7 +124,8 @@ class _Beside(NamedTuple):
 
     Two things that meet with their upper sides at one height end where they meet: none can be in the other. The
     farther one is hidden only as far as the ray is slanted over the difference of their depths, of which the errors
-    that all depths of a thing share are most.
+    that all depths of a thing share are most. Two of one colour that are apart in depth end where no depth is between
+    them: the nearer one as surely as depth tells that, and nothing tells where the farther one does.
     """
 
 

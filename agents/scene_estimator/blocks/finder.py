@@ -129,7 +129,7 @@ class BlockFinder:
         """The most likely two blocks that touch and are one piece; None if nothing speaks for two.
 
         The first guess is the cut of the piece by which the smallest boxes around its points have least volume. Then
-        each is also taken for a cube and a cylinder, as far as there is more evidence for that.
+        each is also taken for a cylinder, a cube and a box again, as far as there is more evidence for that.
 
         Args:
             view: depth and camera.

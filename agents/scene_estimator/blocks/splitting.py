@@ -13,7 +13,7 @@ from agents.scene_estimator.blocks.problem import SHORTEST
 from dsr.math3d.transforms import Array
 
 _DIRECTIONS = 12  # of cuts, over half a turn
-_QUANTILES = np.linspace(0.1, 0.9, 9)  # of the points, where they are cut
+_STEP = 0.1  # of the points, from one cut to the next, at first
 _POINTS = 400  # that are used for it
 _SMALLER = 0.9  # of the volume of one box, that two have at most: else their points look like those of one
 
@@ -31,15 +31,23 @@ def cut(cluster: Cluster) -> tuple[Block, Block] | None:
     points = cluster.points[:: max(1, len(cluster.points) // _POINTS)]
     if len(cluster.points) < SMALLEST:
         return None
-    best, least = None, _SMALLER * _volume(_around(points, cluster.base))
-    for angle in np.arange(_DIRECTIONS) * math.pi / _DIRECTIONS:
-        along = points[:, :2] @ (math.cos(angle), math.sin(angle))
-        for place in np.quantile(along, _QUANTILES):
-            two = _around(points[along <= place], cluster.base), _around(points[along > place], cluster.base)
-            volume = sum(map(_volume, two))
-            if volume < least:
-                best, least = two, volume
-    return best
+
+    def halves(angle: float, share: float) -> tuple[Block, Block]:
+        ordered = points[np.argsort(points[:, :2] @ (math.cos(angle), math.sin(angle)), kind="stable")]
+        count = min(max(round(share * len(points)), 1), len(points) - 1)
+        return _around(ordered[:count], cluster.base), _around(ordered[count:], cluster.base)
+
+    def volume(at: tuple[float, float]) -> float:
+        return sum(map(_volume, halves(*at)))
+
+    turn, step = math.pi / _DIRECTIONS, _STEP
+    shares = np.arange(step, 1.0 - 0.5 * step, step)
+    best = min(((k * turn, float(share)) for k in range(_DIRECTIONS) for share in shares), key=volume)
+    while step * len(points) > 1.0:  # to the point: a cut beside the right one gives each block a part of the other
+        turn, step = 0.5 * turn, 0.5 * step
+        around = [(best[0] + k * turn, best[1] + m * step) for k in (-1, 0, 1) for m in (-1, 0, 1)]
+        best = min(around, key=volume)
+    return halves(*best) if volume(best) < _SMALLER * _volume(_around(points, cluster.base)) else None
 
 
 def _around(points: Array, base: float) -> Block:

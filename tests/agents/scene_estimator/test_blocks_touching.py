@@ -11,6 +11,7 @@ import pytest
 
 from agents.scenario.format.scenario import ObjectSpec
 from agents.scene_estimator.blocks import Block, BlockFinder, BlockSighting, UntaggedObjects, cut
+from agents.scene_estimator.blocks.block import inside
 from agents.scene_estimator.config import SceneEstimatorConfig
 from agents.scene_estimator.pose import NoiseModel
 from benchmarks.color_scene import AWAY
@@ -105,6 +106,24 @@ def test_two_blocks_of_one_colour_that_differ_are_two(scene: BlockScene, names: 
     found = find(scene, CAMERA, {names[0]: 0.004})
     assert_found(found, truths)
     assert [one.block.is_round for one in found].count(True) == names.count("can")
+
+
+def test_the_edges_of_two_of_one_colour_are_their_own(scene: BlockScene) -> None:
+    """Depth is missing at the foot of one, and on the steep side of the other: none of that is an edge of both."""
+    truths = [scene.stand("red", 0.33, 0.0), scene.stand("low", 0.401, 0.01)]
+    view, _, clusters = scene.look(CAMERA, {"red": 0.004})
+    assert len(clusters) == 2
+    for truth in truths:
+        outline = truth.outline(view)
+        assert min(float(np.abs(inside(outline, cluster.contour)).max()) for cluster in clusters) < 3.0
+
+
+def test_a_piece_is_cut_where_one_block_ends(scene: BlockScene) -> None:
+    truths = [scene.stand("red", 0.33, 0.0), scene.stand("tall", 0.381, 0.01)]
+    (cluster,) = scene.look(CAMERA, {"red": 0.004}).clusters
+    halves = cut(cluster)
+    assert halves is not None
+    assert all(math.dist((one.x, one.y), (truth.x, truth.y)) < 0.006 for one, truth in zip(halves, truths, strict=True))
 
 
 def test_two_alike_side_by_side_are_one_if_nothing_tells_them_apart(scene: BlockScene) -> None:
