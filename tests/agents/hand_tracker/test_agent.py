@@ -233,9 +233,7 @@ def test_a_hand_that_was_seen_at_a_time_to_come_does_not_stay_for_ever(bench: Be
 
 def test_a_hand_that_is_nowhere_is_not_adopted(bench: Bench) -> None:
     """Its edge without a pose made each tick fail, and so ended the tracker at each start."""
-    bench.stop()
     bench.memory.add_node(NAME, "hand", perceived=True)
     bench.memory.add_edge("world", NAME, "RT")
-    bench.start()
-    bench.tell(reading(), ticks=3)
-    assert bench.place(NAME) == pytest.approx(PALM, abs=1e-3)
+    bench.exchange(0.1)
+    assert NAME in bench.own and bench.agent._nodes.known() == []
