@@ -24,7 +24,7 @@ NEAR, FAR = 0.02, 8.0
 """m, the planes between which the renderer sees"""
 _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
 _UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0, 1.0])  # the first row of OpenGL's images is the lowest
-_LIGHT = Light(towards=(0.5, -0.8, 2.0), ambient=0.7, diffuse=0.35, sky=(1.0, 1.0, 1.0))
+_LIGHT = Light(towards=(0.5, -0.8, 2.0), ambient=0.672, diffuse=0.336, sky=(1.0, 1.0, 1.0))
 _TINY_LIGHT = {
     "lightDirection": _LIGHT.towards,
     "lightDistance": 3.0,

@@ -32,7 +32,8 @@ from dsr.vocabulary.what_if import (
     encode_answer,
 )
 from simulation_handler.contact.relations import STEEP
-from simulation_handler.graph_io.reading import FARTHEST, MASSES
+from simulation_handler.graph_io.reach import FARTHEST
+from simulation_handler.graph_io.reading import MASSES
 from simulation_handler.physics.rollouts.engine import Engine, LateError, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.scales import RESOLUTION, SAME_OUTCOME

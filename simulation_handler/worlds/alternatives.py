@@ -88,7 +88,8 @@ class Alternatives:
         self.before = before
         self.left = thing.believed
         """world_from_object when it was recognised last"""
-        self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now, worked=worked)}
+        mode = Mode(1.0, thing.believed, since=now, supports=thing.supports, worked=worked)
+        self.modes: dict[str, Mode] = {FOLLOWED: mode}
         self.unshown = 0.0
         """nats, how improbable it is that cameras do not show it in this gap, if they do not fail"""
         self._container = thing.container
@@ -185,7 +186,7 @@ class Alternatives:
             if inside is not None:
                 self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
         self._container = thing.container
-        followed.pose = pose
+        followed.pose, followed.supports = pose, thing.supports
         self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
 
     def _flow(self, thing: ObjectEvidence, evidence: Evidence, step: float) -> None:

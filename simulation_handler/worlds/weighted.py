@@ -273,7 +273,9 @@ class WeightedWorlds:
         noise = self._parameters.noise[followed.circumstance]
         placed = _spread(followed, noise)
         x, y, z = followed.velocity.tolist()
-        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
+        alternatives = self._watched[name].alternatives
+        supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
+        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, supports)
         perceived = _perceived(followed, noise, placed)
         rest = 1.0 if perceived is None else 1.0 - perceived[0]
         parts = [

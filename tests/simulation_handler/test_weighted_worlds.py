@@ -217,6 +217,17 @@ def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> Non
     assert on_table == pytest.approx(1.0 - course.weight(ON_COURSE) / 4, abs=0.02)
 
 
+def test_what_the_simulation_has_taken_away_may_still_rest_where_it_was() -> None:
+    course = Course(share=0.0)
+    course.box = replace(course.box, supports=("table",))
+    course.run(1.5)
+    course.run(0.5, lambda box: replace(box, gone=True, believed=None, solid=None, supports=()))
+    worlds = course.worlds.worlds("box")
+    on_table = sum(world.weight for world in worlds if world.objects["box"].supports == ("table",))
+    assert course.weight("gone") > 0.0 and on_table == pytest.approx(course.weight("rests unseen"), abs=0.02)
+    assert on_table > 0.1
+
+
 def test_a_hand_holds_what_is_in_the_air_more_probably_than_what_lies_or_what_it_opens_about() -> None:
     shares = {HELD_ALOFT: 0.97, HELD_LYING: 0.7, HELD_OPENING: 0.1}
     for aloft, opens, share in ((True, False, 0.97), (False, False, 0.7), (False, True, 0.1), (True, True, 0.97)):
