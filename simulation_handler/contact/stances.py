@@ -18,8 +18,8 @@ from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
-_YAWS = 8
-"""count of directions in half a turn that are tried where a body would be in the way of its neighbours"""
+ANGLES = 8
+"""count of angles that are tried where it is not known how a body is turned, or how far it is tipped"""
 
 
 class Stance(NamedTuple):
@@ -92,9 +92,9 @@ def beside(solid: Solid, others: Sequence[Solid]) -> Solid:
 
 
 def _turned(rotation: Quaternion) -> Iterator[Quaternion]:
-    """The rotation, turned about the vertical."""
-    for k in range(1, _YAWS):
-        yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, math.pi * k / _YAWS)), rotation)
+    """The rotation, turned about the vertical by up to half a turn."""
+    for k in range(1, ANGLES):
+        yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, math.pi * k / ANGLES)), rotation)
 
 
 def misfit(solid: Solid, percept: Solid, covariance: Array, turning: Array) -> float:

@@ -9,6 +9,7 @@ from itertools import combinations
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import Whereabouts, resting
+from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.movers import coasts
 from simulation_handler.motion.rolling import rolling
@@ -17,9 +18,6 @@ from simulation_handler.physics.rollouts.scene import RolloutBody
 from simulation_handler.physics.simulator import MOST_STEPS, SLEEP_SPEED, TIME_STEP, Simulator
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
-
-COUNT = 12
-"""Courses of one object: quantiles of its speed that are 8 % apart"""
 
 
 class Courses:
@@ -179,7 +177,7 @@ class _Simulated:
 
 
 def _starts(item: BelievedObject) -> list[SettingOut]:
-    return starts_of(item.track.trail, COUNT)
+    return starts_of(item.track.trail, DRAW_COUNT)
 
 
 def _is_on_its_way(item: BelievedObject) -> bool:
