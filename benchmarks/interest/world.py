@@ -134,11 +134,12 @@ class PartsWorld(World):
         super().advance(seconds)
 
     def converge(self) -> None:
-        """See `World.converge`; then each part is complete, as far as one can know, at all who hold it."""
+        """See `World.converge`; whoever lies, each part is complete then at all who hold it, as far as one can know."""
         super().converge()
-        if self._liar is not None:
-            for _ in range(round(SETTLED / 0.1)):
-                self.advance(0.1)
+        if self._liar is None:
+            return  # who is dead is still waited for: it was not stopped or cut off for long
+        for _ in range(round(SETTLED / 0.1)):
+            self.advance(0.1)
         for participant in self.participants:
             assert participant.memory.joined, "a part is waited for that nobody has more of"
 
