@@ -94,7 +94,7 @@ class AttributedPolicy:
         if beneath and not (thing.grasps and track.held):
             track.beneath = (now, beneath)
         if thing.grasps:
-            track.note_probability(thing.grasps[-1])
+            track.note_probability(thing.grasps[-1], now)
             track.last_grasp, track.let_go = now, track.believed.last
             if track.held and thing.on and track.believed.is_steady():
                 self._note_rest(track, now)
@@ -383,11 +383,12 @@ class AttributedPolicy:
         self, thing: ObservedThing, track: ThingTrack, kind: str, time: float, confidence: float, why: str
     ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
-        confidence *= track.probability
+        confidence *= track.held_at(time) * thing.lies
         found, last = track.found, track.believed.last or track.seen.last
         stayed = found is not None and last is not None and math.dist(found.position, last.position) < self._moved
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
-        track.returned, track.found, track.rested, track.probability = False, None, None, 1.0
+        track.returned, track.found, track.rested = False, None, None
+        track.holds.clear()
         track.how = Handling.FREE
         track.seen.forget()
         track.believed.forget()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from typing import NamedTuple
 
+from dsr.math3d.transforms import Pose
 from simulation_handler.physics.simulator import Contact
 from simulation_handler.scales import DIAGONAL
 
@@ -15,6 +17,15 @@ BOUNDS = "bounds"
 """Source of a relation that comes from bounding boxes."""
 STEEP = DIAGONAL
 """Vertical part of a contact normal from which one body carries the other."""
+
+
+class Whereabouts(NamedTuple):
+    """Where a body is, and what carries it there."""
+
+    pose: Pose
+    """world_from_body"""
+    supports: tuple[str, ...] = ()
+    """Names of what it rests on, but for the floor, sorted"""
 
 
 def resting(contacts: Iterable[Contact]) -> set[Relation]:

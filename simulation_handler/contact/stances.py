@@ -46,12 +46,12 @@ def stances(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) 
 
     def weighed(rotation: Quaternion) -> Stance:
         solid = place(percept.turned(rotation), covariance, others, config).solid
-        return Stance(seen.cost(_beside(solid, others)), solid)
+        return Stance(seen.cost(beside(solid, others)), solid)
 
     def ways(rotation: Quaternion) -> Iterator[Stance]:
         first = weighed(rotation)
         yield first
-        if _beside(first.solid, others) is not first.solid:
+        if beside(first.solid, others) is not first.solid:
             turned = map(weighed, _turned(first.solid.rotation))
             yield from (one._replace(cost=one.cost + nats.AS_GOOD) for one in turned)
 
@@ -84,8 +84,8 @@ def probabilities(found: Sequence[Stance]) -> list[float]:
     return [likelihood / total for likelihood in likelihoods]
 
 
-def _beside(solid: Solid, others: Sequence[Solid]) -> Solid:
-    """The solid, out of the way of those beside it."""
+def beside(solid: Solid, others: Sequence[Solid]) -> Solid:
+    """The solid, out of the way of those beside it; the same one if it is in nobody's way."""
     near = [other for other in others if math.dist(other.position, solid.position) < other.radius + solid.radius]
     pushed = separate([solid, *near], {solid.name: 1.0}) if near else {}
     return solid.moved(pushed[solid.name]) if pushed else solid

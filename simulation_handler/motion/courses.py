@@ -8,13 +8,14 @@ from itertools import combinations
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.relations import Whereabouts, resting
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.movers import coasts
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.motion.setting_out import SettingOut, starts_of
 from simulation_handler.physics.rollouts.scene import RolloutBody
 from simulation_handler.physics.simulator import MOST_STEPS, SLEEP_SPEED, TIME_STEP, Simulator
-from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
 
 COUNT = 12
@@ -85,10 +86,10 @@ class Courses:
                 return item
         return None
 
-    def of(self, name: str) -> tuple[Pose, ...]:
-        """world_from_object by each course of an object, each as probable; none if it did not vanish on its way."""
+    def of(self, name: str) -> tuple[Whereabouts, ...]:
+        """Where an object is by each of its courses, each as probable; none if it did not vanish on its way."""
         one = self._running.get(name)
-        return () if one is None else one.poses()
+        return () if one is None else one.whereabouts()
 
     def _follow(self, item: BelievedObject, typical: RolloutBody) -> None:
         """Let the body of what rolls or falls go on at the typical velocity, unless it does already."""
@@ -157,9 +158,13 @@ class _Simulated:
         self.sim.step(count)
         self._time += count * TIME_STEP
 
-    def poses(self) -> tuple[Pose, ...]:
-        """world_from_object by each."""
-        return tuple(Pose.unchecked(*self.sim.pose(name)) for name in self._names)
+    def whereabouts(self) -> tuple[Whereabouts, ...]:
+        """Where the object is by each, and on what."""
+        pairs = sorted(resting(self.sim.contacts()))
+        supports = {
+            name: tuple(lower for upper, lower in pairs if upper == name and lower != FLOOR) for name in self._names
+        }
+        return tuple(Whereabouts(Pose.unchecked(*self.sim.pose(name)), supports[name]) for name in self._names)
 
     def typical(self) -> RolloutBody:
         """The body on the first course, that of the typical velocity, as it is now."""

@@ -10,7 +10,7 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from itertools import combinations
 
 import msgspec
@@ -24,7 +24,7 @@ from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, place
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.contact.stances import likeliest_stance, misfit
+from simulation_handler.contact.stances import beside, likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
@@ -280,7 +280,7 @@ class Driving:
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_static(item, False)
-        item.was_followed = True
+        item.was_followed, item.aslant = True, None
         here = self._bodies.pose(item.name)
         self._drives[item.name] = Drive(self._now, start, here, here, here)
 
@@ -307,6 +307,8 @@ class Driving:
         elif now - drive.begun > _SHORTEST and self._is_still(item, drive):
             drive.still_since = now if drive.still_since is None else drive.still_since
             apart = self._bodies.pose(item.name).distance(drive.end)[0]
+            if apart >= _ARRIVED and now - drive.still_since > _STUCK:
+                self._free(item, drive)
             if apart < _ARRIVED or now - drive.still_since > _STUCK:
                 self._end(item, drive)
         else:
@@ -344,7 +346,7 @@ class Driving:
         config = self._lifted if is_lifted(item, drive) else self._config
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config)
-        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
+        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, others):
             there = PerceivedBody(seen, covariance, item.turning_of_one())
             seen = seen.turned(likeliest_stance(there, others, config))
             placement = place(seen, covariance, others, config)
@@ -357,11 +359,12 @@ class Driving:
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
-    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, covariance: Array) -> bool:
-        """Whether an object is seen where it cannot be, turned as it is believed to be."""
+    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, others: Sequence[Solid]) -> bool:
+        """Whether an object is seen where it cannot be, turned as it is believed to be, nor be pushed aside to."""
         if item.track.estimate is None:
             return False
-        return misfit(placement.solid, seen, covariance, item.turning()) > nats.SURPRISING
+        free = beside(placement.solid, others)
+        return misfit(free, seen, item.percept_covariance(self._config), item.turning()) > nats.SURPRISING
 
     def _end(self, item: BelievedObject, drive: Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
@@ -375,6 +378,13 @@ class Driving:
         is_let_go = drive.by_hand and not item.hand and is_unseen
         if not drive.rests and not is_let_go and item.name not in self._supported.supported(self._drives):
             self._bodies.set_static(item, True)
+
+    def _free(self, item: BelievedObject, drive: Drive) -> None:
+        """Put a body that cannot get to where it rests in view there: it got stuck on a way that it did not take."""
+        if drive.rests and not self._supported.supported([item.name]):
+            others = list(self._bodies.scene(leaving_out={item.name}).values())
+            solid = beside(item.solid(drive.end.t, drive.end.q), others)
+            self._bodies.put(item, solid.position, solid.rotation)
 
     def _is_lost(self, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen far from where its container should have taken it."""

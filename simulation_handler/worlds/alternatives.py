@@ -54,6 +54,8 @@ class Mode:
     """Name of the hand that holds it; empty for none"""
     container: str = ""
     """Name of the container that it is in; empty for none"""
+    supports: tuple[str, ...] = ()
+    """Names of what it rests on there, but for the floor"""
     anchored: Pose | None = None
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
@@ -71,10 +73,17 @@ class Alternatives:
         before: its circumstance then.
         now: s, that time.
         shares: how much cameras should see of it in places.
+        worked: probability that somebody has been at work in this gap, but not at this object.
     """
 
     def __init__(
-        self, parameters: WorldParameters, thing: ObjectEvidence, before: str, now: float, shares: SharesQuery
+        self,
+        parameters: WorldParameters,
+        thing: ObjectEvidence,
+        before: str,
+        now: float,
+        shares: SharesQuery,
+        worked: float = 0.0,
     ) -> None:
         assert thing.believed is not None
         self._parameters = parameters
@@ -82,8 +91,12 @@ class Alternatives:
         self.before = before
         self.left = thing.believed
         """world_from_object when it was recognised last"""
-        self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now)}
+        mode = Mode(1.0, thing.believed, since=now, supports=thing.supports, worked=worked)
+        self.modes: dict[str, Mode] = {FOLLOWED: mode}
+        self.unshown = 0.0
+        """nats, how improbable it is that cameras do not show it in this gap, if they do not fail"""
         self._container = thing.container
+        self._supports = thing.supports
         self._solid = thing.solid
         self.looked = now
         """s, when it was last worked out what cameras should see of it"""
@@ -118,6 +131,7 @@ class Alternatives:
         """Keep what other objects tell, and ask anew from now on whether somebody is at work."""
         for key, weight in self.weights(ratio).items():
             self.modes[key].weight, self.modes[key].worked = weight, 0.0
+        self.unshown = 0.0
 
     def step(self, name: str, evidence: Evidence, *, look: bool, work: float = 0.0) -> None:
         """Bring the modes of an object to the time of the evidence.
@@ -175,8 +189,8 @@ class Alternatives:
             if inside is not None:
                 self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
         self._container = thing.container
-        followed.pose = pose
-        self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left))
+        followed.pose, followed.supports = pose, thing.supports
+        self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
 
     def _flow(self, thing: ObjectEvidence, evidence: Evidence, step: float) -> None:
         """Events that nobody sees."""
@@ -241,13 +255,13 @@ class Alternatives:
     def _go_on(self, thing: ObjectEvidence) -> None:
         """What vanished on its way may have gone on in any of many courses, and not as the simulation has it."""
         begins = thing.courses and not self._has_courses
-        for number, pose in enumerate(thing.courses):
+        for number, (pose, supports) in enumerate(thing.courses):
             key = f"{COURSE}{number}"
             if key in self.modes:
-                self.modes[key].pose = pose
+                self.modes[key].pose, self.modes[key].supports = pose, supports
             elif begins:
                 share = self._parameters.rates.went_on / (len(thing.courses) - number * self._parameters.rates.went_on)
-                self._pass(FOLLOWED, key, share, Mode(0.0, pose))
+                self._pass(FOLLOWED, key, share, Mode(0.0, pose, supports=supports))
         self._has_courses |= bool(thing.courses)
 
     def _pass(self, source: str, target: str, share: float, new: Mode, worked: float | None = None) -> None:
@@ -283,7 +297,8 @@ class Alternatives:
         """The object is not seen: that speaks against all places where cameras should see it."""
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         if not any(evidence.now - other.seen_at < PRESENT for other in evidence.objects.values()):
-            return  # cameras see nothing at all: they may be blind
+            self._miss_all(name, evidence, step)
+            return
         modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
         placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
         shares = self._shares(self._with_solid(name, evidence), name, [_placed(mode.pose) for _, mode in placed])
@@ -297,6 +312,14 @@ class Alternatives:
             away.missed += absence.rate * step
             after = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
             away.weight *= after / before
+
+    def _miss_all(self, name: str, evidence: Evidence, step: float) -> None:
+        """Nothing is seen at all: that speaks against cameras that do not fail, and not against places."""
+        followed = self.modes[FOLLOWED]
+        if followed.pose is not None and not evidence.objects[name].gone:
+            (share,) = self._shares(self._with_solid(name, evidence), name, [followed.pose])
+            missed = followed.missed + self.unshown
+            self.unshown += missed_after(missed, share, step, self._parameters.absence) - missed
 
     def _with_solid(self, name: str, evidence: Evidence) -> Evidence:
         """The evidence with the object as it was; it may still be there, though the simulation has taken it away."""

@@ -143,9 +143,10 @@ class WeightedWorlds:
         before, self._evidence = self._evidence, evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
         if self._blackouts.begins(evidence):
+            self._returned.clear()
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
-        work = self._blackouts.update(evidence)
+        work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -159,8 +160,9 @@ class WeightedWorlds:
             elif watched.seen is not None:
                 if watched.alternatives is None:
                     watched.alternatives = Alternatives(
-                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares
-                    )
+                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares,
+                        self._blackouts.before,
+                    )  # fmt: skip
                 unseen_names.append(name)
         looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
         for name in unseen_names:
@@ -198,8 +200,8 @@ class WeightedWorlds:
                 self._blackouts.tell(
                     name, math.log(_density(worked, thing.seen)) - math.log(_density(idle, thing.seen))
                 )
-            elif thing is not None and not is_unseen(thing, evidence.now):
-                continue
+            elif thing is not None and not (thing.gripper or is_unseen(thing, evidence.now)):
+                continue  # what a gripper has taken meanwhile tells nothing by where it is
             del self._returned[name]
         odds = {name: one.odds for name, one in self._unseen().items()}
         self._ratios = self._blackouts.ratios({name: value for name, value in odds.items() if value is not None})
@@ -271,7 +273,9 @@ class WeightedWorlds:
         noise = self._parameters.noise[followed.circumstance]
         placed = _spread(followed, noise)
         x, y, z = followed.velocity.tolist()
-        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
+        alternatives = self._watched[name].alternatives
+        supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
+        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, supports)
         perceived = _perceived(followed, noise, placed)
         rest = 1.0 if perceived is None else 1.0 - perceived[0]
         parts = [
@@ -300,7 +304,7 @@ class WeightedWorlds:
         if alternatives is None:
             return self._simulated(name, 1.0, thing)
         found: list[_Weighted] = []
-        courses: list[WeightedPlace] = []
+        courses: dict[tuple[str, ...], list[WeightedPlace]] = {}
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
                 found += self._simulated(name, weights[key], thing)
@@ -310,10 +314,11 @@ class WeightedWorlds:
                 age = evidence.now - thing.seen_at
                 state = self._alternative(key, mode, alternatives.left, evidence, age)
                 if key.startswith(COURSE) and state.pose is not None:
-                    courses.append(WeightedPlace(weights[key], state.pose))
+                    courses.setdefault(state.supports, []).append(WeightedPlace(weights[key], state.pose))
                 else:
                     found.append((weights[key], state, key))
-        found += [(one.weight, ObjectState(one.pose), ON_COURSE) for one in merged(courses)]
+        for supports, places in courses.items():
+            found += [(one.weight, ObjectState(one.pose, supports=supports), ON_COURSE) for one in merged(places)]
         return found
 
     def _alternative(self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float) -> ObjectState:
@@ -338,7 +343,8 @@ class WeightedWorlds:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
-        return ObjectState(placed, hand=mode.hand, containers=(mode.container,) if mode.container else ())
+        containers = (mode.container,) if mode.container else ()
+        return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
 
 
 def _spread(followed: Followed, noise: PlaceNoise) -> Pose:

@@ -90,7 +90,7 @@ class Table:
             self.now += 0.05
             self.bodies.sim.step(12)
             self.courses.update(self.now)
-        return np.array([pose.t for pose in self.courses.of("ball")])
+        return np.array([one.pose.t for one in self.courses.of("ball")])
 
     def close(self) -> None:
         self.courses.close()
@@ -176,6 +176,17 @@ def test_of_several_that_vanish_at_once_the_courses_begin_one_after_the_other() 
         table.run(0.05)
         begun.append([name for name in ("ball", "other") if table.courses.of(name)])
     assert [] in begun and ["ball"] in begun and begun[-1] == ["ball", "other"]
-    ball, second = (np.array([pose.t for pose in table.courses.of(name)])[:, 0] for name in ("ball", "other"))
+    ball, second = (np.array([one.pose.t for one in table.courses.of(name)])[:, 0] for name in ("ball", "other"))
     assert second == pytest.approx(ball, abs=0.002), "who began later has lost no time"
+    table.close()
+
+
+def test_each_tells_what_carries_it_there() -> None:
+    table = Table(*MOVES)
+    table.bodies.set_fixture("table", (1.0, 4.0, 0.04), Pose((0.0, 0.0, -0.02)))
+    table.run(1.1)
+    found = table.courses.of("ball")
+    fallen = [one for one in found if one.pose.t[0] > 0.5]
+    assert 0 < len(fallen) < COUNT
+    assert all(one.supports == (() if one in fallen else ("table",)) for one in found)
     table.close()

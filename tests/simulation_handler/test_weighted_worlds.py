@@ -14,11 +14,12 @@ import pytest
 from dsr.errors import ConfigError
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
+from simulation_handler.contact.relations import Whereabouts
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD_ALOFT, HELD_LYING, HELD_OPENING, RESTLESS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
-from simulation_handler.worlds.weighted import WeightedWorlds
+from simulation_handler.worlds.weighted import ON_COURSE, WeightedWorlds
 from tests.simulation_handler.worlds import container
 
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
@@ -199,6 +200,32 @@ def test_a_hand_that_was_near_may_have_it() -> None:
     assert len(held) == 1 and held[0].weight > 0.0
     assert held[0].objects["box"].pose is not None
     assert held[0].objects["box"].pose.t == pytest.approx((0.7, 0.0, 0.12))
+
+
+def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> None:
+    course = Course(share=0.0)
+    course.box = replace(course.box, driven=True, supports=("table",))
+    course.run(1.0)
+    there, fallen = Whereabouts(Pose((0.5, 0.0, 0.02)), ("table",)), Whereabouts(Pose((0.9, 0.0, -0.4)))
+    away = Pose((0.4, 0.0, 0.02)).with_covariance(COVARIANCE)
+    course.run(0.5)
+    course.run(0.3, lambda box: replace(box, believed=away, courses=(there, there, there, fallen)))
+    told = {world.reason: world.objects["box"].supports for world in course.worlds.worlds("box")}
+    assert told["left"] == ("table",), "where it was seen last, the table carries it"
+    on_table = sum(world.weight for world in course.worlds.worlds("box") if world.objects["box"].supports == ("table",))
+    assert course.weight(ON_COURSE) > 0.1 and course.weight("elsewhere") < 0.02
+    assert on_table == pytest.approx(1.0 - course.weight(ON_COURSE) / 4, abs=0.02)
+
+
+def test_what_the_simulation_has_taken_away_may_still_rest_where_it_was() -> None:
+    course = Course(share=0.0)
+    course.box = replace(course.box, supports=("table",))
+    course.run(1.5)
+    course.run(0.5, lambda box: replace(box, gone=True, believed=None, solid=None, supports=()))
+    worlds = course.worlds.worlds("box")
+    on_table = sum(world.weight for world in worlds if world.objects["box"].supports == ("table",))
+    assert 0.0 < course.weight("gone") and on_table == pytest.approx(course.weight("rests unseen"), abs=0.02)
+    assert on_table > 0.1
 
 
 def test_a_hand_holds_what_is_in_the_air_more_probably_than_what_lies_or_what_it_opens_about() -> None:
