@@ -43,8 +43,8 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """m, standard deviation of each coordinate of a percept of a hand"""
 
     telling: NotNegative = 0.5
-    """s for which what is told stays as it is: figures in the text, and that something is surprising of which nothing
-    is seen any more that contradicts"""
+    """s for which what is told stays as it is. That holds for figures in the text, and for the flag of an object of
+    which nothing contradicts the belief any more."""
     fresh: Positive = 1.0
     """s for which a percept counts as new, and without one of which evidence begins anew. So long after its
     release an object counts as held: what was seen before is evidence yet."""
