@@ -224,7 +224,7 @@ def test_what_the_simulation_has_taken_away_may_still_rest_where_it_was() -> Non
     course.run(0.5, lambda box: replace(box, gone=True, believed=None, solid=None, supports=()))
     worlds = course.worlds.worlds("box")
     on_table = sum(world.weight for world in worlds if world.objects["box"].supports == ("table",))
-    assert 0.0 < course.weight("gone") and on_table == pytest.approx(course.weight("rests unseen"), abs=0.02)
+    assert course.weight("gone") > 0.0 and on_table == pytest.approx(course.weight("rests unseen"), abs=0.02)
     assert on_table > 0.1
 
 
