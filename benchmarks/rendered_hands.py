@@ -101,7 +101,7 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--renderer", default="auto", choices=("auto", "egl", "tiny"), help="default: auto")
+    parser.add_argument("--renderer", default="auto", choices=("auto", "opengl", "tiny"), help="default: auto")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write the images there with what was found drawn in")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser

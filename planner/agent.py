@@ -178,7 +178,7 @@ class Planner(Agent):
                 watched = self._watched[name] = _Watched(intention.status, self._time, relations)
             if intention.status == MAINTAINED:
                 self._watch_maintained(intention, watched, relations)
-            elif intention.status == REACHED and self._time - watched.since > self.config.linger:
+            elif intention.status == REACHED and self._time - watched.since > self.config.return_within:
                 self._remove(intention)
             elif _is_worth_another_try(intention, watched.relations, relations):
                 tell(self.memory, name, WANTED, "things have changed: trying again")
@@ -191,7 +191,7 @@ class Planner(Agent):
             return
         if watched.broken_since is None:
             watched.broken_since = self._time
-        limit = self.config.explain if surprising(self.memory) else self.config.debounce
+        limit = self.config.explained if surprising(self.memory) else self.config.settle
         if self._time - watched.broken_since >= limit - ROUNDING and not doubtful(self.memory):
             why = f"no longer true: {' & '.join(map(str, missing))}"
             self.log.warning("%s: %s", intention.name, why)
@@ -220,7 +220,7 @@ class Planner(Agent):
             if is_under_way(node):
                 self.log.warning("halting %s, left by an earlier run", node.name)
                 self.memory.update_node(node.name, request=HALT)
-        while any(map(is_under_way, own_actions(self.memory))) and self._time - began < self.config.halt_limit:
+        while any(map(is_under_way, own_actions(self.memory))) and self._time - began < self.config.return_within:
             yield
         for node in own_actions(self.memory):
             if not any(edge.src in resting for edge in self.memory.edges("has", dst=node.name)):

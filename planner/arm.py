@@ -107,7 +107,7 @@ class Arm:
                 raise Interruption("the arm controller is gone")
             if elapsed > self._config.action_limit:
                 raise Failure(f"{name} takes longer than {self._config.action_limit:g} s")
-            if progress.status == PLANNED and elapsed > self._config.begin:
+            if progress.status == PLANNED and elapsed > self._config.return_within:
                 self._tell(WAITING, f"the arm does not begin {name}")
             elif change := trouble():
                 self._tell(WAITING, change)
@@ -158,7 +158,7 @@ class Arm:
                 began = self._now()
             elif not self._is_under_way() and self._now() - began > _ONE_LOOK:
                 break  # it was never begun, and will not be
-            elif self._now() - began > self._config.halt_limit:
+            elif self._now() - began > self._config.return_within:
                 self._log.error("the arm does not halt %s", self.running)
                 break
             yield

@@ -86,12 +86,11 @@ class Assurance:
         self, step: PlanStep, following: PlanStep | None, done: Sequence[Look]
     ) -> Generator[None, None, Look | None]:
         """The look that tells most, chosen over some ticks; None if none is worth it, which is logged."""
-        eyes, look = self._looking.eyes(), None
+        eyes = self._looking.eyes()
         problem = self._looking.problem
-        if len(done) < self._config.most_looks:
-            things = self._doubtful(step, following)
-            state = read_state(self._memory, self._config)
-            look = yield from Outlooks(self._memory, state, eyes, things, self._config).best(done, self._kept())
+        things = self._doubtful(step, following)
+        state = read_state(self._memory, self._config)
+        look = yield from Outlooks(self._memory, state, eyes, things, self._config).best(done, self._kept())
         if look is None:
             sure = percent(self._chance(step, following))
             self._log.info("going on, though %s will succeed with %s: %s", step, sure, problem or "no look tells more")

@@ -39,8 +39,7 @@ from planner.waiting import known_names, may_appear, running_agents
 
 _POLL_PERIOD = 0.1  # s between two looks
 _ALONE = PlannerConfig().return_within  # s without any other process of the graph until it counts as gone
-_TIDY_WITHIN = 2.0 * PlannerConfig().halt_limit  # s that the planner may take to bring the arm to rest
-_PICTURES_PER_SECOND = 8  # Hz, of the picture in the terminal
+_TIDY_WITHIN = PlannerConfig().action_limit  # s that the planner may take to bring the arm to rest
 _MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
 
 app = typer.Typer(
@@ -121,7 +120,7 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
     """Show how an intention goes until it has an outcome, which is returned."""
     began, state, told = WALL_CLOCK.monotonic(), describe(memory, name), ""
     in_company = began
-    with Live(console=console, refresh_per_second=_PICTURES_PER_SECOND, transient=False, auto_refresh=False) as live:
+    with Live(console=console, transient=False, auto_refresh=False) as live:
         try:
             while state["status"] not in (*FULFILLED, *GIVEN_UP):
                 if timeout and WALL_CLOCK.monotonic() - began > timeout:
@@ -215,6 +214,8 @@ def _cancel(memory: Memory, name: str | None, *, wait: bool) -> None:
     planned = [action["name"] for action in describe(memory, name)["actions"]]
     memory.remove_node(name)
     began = WALL_CLOCK.monotonic()
-    while wait and any(action in memory for action in planned) and WALL_CLOCK.monotonic() - began < _TIDY_WITHIN:
+    while wait and not nobody_pursues(memory) and WALL_CLOCK.monotonic() - began < _TIDY_WITHIN:
+        if not any(action in memory for action in planned):
+            break
         WALL_CLOCK.wait(threading.Event(), _POLL_PERIOD)
     console.print(f"{name} is cancelled")

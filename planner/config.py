@@ -18,29 +18,25 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Node at the arm's base, from which the reach is measured."""
 
     solver_limit: float = 20.0
-    """s after which a search for a plan is ended."""
+    """s after which a search for a plan is ended, and one for what of an unsolvable goal conflicts."""
     solver_delay: float = 0.5
     """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
     clock the result is taken as soon as it is there."""
-    conflict_limit: float = 10.0
-    """s for which the planner tries, with the solver, which relations of an unsolvable goal conflict.
-    Each try takes about `solver_delay`: this is enough for goals of some twenty relations.
-    """
 
     settle: float = 0.5
-    """s that the relations must have been the same, and nothing surprising, before a plan is made of them."""
+    """s that relations must last to count: the same ones, with nothing surprising, before a plan is made of them, and
+    those that nobody planned before they halt the arm."""
     calm: float = 3.0
     """s that the scene must have been left alone, after somebody changed it, before the arm reaches into it again."""
     still: float = 0.01
-    """m that a thing may move in a scene that is left alone."""
-    debounce: float = 0.4
-    """s that a change which nobody planned must last to count."""
-    explain: float = 2.0
-    """s more that it may last while objects are surprising: they are being explained, and the relations flicker."""
-    verify: float = 4.0
-    """s that the effects of an action may take to be believed."""
-    confirm: float = 1.0
-    """s that a goal must hold without a break to be reached."""
+    """m that a thing may move and still count as staying where it is: in a scene that is left alone, and in the
+    simulation of what is to be put down."""
+    believed: float = 1.0
+    """s within which what is in view is seen and believed: a goal must hold for so long without a break to be reached,
+    and a camera that the arm carries stays so long at each place from which it looks."""
+    explained: float = 2.0
+    """s within which what is surprising is explained: the relations flicker until then, and what is nowhere then is
+    not in view, so that the arm looks for it."""
     patience: float = 10.0
     """s that the belief may take to know where the things of a goal are, while agents that see and believe run.
     That is long enough for a hand in front of a camera to go away.
@@ -49,10 +45,6 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s that the belief may take to know where anything at all is, from when agents that see and believe run.
     Their devices and models may start for half a minute on a slow machine.
     """
-    look_after: float = 2.0
-    """s after which the arm looks for things that are nowhere: a thing in view is seen and believed within one."""
-    look_for: float = 1.0
-    """s that a camera which the arm carries stays at each place from which it looks: for some ten images."""
     look_height: float = 0.3
     """m above the table from which it looks: there it reads tags of 2 cm, and the arm is above all towers."""
     sure: float = 0.8
@@ -60,44 +52,31 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     look 4 s. A place on the table must be free with this probability."""
     least_information: float = 0.1
     """nats that a look must be expected to tell: with less, it would change the probability of a thing by some 0.05."""
-    most_looks: int = 8
-    """Places from which the arm looks at most, 3 s each: after half a minute a sought thing counts as not there."""
-    begin: float = 5.0
-    """s that the arm may take to begin an action; then the status says that it does not."""
+    return_within: float = 5.0
+    """s for which another process may do nothing and yet be there: one that died is started again within 2 s. So long
+    the work of an arm waits whose controller has gone, an arm may take to begin or to halt, and an intention that was
+    reached stays in the graph."""
     action_limit: float = 90.0
     """s that an action may take; then it is halted."""
-    halt_limit: float = 10.0
-    """s that the arm may take to halt."""
-    return_within: float = 5.0
-    """s for which the work of an arm waits whose controller has gone: one that died is started again within 2 s."""
-    linger: float = 4.0
-    """s after which an intention that was reached is removed."""
     most_failures: int = 4
-    """Actions that may fail without anything put where it belongs; then the goal counts as failed."""
-    most_plans_in_vain: int = 6
-    """Plans that may be carried out to their end without the goal holding then; then it counts as failed."""
+    """Times that the same may be tried in vain: actions that fail without anything put where it belongs, plans that
+    are carried out to their end without the goal holding then, places on which something would not stay."""
 
     widest_grip: float = 0.08
     """m, the widest thing that can be grasped."""
     clearance: float = 0.05
     """m between a thing put on the table and all others: room for the fingers."""
-    edge_margin: float = 0.02
-    """m between a thing put on the table and the table's edge."""
+    least_clearance: float = 0.02
+    """m between a thing put on the table and the table's edge, and all others where the table is full. Places that are
+    considered are as far apart."""
     least_reach: float = 0.25
     """m from the arm's base, along the ground: nothing is put nearer."""
     most_reach: float = 0.60
     """m from the arm's base, along the ground: nothing is put farther."""
-    image_margin: float = 0.06
-    """Share of the image's width and height: an object is put down only where it is seen at least so far inside the
-    image.
-    """
-    what_if_patience: float = 1.0
-    """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
-    what_if_worlds: int = USUAL_WORLDS
-    """Worlds of the belief in which a what-if question is tried."""
     what_if_seconds: float = 1.0
     """s that are simulated for a what-if question: an object that topples has left its place by then."""
-    what_if_shift: float = 0.015
-    """m that an object may move in the simulation and still count as staying."""
-    what_if_turn: float = 0.3
-    """rad that an object may turn in the simulation and still count as staying."""
+    what_if_patience: float = what_if_seconds
+    """s that the answer may take whether something would topple where it is to be put: simulations are faster than what
+    they simulate. With 0 nobody is asked."""
+    what_if_worlds: int = USUAL_WORLDS
+    """Worlds of the belief in which a what-if question is tried."""

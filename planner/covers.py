@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 
 from dsr.believing.distribution import Alternative
@@ -13,7 +12,7 @@ from dsr.vocabulary.intrinsics import Intrinsics
 from planner.config import PlannerConfig
 from planner.outlook import DOWN, HIDING, WIDTH
 
-_LENS = Intrinsics.from_fov(WIDTH, WIDTH, math.radians(90.0))
+_LENS = Intrinsics(0.5 * WIDTH, 0.5 * WIDTH, 0.5 * (WIDTH - 1), 0.5 * (WIDTH - 1), WIDTH, WIDTH)
 """Of a picture from above, as wide as twice its height"""
 
 

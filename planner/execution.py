@@ -58,8 +58,6 @@ from planner.state import read_state
 from planner.waiting import Waiting
 
 _AS_PROBABLE_AS_NOT = 0.5  # 1, probability from which trying is better than giving up
-_MOST_PLACES = 4
-"""that are asked about for one thing"""
 
 
 @dataclass
@@ -176,7 +174,7 @@ class Execution:
         """After a plan that was carried out to its end: raise `GivingUp` if that has been in vain too often."""
         missing = goal.missing(self._relations())
         self._in_vain += bool(missing)
-        if self._in_vain >= self._config.most_plans_in_vain:
+        if self._in_vain >= self._config.most_failures:
             wrong = " & ".join(map(str, missing))
             raise GivingUp(FAILED, f"{self._in_vain} plans were carried out, and still not: {wrong}")
 
@@ -234,7 +232,7 @@ class Execution:
             if self._disturbed and have_moved(places, newer_places := believed_places(self._memory), config.still):
                 places, self._last_since = newer_places, now
             doubted = doubtful(self._memory)
-            explained = not surprises or now - began >= config.settle + config.explain
+            explained = not surprises or now - began >= config.settle + config.explained
             if not self._waiting.missing_agents():
                 still_for = config.calm if self._disturbed else config.settle
                 if explained and not doubted and now - self._last_since >= still_for - ROUNDING:
@@ -352,7 +350,7 @@ class Execution:
         expected, began = step.after(before).facts, self._now()
         while self._relations().facts != expected:
             watch()
-            if self._now() - began > self._config.verify:
+            if self._now() - began > self._config.believed + self._config.explained:
                 wrong = ", ".join(differences(step.after(before), self._relations()))
                 raise Failure(f"{skill} is done, but it is not believed: {wrong}")
             yield
@@ -364,7 +362,7 @@ class Execution:
         if that is more probable to hold than not: there is no other one.
         """
         most_doubt = 1.0 - (self._config.sure if skill.target_pose is not None else _AS_PROBABLE_AS_NOT)
-        for _ in range(_MOST_PLACES):
+        for _ in range(self._config.most_failures):
             state = read_state(self._memory, self._config)
             skill = self.around.maker.still_good(skill, state, self._avoid)
             pose = skill.target_pose or stacked(skill.target, skill.destination, state)
@@ -413,7 +411,7 @@ class Execution:
     def _confirmed(self, goal: Goal) -> Generator[None, None, bool]:
         """Whether the goal holds without a break."""
         began = self._now()
-        while self._now() - began < self._config.confirm - ROUNDING:
+        while self._now() - began < self._config.believed - ROUNDING:
             yield
             if not goal.holds(self._relations()):
                 return False

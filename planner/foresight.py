@@ -10,6 +10,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.sentences import percent
 from dsr.vocabulary.what_if import Pending, Question, Supposed, WhatIf, WorldOutcome, share
 from planner.config import PlannerConfig
+from planner.grounding import LEANS
 
 
 class Foresight:
@@ -79,8 +80,8 @@ def _problem(outcome: WorldOutcome, config: PlannerConfig) -> str:
     effects = {name: outcome.effect(name) for name in outcome.moved}
     worst = max(effects, key=lambda name: (effects[name][0], name), default="")
     most = max(effects, key=lambda name: (effects[name][1], name), default="")
-    if worst and effects[worst][0] > config.what_if_shift:
+    if worst and effects[worst][0] > config.still:
         return f"{worst} would move by {effects[worst][0] * 1e3:.0f} mm"
-    if most and effects[most][1] > config.what_if_turn:
+    if most and effects[most][1] > LEANS:
         return f"{most} would turn by {effects[most][1]:.1f} rad"
     return ""

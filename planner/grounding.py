@@ -18,12 +18,8 @@ from planner.errors import NoPlace
 from planner.plan import PlanStep
 from planner.state import KnownSolid, WorldState
 
-_PLACE_GRID = 0.02
-"""m between places that are considered"""
-_CLEARANCES = (1.0, 0.5, 0.2)
-"""Shares of the clearance that are tried, one after the other, where the table is full"""
-_KEEPS_ROTATION = 0.2
-"""rad that a thing may lean and still keep its turn about the vertical when it is put down"""
+LEANS = 0.3
+"""rad that a thing may be off from how it stands and still count as standing so"""
 
 
 @dataclass(frozen=True)
@@ -113,7 +109,7 @@ def place_on_table(
     table = state.solids.get(state.table or "")
     if solid is None or table is None:
         raise NoPlace(f"{thing} cannot be put down: {'its size or pose' if table else 'a table'} is not known")
-    places = grid(table, solid.radius + config.edge_margin, _PLACE_GRID)
+    places = grid(table, solid.radius + config.least_clearance, config.least_clearance)
     places = places[_usable(places, solid, state, config, avoid, arm)]
     free = _free(places, thing, solid, state, config)
     if not len(free):
@@ -126,7 +122,7 @@ def place_on_table(
 def _free(places: Array, thing: str, solid: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
     """(n, 2) those of the places that have room around them, as much as any has."""
     gaps = _gaps(places, thing, solid, state)
-    sizes = [share * config.clearance for share in _CLEARANCES if (gaps >= share * config.clearance).any()]
+    sizes = [room for room in (config.clearance, config.least_clearance) if (gaps >= room).any()]
     chances = [np.where(gaps >= room, _chances(places, thing, solid, state, room), -1.0) for room in sizes]
     for chance in chances:
         if (chance >= config.sure).any():
@@ -145,7 +141,7 @@ def is_free(
     solid = state.solids.get(thing)
     if solid is None or not _usable(place, solid, state, config, avoid, arm)[0]:
         return False
-    room = _CLEARANCES[-1] * config.clearance
+    room = config.least_clearance
     is_likely = _chances(place, thing, solid, state, room)[0] >= config.sure
     return bool(is_likely and _gaps(place, thing, solid, state)[0] >= room)
 
@@ -174,12 +170,12 @@ def _usable(
     """(n,) which of the places (n, 2) are within reach, in view of all fixed cameras, and not to be avoided."""
     usable = within_reach(places, state, config, arm)
     for bad in avoid:
-        usable &= np.hypot(*(places - bad).T) >= _PLACE_GRID
+        usable &= np.hypot(*(places - bad).T) >= config.least_clearance
     table = state.solids.get(state.table or "")
     top = solid.size[2] + (table.pose.t[2] if table else 0.0)
     points = np.column_stack([places, np.full(len(places), top)])
     for view in state.views:
-        usable &= view.sees(points, config.image_margin)
+        usable &= view.sees(points, solid.radius)
     return usable
 
 
@@ -226,7 +222,7 @@ def _chances(places: Array, thing: str, solid: KnownSolid, state: WorldState, ro
 def _turn(pose: Pose) -> tuple[float, float, float, float]:
     """The rotation of `pose` about the vertical, if it stands upright; else none."""
     tilt = math.acos(max(-1.0, min(1.0, quaternions.rotate(pose.q, (0.0, 0.0, 1.0))[2])))
-    if tilt > _KEEPS_ROTATION:
+    if tilt > LEANS:
         return (0.0, 0.0, 0.0, 1.0)
     x, y, _ = quaternions.rotate(pose.q, (1.0, 0.0, 0.0))
     half = 0.5 * math.atan2(y, x)

@@ -8,13 +8,10 @@ import msgspec
 
 from dsr.believing.distribution import Alternative, Whereabouts
 from dsr.math3d.transforms import Pose, position_deviation
+from dsr.vocabulary.what_if import USUAL_WORLDS
 
 APART = 0.05
 """m between places that show different things: about the size of what is looked for"""
-MOST_ALTERNATIVES = 8
-"""Alternatives of a thing that are thought of: what may be so besides is improbable"""
-_DRAWN = 6
-"""Places that are drawn of an alternative which is spread out: it may be there in part"""
 
 
 class LikelyPlace(NamedTuple):
@@ -28,14 +25,17 @@ class LikelyPlace(NamedTuple):
 
 
 def likely_places(where: Whereabouts) -> list[LikelyPlace]:
-    """Places where a thing may be, with their probabilities; some of each alternative that is spread out."""
-    likely = sorted(where.alternatives, key=lambda one: -one.weight)[:MOST_ALTERNATIVES]  # others may order otherwise
+    """Places where a thing may be, with their probabilities; some of each alternative that is spread out.
+
+    No more alternatives count, and no more places of one, than worlds in which plans are tried.
+    """
+    likely = sorted(where.alternatives, key=lambda one: -one.weight)[:USUAL_WORLDS]  # others may order otherwise
     total = sum(one.weight for one in likely)
     found = []
     for one in likely:
         poses: list[Pose | None] = [one.pose]
         if one.pose is not None and position_deviation(one.pose) >= APART / 2.0:
             alone = msgspec.structs.replace(one, weight=1.0)
-            poses = Whereabouts(where.name, (alone,)).samples(_DRAWN, seed=0)
+            poses = Whereabouts(where.name, (alone,)).samples(USUAL_WORLDS, seed=0)
         found += [LikelyPlace(one.weight / (total * len(poses)), pose, one) for pose in poses]
     return found

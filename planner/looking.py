@@ -95,7 +95,7 @@ class Search:
 
     def _stay(self, wanted: Callable[[], bool]) -> Script:
         began = self._now()
-        while wanted() and self._now() - began < self._config.look_for:
+        while wanted() and self._now() - began < self._config.believed:
             yield
 
 
@@ -105,7 +105,8 @@ def viewpoints(
     """Cameras, and world_from_camera of looks straight down on the table in reach where no fixed camera sees it.
 
     Each tells most of where a thing is that may be at any of those places or at none of them, all as probable, and was
-    not shown by those before it; at most `config.most_looks`.
+    not shown by those before it. There is none that would tell less than `config.least_information`, as far as it is
+    probable that those before it show nothing.
     """
     table = state.solids.get(state.table or "")
     if table is None:
@@ -115,17 +116,20 @@ def viewpoints(
     places, reached = places[reached.any(axis=0)], reached[:, reached.any(axis=0)]
     unseen = np.ones(len(places), bool)
     for view in state.views:
-        unseen &= ~view.sees(np.column_stack([places, np.full(len(places), table.pose.t[2])]), config.image_margin)
+        unseen &= ~view.sees(np.column_stack([places, np.full(len(places), table.pose.t[2])]), 0.5 * APART)
     away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     views = [(eye, place) for eye, within in zip(eyes, reached, strict=True) for place in np.flatnonzero(within)]
     shown = np.array([away[place] <= _radius(eye.intrinsics, config) for eye, place in views])
     height = table.pose.t[2] + config.look_height
     found: list[tuple[CarriedCamera, Pose]] = []
-    while unseen.any() and len(found) < config.most_looks:
+    sought = unseen.sum() + 1.0
+    while unseen.any():
         told = expected_information(
             np.append(unseen, 1.0) / (unseen.sum() + 1.0), np.column_stack([shown, np.zeros(len(shown))])
         )
         best = int(np.round(told, 9).argmax())
+        if (unseen.sum() + 1.0) / sought * told[best] < config.least_information:
+            break
         eye, place = views[best]
         found.append((eye, Pose((*places[place].tolist(), height), DOWN)))
         unseen &= ~shown[best]
@@ -133,6 +137,9 @@ def viewpoints(
 
 
 def _radius(intrinsics: Intrinsics, config: PlannerConfig) -> float:
-    """M about the middle of the image that it shows from the height of a look, however the camera is turned."""
-    margin = 1.0 - 2.0 * config.image_margin
-    return config.look_height * margin * min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2.0
+    """M about the middle of the image that it shows from the height of a look, however the camera is turned.
+
+    What is there shows as a whole.
+    """
+    shown = config.look_height * min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
+    return 0.5 * (shown - APART)

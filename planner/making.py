@@ -52,7 +52,7 @@ class PlanMaker:
             others = tuple(other for other in part if other != relation)
             if not others:
                 break
-            if self._clock.monotonic() - began > self._config.conflict_limit:
+            if self._clock.monotonic() - began > self._config.solver_limit:
                 return part, False
             try:
                 yield from self._solve(problem(state, Goal(others)))

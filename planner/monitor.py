@@ -62,7 +62,7 @@ class RelationMonitor:
             self._since = now
         self.about_step = self._concerns_thing(relations)
         patient = bool(surprises) and not self._concerns_step(relations)
-        limit = self._config.explain if patient else self._config.debounce
+        limit = self._config.explained if patient else self._config.settle
         return now - self._since >= limit - ROUNDING
 
     def _changed(self, relations: Relations) -> set[str]:

@@ -16,10 +16,11 @@ from dsr.visibility.bodies import read_posed
 from dsr.visibility.perspectives import PERSON
 from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
+from dsr.vocabulary.what_if import USUAL_WORLDS
 from planner.carried import CarriedCamera
 from planner.config import PlannerConfig
 from planner.grounding import within_reach
-from planner.likely_places import APART, MOST_ALTERNATIVES, likely_places
+from planner.likely_places import APART, likely_places
 from planner.state import WorldState
 
 T = TypeVar("T")
@@ -145,7 +146,7 @@ class Outlooks:
         table = self._state.solids.get(self._state.table or "")
         if table is None:
             return
-        likely = [one for sought in self._sought for one in sought.where.alternatives[:MOST_ALTERNATIVES]]
+        likely = [one for sought in self._sought for one in sought.where.alternatives[:USUAL_WORLDS]]
         poses = [one.pose for one in likely if one.pose is not None]
         places = np.array([pose.t[:2] for pose in poses]).reshape(-1, 2)
         height = table.pose.t[2] + self._config.look_height

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import math
 import os
 import shutil
 import signal
@@ -32,7 +33,6 @@ UNSOLVABLE = (10, 11)
 _COMPLETE = "; cost ="
 """Begins the last line of a plan file that was written to its end."""
 _TAIL = 6  # lines of output in an error
-_CPU_MARGIN = 5  # s that the solver's own limit is above ours
 
 
 def find_solver() -> Path:
@@ -90,7 +90,7 @@ class Solver:
         try:
             (self._folder / "problem.pddl").write_text(problem, encoding="utf-8")
             shutil.copyfile(domain, self._folder / "domain.pddl")
-            cpu = f"--overall-time-limit={int(limit) + _CPU_MARGIN}s"
+            cpu = f"--overall-time-limit={math.ceil(2.0 * limit)}s"
             with (self._folder / "output").open("wb") as output:
                 self._process = subprocess.Popen(
                     [sys.executable, str(program), cpu, "--alias", "lama-first", "domain.pddl", "problem.pddl"],

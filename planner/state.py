@@ -22,6 +22,7 @@ from planner.arms import Arms, Place, PlannedArm
 from planner.config import PlannerConfig
 from planner.likely_places import likely_places
 
+_SQUARE = np.array([(x, y, 0.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
 FLAT = ("cube", "box")
 """Node types on which something can be put."""
 
@@ -58,16 +59,15 @@ class TableCamera:
     camera_from_world: Pose
     intrinsics: Intrinsics
 
-    def sees(self, points: Array, margin: float) -> NDArray[np.bool_]:
-        """(n,) which of the points (n, 3) (m, world) are in the image, `margin` of its width and height inside."""
-        local, intrinsics = self.camera_from_world.apply(points), self.intrinsics
+    def sees(self, points: Array, radius: float) -> NDArray[np.bool_]:
+        """(n,) around which of the points (n, 3) (m, world) a level square is in the image, `radius` m to each side."""
+        corners = (points[:, None] + radius * _SQUARE).reshape(-1, 3)
+        local, intrinsics = self.camera_from_world.apply(corners), self.intrinsics
         ahead = local[:, 2] > 0.0
         u, v = intrinsics.project(np.where(ahead[:, None], local, 1.0)).T
-        du, dv = margin * intrinsics.width, margin * intrinsics.height
-        inside: NDArray[np.bool_] = (
-            ahead & (du <= u) & (u <= intrinsics.width - du) & (dv <= v) & (v <= intrinsics.height - dv)
-        )
-        return inside
+        inside = ahead & (u >= 0.0) & (u <= intrinsics.width) & (v >= 0.0) & (v <= intrinsics.height)
+        whole: NDArray[np.bool_] = inside.reshape(-1, len(_SQUARE)).all(axis=1)
+        return whole
 
 
 @dataclass(frozen=True)

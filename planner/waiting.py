@@ -20,8 +20,6 @@ from planner.looking import Search
 _UNKNOWN = "never seen or heard of"
 """Reason why a thing is nowhere whose name no node has"""
 
-_MOST_SUGGESTED = 6  # count of names that are suggested for an unknown one
-
 
 def known_names(memory: Memory) -> set[str]:
     """Names of all that a goal can be about, believed to be somewhere or not."""
@@ -100,7 +98,7 @@ class Waiting:
             if waited > limit:
                 raise GivingUp(FAILED, f"{why}; {self._tried(waited)}")
             self._tell(WAITING, f"{why}; {_not_running(away) if away else f'gives up after {limit:g} s'}")
-            if self._is_started() and not looked and not away and waited >= self._config.look_after:
+            if self._is_started() and not looked and not away and waited >= self._config.explained:
                 yield from self._looking.look(lambda: bool(self.lacking(goal)), why)
                 looked = True
             yield
@@ -129,7 +127,7 @@ class Waiting:
         texts = [f"{reason}: {', '.join(names)}" for reason, names in reasons.items()]
         unknown = reasons.get(_UNKNOWN, []) if self._is_started() else []
         known = known_names(self._memory)
-        return ", ".join(texts) + "".join(f" ({suggest(name, known, _MOST_SUGGESTED)})" for name in unknown[:1])
+        return ", ".join(texts) + "".join(f" ({suggest(name, known)})" for name in unknown[:1])
 
     def _reason(self, name: str) -> str:
         node = self._memory.get_node(name)

@@ -100,7 +100,7 @@ class PersonalView:
             self._copy(node, {"present": True, "perceived": True})
             self._last_seen[name] = now
             self._empty_since.pop(name, None)
-            if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
+            if abs(now - self.world.node(name).get("last_seen", 0.0)) >= _TELL_EVERY:
                 self.world.update_node(name, last_seen=now)
             before = self._put(name, pose.with_covariance(None).with_stamp(now))
             if before is not None:
@@ -240,7 +240,7 @@ class PersonalView:
         here, last_seen = self.world.get_node(self.name), own.get("last_seen")
         if here is None or last_seen is None or here.get("last_seen") == last_seen:
             return
-        if now - here.get("last_seen", -now) >= _TELL_EVERY:
+        if abs(now - here.get("last_seen", -now)) >= _TELL_EVERY:
             self.world.update_node(self.name, last_seen=last_seen)
 
     def _see_others(self, picture: Picture | None, now: float) -> None:
@@ -250,7 +250,7 @@ class PersonalView:
             node, pose = self._source.get_node(name), self._source.get_transform(WORLD, name, types=BELIEVED)
             if picture is not None and node is not None and pose is not None and _is_shown(node, pose, picture):
                 self._place(node, now, {"perceived": True})
-                if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
+                if abs(now - self.world.node(name).get("last_seen", 0.0)) >= _TELL_EVERY:
                     self.world.update_node(name, last_seen=now)
             else:
                 self._miss(name)

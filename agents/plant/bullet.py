@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
+from agents.plant.looks import Looks
 from dsr.math3d.transforms import Pose
 from dsr.runtime.native_output import silenced
 
@@ -16,11 +20,39 @@ class Bullet:
 
     def __init__(self) -> None:
         self.client: int = pybullet.connect(pybullet.DIRECT)
+        self.looks: Looks | None = None
+        """What its bodies look like. None unless somebody who wants to know puts it there before the first body."""
 
     def __getattr__(self, name: str) -> Any:
         bound = partial(getattr(pybullet, name), physicsClientId=self.client)
         setattr(self, name, bound)
         return bound
+
+    def visual_mesh(self, file: Path, **more: Any) -> int:
+        """The number of the look that an OBJ file gives to bodies. The file may go when all have got it."""
+        if self.looks is not None:
+            self.looks.read(str(file))
+        number: int = self.createVisualShape(pybullet.GEOM_MESH, fileName=str(file), **more)
+        return number
+
+    def create_body(self, *arguments: Any, **more: Any) -> int:
+        """As `createMultiBody` of pybullet."""
+        return self._noted(self.createMultiBody(*arguments, **more))
+
+    def load_urdf(self, *arguments: Any, **more: Any) -> int:
+        """As `loadURDF` of pybullet."""
+        return self._noted(self.loadURDF(*arguments, **more))
+
+    def remove_body(self, body: int) -> None:
+        """As `removeBody` of pybullet."""
+        self.removeBody(body)
+        if self.looks is not None:
+            self.looks.remove(body)
+
+    def _noted(self, body: int) -> int:
+        if self.looks is not None:
+            self.looks.add(body, self.getVisualShapeData(body))
+        return body
 
     def pose(self, body: int) -> Pose:
         """world_from_body, the frame at the body's centre of mass."""
@@ -31,6 +63,15 @@ class Bullet:
         """world_from_link as the URDF defines the link's frame."""
         state = self.getLinkState(body, link, computeForwardKinematics=True)
         return Pose(state[4], state[5])
+
+    def links(self, body: int) -> dict[int, NDArray[np.float64]]:
+        """world_from_link (4, 4) of all links by their numbers, in the frames of the description; -1 is the base."""
+        base_from_inertia = Pose(*self.getDynamicsInfo(body, -1)[3:5])
+        found = {-1: (self.pose(body) @ base_from_inertia.inverse()).matrix}
+        if count := self.getNumJoints(body):
+            states = self.getLinkStates(body, range(count), computeForwardKinematics=True)
+            found.update((link, Pose(*state[4:6]).matrix) for link, state in enumerate(states))
+        return found
 
     def set_pose(self, body: int, pose: Pose) -> None:
         """Teleport the body; its velocity stays."""

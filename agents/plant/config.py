@@ -46,4 +46,4 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """As often as the plant ticks: a controller that ticks at 50 Hz finds a new sample in each of its ticks"""
     truth_hz: float = 20.0
     renderer: RendererName = "auto"
-    """`auto` and `egl` use EGL where it works, `tiny` always renders in software."""
+    """`auto` and `opengl` use OpenGL where it works, `tiny` always renders in software."""

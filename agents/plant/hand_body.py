@@ -13,7 +13,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from agents.colors import SLEEVE
@@ -70,7 +69,7 @@ class HandBody:
         key = np.round(tips, _ALIKE).tobytes()
         if key not in self._figures:
             while len(self._figures) >= _FIGURES:
-                self._bullet.removeBody(self._figures.popitem(last=False)[1])
+                self._bullet.remove_body(self._figures.popitem(last=False)[1])
             self._figures[key] = self._make_flesh(tips)
         self._figures.move_to_end(key)
         return self._figures[key]
@@ -83,14 +82,19 @@ class HandBody:
             return self._make(Path(file.name))
 
     def _make(self, file: Path) -> int:
-        visual = self._bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file), specularColor=(0.0, 0.0, 0.0))
-        body: int = self._bullet.createMultiBody(0, -1, visual, NOWHERE.t, NOWHERE.q)
+        visual = self._bullet.visual_mesh(file, specularColor=(0.0, 0.0, 0.0))
+        body: int = self._bullet.create_body(0, -1, visual, NOWHERE.t, NOWHERE.q)
+        if self._bullet.looks is not None:
+            self._bullet.looks.forget(str(file))
         return body
 
 
 @functools.cache
 def _skin_folder(side: Side) -> tempfile.TemporaryDirectory[str]:
-    """Where the skin of hands of this side is, while this process runs: EGL keeps a picture for each file name."""
+    """Where the skin of hands of this side is, while this process runs.
+
+    The physics engine keeps a picture for each file name.
+    """
     folder = tempfile.TemporaryDirectory(prefix="dsr-hand-")
     cv2.imwrite(f"{folder.name}/hand.png", cv2.cvtColor(skin(side).picture, cv2.COLOR_RGB2BGR))
     (Path(folder.name) / "hand.mtl").write_text(_material("hand"), encoding="ascii")

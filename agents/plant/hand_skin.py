@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _PER_METRE = 2000.0  # px: half a millimetre each
-_MULTIPLE = 8  # px, of which the picture's sides are multiples: EGL takes rows of whole words only
 _MARGIN = 0.025  # m around the joints
 _EDGE, _EDGE_DARKER = 0.004, 0.30  # m from the outline, and share of light lost at it: fingers are told apart there
 _RED = np.array([1.02, 0.94, 0.93])  # factors of red, green, blue where blood shows
@@ -49,7 +48,7 @@ def skin(side: Side) -> Skin:
     joints = outstretched(side)
     low = joints[:, :2].min(axis=0) - _MARGIN - (FOREARM, 0.0)
     high = joints[:, :2].max(axis=0) + _MARGIN
-    size = _MULTIPLE * np.ceil((high - low) * _PER_METRE / _MULTIPLE).astype(int)
+    size = np.ceil((high - low) * _PER_METRE).astype(int)
     back, palm = _views(flesh, joints, low, size)
     picture = np.concatenate([back, palm], axis=0)
     is_back = flesh.normals[flesh.faces, 2].mean(axis=1) >= 0.0

@@ -43,7 +43,7 @@ def write_box(folder: Path, name: str, size: Size, color: Color, marker_id: int 
 
 def write_shape(folder: Path, name: str, size: Size, shape: Shape, color: Color, marker_id: int | None = None) -> Path:
     """Write a body made of parts; the tag's face takes the place of all that is on top of its bounding box."""
-    facets = [facet for part in shape for facet in _facets(part)]
+    facets = [facet for part in shape for facet in facets_of(part)]
     if marker_id is not None:
         top = 0.5 * size[2] - _LEVEL
         facets = [facet for facet in facets if facet[0][:, 2].min() < top] + [next(_box(size, tagged=True))]
@@ -69,7 +69,8 @@ def _box(size: Size, *, tagged: bool = False) -> Iterator[Facet]:
         yield np.array(corners), np.tile(normal, (4, 1)).astype(float), places
 
 
-def _facets(part: Part) -> Iterator[Facet]:
+def facets_of(part: Part) -> Iterator[Facet]:
+    """The surface of a part, in the body's frame."""
     turn, position = np.array(quaternions.to_matrix(part.rotation)), np.array(part.position)
     own = {"box": lambda: _box(part.size), "cylinder": lambda: _cylinder(part.size), "sphere": lambda: _ball(part.size)}
     for corners, normals, places in own[part.kind]():

@@ -194,6 +194,10 @@ class Plant(Agent):
         self._start_message = payload
 
 
+_HALF_TICK = RATE_HZ / Plant.rate_hz / 2
+"""Steps of physics."""
+
+
 class _ArmDevice:
     """What comes for one arm: commands of its controller, and emergency stops."""
 
@@ -218,13 +222,16 @@ class _ArmDevice:
 
 
 class _Every:
-    """True once in each period of a rate, counted in steps of physics."""
+    """True once in each period of a rate, counted in steps of physics.
+
+    A tick may come early or late. Up to half a tick of that changes nothing.
+    """
 
     def __init__(self, rate_hz: float) -> None:
         self._rate = rate_hz
         self._last = -1
 
     def __call__(self, steps: int) -> bool:
-        period = math.floor(steps * self._rate / RATE_HZ + 1e-9)
+        period = math.floor((steps + _HALF_TICK) * self._rate / RATE_HZ + 1e-9)
         passed, self._last = period > self._last, period
         return passed

@@ -1,13 +1,9 @@
-"""Pictures of a physics world: through EGL where that works, else by pybullet's own software renderer."""
+"""Pictures of a physics world: by OpenGL where that works, else by pybullet's own software renderer."""
 
 from __future__ import annotations
 
-import functools
-import importlib.util
 import logging
-import subprocess
-import sys
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -15,38 +11,32 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
-from agents.plant.zero_pages import zeros_given_back
+from agents.plant.looks import Looks
+from agents.plant.opengl import Light, OpenGl
 from dsr.math3d.transforms import Pose
-from dsr.runtime.native_output import silenced
 from dsr.vocabulary.intrinsics import Intrinsics
 
 log = logging.getLogger("agents.plant.renderer")
 
-RendererName = Literal["auto", "egl", "tiny"]
+RendererName = Literal["auto", "opengl", "tiny"]
 
 NEAR, FAR = 0.02, 8.0
 """m, the planes between which the renderer sees"""
 _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
-_LIGHT = {
-    "lightDirection": [0.5, -0.8, 2.0],
+_UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0, 1.0])  # the first row of OpenGL's images is the lowest
+_LIGHT = Light(towards=(0.5, -0.8, 2.0), ambient=0.672, diffuse=0.336, sky=(1.0, 1.0, 1.0))
+_TINY_LIGHT = {
+    "lightDirection": _LIGHT.towards,
     "lightDistance": 3.0,
-    "lightAmbientCoeff": 0.7,
-    "lightDiffuseCoeff": 0.35,
+    "lightAmbientCoeff": _LIGHT.ambient,
+    "lightDiffuseCoeff": _LIGHT.diffuse,
     "lightSpecularCoeff": 0.0,
-    "shadow": 0,  # EGL draws shadows all the same
+    "shadow": 0,
 }
 _TINY_SHIFT = (-0.5, 0.5)  # px, where TinyRenderer's principal point is to be asked for, measured
 _BODY_MASK = (1 << 24) - 1
 _UNMOVED = 1e-6
 """m, rad or 1 (of a quaternion) up to which nothing has moved for the eye: a hundredth of a pixel at the nearest."""
-_PROBE = """
-import importlib.util, pybullet
-spec = importlib.util.find_spec("eglRenderer")
-client = pybullet.connect(pybullet.DIRECT)
-plugin = pybullet.loadPlugin(spec.origin, "_eglRendererPlugin")
-image = pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
-raise SystemExit(0 if plugin >= 0 and len(image[2]) else 3)
-"""
 
 
 class RenderedPicture(msgspec.Struct, frozen=True):
@@ -79,27 +69,28 @@ class _Shot(msgspec.Struct, frozen=True):
 class Renderer:
     """Renders the world of one physics client; as long as nothing moves, the picture is made once.
 
-    EGL serves one client of a process at a time: a second renderer, or one where EGL does not work, falls
-    back to the software renderer.
-
     Args:
-        bullet: the physics client, still without bodies: EGL does not draw those that were there before it.
-        wanted: `auto` and `egl` prefer EGL, `tiny` is the software renderer.
+        bullet: the physics client, still without bodies: OpenGL does not draw those that were there before it.
+        wanted: `auto` and `opengl` prefer OpenGL, `tiny` is the software renderer of the physics engine.
     """
-
-    _egl_taken: ClassVar[bool] = False
 
     def __init__(self, bullet: Bullet, wanted: RendererName = "auto") -> None:
         self._bullet = bullet
         self._last: _Shot | None = None
-        self._plugin = self._load_egl() if wanted != "tiny" and not Renderer._egl_taken and egl_works() else -1
-        if self._plugin < 0 and wanted != "tiny":
-            log.warning("EGL is not available: rendering in software, about three times slower")
+        self._opengl: OpenGl | None = None
+        if wanted != "tiny":
+            looks = Looks()
+            try:
+                self._opengl = OpenGl(looks, _LIGHT)
+            except OSError as error:
+                log.warning("rendering in software, several times slower: %s", error)
+            else:
+                bullet.looks = looks
 
     @property
     def name(self) -> str:
-        """`egl` or `tiny`."""
-        return "egl" if self._plugin >= 0 else "tiny"
+        """`opengl` or `tiny`."""
+        return "tiny" if self._opengl is None else "opengl"
 
     def render(self, world_from_camera: Pose, intrinsics: Intrinsics, *, bodies: bool = False) -> RenderedPicture:
         """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`."""
@@ -121,15 +112,24 @@ class Renderer:
         return np.array(values)
 
     def _draw(self, world_from_camera: Pose, intrinsics: Intrinsics, bodies: bool) -> RenderedPicture:
-        egl = self._plugin >= 0
+        opengl = self._opengl
+        if opengl is None:
+            return self._draw_tiny(world_from_camera, intrinsics, bodies)
+        clip_from_camera = _UPSIDE_DOWN @ _projection(intrinsics, (0.0, 0.0)) @ _GL_FROM_OPTICAL
+        places = {(body, link): pose for body in opengl.bodies for link, pose in self._bullet.links(body).items()}
+        size = intrinsics.width, intrinsics.height
+        color, depth, numbers = opengl.draw(clip_from_camera @ world_from_camera.inverse().matrix, places, size)
+        return RenderedPicture(_kept(color), _kept(_metric(depth)), _kept(numbers) if bodies else None)
+
+    def _draw_tiny(self, world_from_camera: Pose, intrinsics: Intrinsics, bodies: bool) -> RenderedPicture:
         _, _, color, depth, segments = self._bullet.getCameraImage(
             intrinsics.width,
             intrinsics.height,
             _column_major(_GL_FROM_OPTICAL @ world_from_camera.inverse().matrix),
-            _column_major(_projection(intrinsics, (0.0, 0.0) if egl else _TINY_SHIFT)),
-            renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if egl else pybullet.ER_TINY_RENDERER,
+            _column_major(_projection(intrinsics, _TINY_SHIFT)),
+            renderer=pybullet.ER_TINY_RENDERER,
             flags=0 if bodies else pybullet.ER_NO_SEGMENTATION_MASK,
-            **_LIGHT,
+            **_TINY_LIGHT,
         )
         shape = (intrinsics.height, intrinsics.width)
         rgb = np.reshape(np.asarray(color, np.uint8), (*shape, 4))[..., :3]
@@ -140,32 +140,19 @@ class Renderer:
         )
 
     def close(self) -> None:
-        """Give EGL back; harmless when repeated."""
-        if self._plugin >= 0:
-            Renderer._egl_taken = False
-            self._plugin = -1
-
-    def _load_egl(self) -> int:
-        spec = importlib.util.find_spec("eglRenderer")
-        assert spec is not None  # egl_works() said so
-        with silenced(), zeros_given_back():
-            plugin: int = self._bullet.loadPlugin(spec.origin, "_eglRendererPlugin")
-            for _ in range(2):  # it still prints while it warms up
-                self._bullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
-        Renderer._egl_taken = plugin >= 0
-        return plugin
+        """Free what OpenGL keeps; harmless when repeated."""
+        if self._opengl is not None:
+            self._opengl.close()
+            self._opengl = self._bullet.looks = None
 
 
-@functools.cache
-def egl_works() -> bool:
-    """Whether EGL renders here; tried in a process of its own, because the plugin ends the process if not."""
-    if importlib.util.find_spec("eglRenderer") is None:
-        return False
+def opengl_works() -> bool:
+    """Whether OpenGL renders here without a window."""
     try:
-        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=30, check=False)
-    except (OSError, subprocess.TimeoutExpired):
+        OpenGl(Looks(), _LIGHT).close()
+    except OSError:
         return False
-    return probe.returncode == 0
+    return True
 
 
 def _projection(intrinsics: Intrinsics, shift: tuple[float, float]) -> NDArray[np.float64]:

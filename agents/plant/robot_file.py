@@ -38,7 +38,7 @@ def load_body(bullet: Bullet, file: Path, base: Pose, args: Mapping[str, Value] 
         prepared = folder / f"{name_by_content('robot', description)}.urdf"
         prepared.write_bytes(description)
         try:
-            body: int = bullet.loadURDF(str(prepared), base.t, base.q, useFixedBase=True, flags=_FLAGS)
+            body: int = bullet.load_urdf(str(prepared), base.t, base.q, useFixedBase=True, flags=_FLAGS)
         except pybullet.error as error:
             raise ConfigError("the physics engine cannot load it", file=str(file)) from error
     return body

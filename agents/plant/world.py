@@ -47,9 +47,7 @@ def visual_shape(
     It shows the parts of `shape`, or a box of `size` m without any. With a `marker_id` there is a tag on top (+z).
     The files are read whenever a body gets the appearance, and may be deleted in between.
     """
-    file = _write_looks(folder, name, size, color, marker_id, shape)
-    number: int = bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file))
-    return number
+    return bullet.visual_mesh(_write_looks(folder, name, size, color, marker_id, shape))
 
 
 def _write_looks(folder: Path, name: str, size: Size, color: Color, marker_id: int | None, shape: Shape) -> Path:
@@ -181,7 +179,7 @@ class World:
 
     def remove(self, name: str) -> None:
         """Take an object out of the scene."""
-        self.bullet.removeBody(self.body(name))
+        self.bullet.remove_body(self.body(name))
         del self._bodies[name]
         self._held.discard(name)
 
@@ -270,7 +268,7 @@ class World:
         x, y, z = top_center
         shape = collision_shape(self.bullet, size)
         visual = visual_shape(self.bullet, folder, name, size, color)
-        body: int = self.bullet.createMultiBody(0, shape, visual, [x, y, z - size[2] / 2])
+        body: int = self.bullet.create_body(0, shape, visual, [x, y, z - size[2] / 2])
         self.bullet.changeDynamics(body, -1, lateralFriction=1.0)
         return body
 
@@ -285,7 +283,7 @@ class World:
     def _add(self, name: str, pose: Pose) -> None:
         shape, visual = self._shapes[name]
         spec = self.specs[name]
-        body = self.bullet.createMultiBody(spec.mass, shape, visual, pose.t, pose.q)
+        body = self.bullet.create_body(spec.mass, shape, visual, pose.t, pose.q)
         self.bullet.changeDynamics(body, -1, lateralFriction=spec.friction, frictionAnchor=1)  # else stacks creep
         if spec.rolling_friction:
             self.bullet.changeDynamics(

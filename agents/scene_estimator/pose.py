@@ -231,7 +231,8 @@ class _TagProblem(NamedTuple):
             moving = moving[(gradient * step).sum(axis=1) >= _SETTLED**2]  # without those that have no step
         failed = ~(missed < _NO_SQUARE) | ~np.isfinite(poses).all(axis=(1, 2))
         costs[failed] = np.inf
-        return _Fits(poses.reshape(*shape, 4, 4), covariances[:, :6, :6].reshape(*shape, 6, 6), costs.reshape(shape))
+        even = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))[:, :6, :6]  # they are symmetric but for rounding
+        return _Fits(poses.reshape(*shape, 4, 4), even.reshape(*shape, 6, 6), costs.reshape(shape))
 
     def _linear(self, tags: NDArray[np.int64], poses: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
         """Information (m, 7, 7), gradient (m, 7), costs (m,) and what corners miss (m,), at poses and scales of tags.

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from agents.arm_controller.agent import ArmController
+from agents.arm_controller.body import STILL
 from benchmarks.observer import on_each_change
 from dsr import Edge, Memory, Node
 from dsr.frames.tree import WORLD
@@ -22,8 +26,6 @@ SAME = PoseTolerance(5e-5, 5e-4)
 MOVED = 0.02
 """m from the belief at which a percept says that an object is elsewhere: half a cube"""
 JOINTS = "joint samples"
-REST = 0.1
-"""s without a joint sample from which on an arm is at rest: five samples"""
 THERE = 0.01
 """m from the percept at which the belief has followed"""
 
@@ -89,6 +91,20 @@ class Delays:
             self.followed.append(heard.at - since)
 
 
+def rate_in_motion(samples: Sequence[tuple[float, NDArray[np.float64]]], wanted: float) -> float | None:
+    """Samples a second, of which each is a time (s) and positions (rad or m), while the joints moved; None if never.
+
+    Joints that stand still are not told. So a pause counts only if they went further in it than they may unnoticed in
+    as many periods of the `wanted` rate.
+    """
+    gaps = [
+        after - before
+        for (before, here), (after, there) in itertools.pairwise(samples)
+        if np.abs(there - here).max() > STILL * max(1.0, (after - before) * wanted)
+    ]
+    return len(gaps) / sum(gaps) if gaps else None
+
+
 def _apart(a: Pose, b: Pose) -> float:
     return float(np.linalg.norm(np.subtract(a.t, b.t)))
 
@@ -101,6 +117,7 @@ class Ear:
         self._poses: deque[Heard] = deque()
         self._since: float | None = None
         self._counted: dict[str, list[float]] = {}
+        self._joints: dict[str, list[tuple[float, NDArray[np.float64]]]] = {}
         self.delays = Delays()
         self._subscriptions: list[Subscription] = []
         on_each_change(memory, self._seen)
@@ -129,12 +146,15 @@ class Ear:
                 self.delays.belief(heard, perceived=node is not None and bool(node.get("perceived")))
 
     def rates(self) -> dict[str, float]:
-        """How many came a second, by what they are; of joints, while the arm moved: at rest they tell nothing."""
+        """How many came a second, by what they are; of joints, while the arm moved."""
         found = {}
         for what, times in sorted(self._counted.items()):
-            gaps = [b - a for a, b in itertools.pairwise(times) if not what.startswith(JOINTS) or b - a < REST]
+            gaps = [b - a for a, b in itertools.pairwise(times)]
             if gaps:
                 found[what] = len(gaps) / sum(gaps)
+        for what, samples in sorted(self._joints.items()):
+            if rate := rate_in_motion(samples, ArmController.rate_hz):
+                found[what] = rate
         return found
 
     def close(self) -> None:
@@ -149,8 +169,10 @@ class Ear:
     def _seen(self, element: Node | Edge, attribute: str | None) -> None:
         """Called by the thread that merges: it must not wait."""
         if isinstance(element, Node):
-            if attribute == "joint_positions":
-                self._count(f"{JOINTS} of {element.name}" if element.name != ARM else JOINTS)
+            if attribute == "joint_positions" and self._since is not None:
+                what = f"{JOINTS} of {element.name}" if element.name != ARM else JOINTS
+                positions = np.array(element["joint_positions"])
+                self._joints.setdefault(what, []).append((self._memory.clock.now(), positions))
         elif self._since is not None and attribute in (None, "pose") and element.type in ("RT", "Virtual_RT"):
             camera = "" if element.type == "Virtual_RT" else element.src
             source = self._memory.get_node(camera) if camera else None

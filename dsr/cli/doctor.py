@@ -43,7 +43,7 @@ _OWN_CHECK = frozenset({"pybullet", "pybullet_data"})
 _PURPOSES = {"cli": "the command dsr", "sim": "agents and simulated worlds", "view": "the live view"}
 """What the extras are for that have no check of their own."""
 _COMPILERS = ("c++", "g++", "clang++", "cl")
-_EGL_PROBE = "from agents.plant.renderer import egl_works; raise SystemExit(0 if egl_works() else 3)"
+_OPENGL_PROBE = "from agents.plant.renderer import opengl_works; raise SystemExit(0 if opengl_works() else 3)"
 _SOLVER_PROBE = "from planner.solver import probe; print(probe())"
 _PROBE = b"frame"
 _PATIENCE = 30.0  # s
@@ -81,7 +81,7 @@ def run_checks() -> Iterable[Check]:
         check_packages,
         check_pybullet,
         check_solver,
-        check_egl,
+        check_opengl,
         check_runtime_folder,
         check_shared_memory,
         check_zenoh,
@@ -160,12 +160,12 @@ def check_solver() -> Check:
     return Check("planner", "limited", f"{reason} (only goals need it: dsr mission, scenarios with a mission)")
 
 
-def check_egl() -> Check:
-    """Rendering by EGL, tried in a process of its own."""
-    probe = subprocess.run([sys.executable, "-c", _EGL_PROBE], capture_output=True, timeout=_PATIENCE, check=False)
+def check_opengl() -> Check:
+    """Rendering by OpenGL, tried in a process of its own."""
+    probe = subprocess.run([sys.executable, "-c", _OPENGL_PROBE], capture_output=True, timeout=_PATIENCE, check=False)
     if probe.returncode == 0:
-        return Check("EGL", "ok", "simulated cameras render with OpenGL")
-    return Check("EGL", "limited", "not available: simulated cameras render in software, two to five times slower")
+        return Check("OpenGL", "ok", "simulated cameras render with it")
+    return Check("OpenGL", "limited", "not available: simulated cameras render in software, several times slower")
 
 
 def check_runtime_folder() -> Check:

@@ -10,6 +10,7 @@ Furgale, "Associating Uncertainty With Three-Dimensional Poses for Use in Estima
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterable
 from typing import Any, NoReturn, final
 
@@ -335,10 +336,10 @@ def _checked_covariance(covariance: ArrayLike) -> Covariance:
         raise ValueError(f"covariance with diagonal {cov[::7]}: variances cannot be negative")
     if transposed == cov:
         return cov
-    worst = max(abs(a - b) for a, b in zip(cov, transposed, strict=True))
+    worst = max(map(abs, map(operator.sub, cov, transposed)))
     if worst > _SYMMETRY_TOLERANCE * max(map(abs, cov)):
         raise ValueError(f"covariance {cov} is not symmetric: entries differ by up to {worst:.3g}")
-    return tuple(0.5 * (a + b) for a, b in zip(cov, transposed, strict=True))
+    return tuple(0.5 * both for both in map(operator.add, cov, transposed))
 
 
 def _flat36(covariance: ArrayLike) -> Iterable[float]:

@@ -35,6 +35,8 @@ USUAL_WORLDS = 8
 _MOST_NUMBERS = 11 * MOST_PARTS  # of the shape of what is added
 TIMEOUT = 5.0
 """s to wait for an answer, unless told otherwise."""
+LONGEST = 30.0
+"""s for which a question is worked on at most, six times what askers wait: it holds up all others."""
 
 Numbers = tuple[float, float, float, float, float, float, float]
 """A pose as it travels: translation x y z, then the quaternion x y z w."""
@@ -89,7 +91,9 @@ class Question(msgspec.Struct, frozen=True, omit_defaults=True):
     """s to simulate; everything begins at rest."""
     changes: Annotated[tuple[Supposed, ...], msgspec.Meta(max_length=MAX_CHANGES)] = ()
     expires: float = 0.0
-    """s, when nobody waits for the answer any more, on the asker's clock; 0 for never. `WhatIf` fills it in."""
+    """s, when nobody waits for the answer any more, on the asker's clock; 0 if that is not told. `WhatIf` fills it in.
+
+    It is worked on for `LONGEST` at most in any case."""
     worlds: Annotated[int, msgspec.Meta(ge=1, le=MAX_WORLDS)] = 1
     """In how many worlds of the belief it is tried, at most: the one that the graph shows, then the most probable."""
 

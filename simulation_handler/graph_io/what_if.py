@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import msgspec
 
@@ -21,6 +21,7 @@ from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.vocabulary.what_if import (
+    LONGEST,
     SERVICE,
     Answer,
     Numbers,
@@ -31,8 +32,8 @@ from dsr.vocabulary.what_if import (
     encode_answer,
 )
 from simulation_handler.contact.relations import STEEP
-from simulation_handler.graph_io.reading import FARTHEST
-from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
+from simulation_handler.graph_io.reach import FARTHEST
+from simulation_handler.physics.rollouts.engine import Engine, LateError, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.geometry import Solid
@@ -49,6 +50,10 @@ _HEAVIEST = 1e3  # kg
 _log = logging.getLogger("simulation_handler.graph_io.what_if")
 
 
+IsLate = Callable[[], bool]
+"""Tells whether nobody waits for an answer any more."""
+
+
 class RefusedError(DsrError):
     """A question that has no answer; says why."""
 
@@ -57,7 +62,8 @@ class WhatIfService:
     """Serves a graph; knows the scene that was offered last, and never touches the belief.
 
     Whatever comes in, the caller gets an answer, if only a refusal. Questions are simulated one at a time; beyond
-    16 that wait, or when the asker has stopped waiting, they are refused, which costs nothing.
+    16 that wait, or when the asker has stopped waiting, they are refused, which costs nothing. A question that takes
+    longer than its asker waits, or than `LONGEST`, is given up: it would hold up all others.
     """
 
     def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
@@ -92,15 +98,20 @@ class WhatIfService:
             return _tried_nowhere(f"the simulation handler failed: {error!r}")
 
     def _answer(self, question: Question) -> Answer:
+        gives_up = self._clock.monotonic() + LONGEST
+
+        def is_late() -> bool:
+            return self._clock.monotonic() > gives_up or 0.0 < question.expires < self._clock.now()
+
         if not self._seats.acquire(blocking=False):
             raise RefusedError(f"{_MOST_QUESTIONS} questions wait already; ask again later")
         try:
             with self._one_at_a_time:
-                return self._simulated(question)
+                return self._simulated(question, is_late)
         finally:
             self._seats.release()
 
-    def _simulated(self, question: Question) -> Answer:
+    def _simulated(self, question: Question, is_late: IsLate) -> Answer:
         late = self._clock.now() - question.expires
         if question.expires and late > 0.0:
             raise RefusedError(
@@ -110,35 +121,35 @@ class WhatIfService:
             raise RefusedError("the simulation handler holds no scene; it has just started, or ends")
         scene, islands, now = self._offered
         first, *others = leading(islands, scene, question.worlds) if question.worlds > 1 else [JointWorld()]
-        shown = self._tried(scene, question, first, now)
-        tried = [self._tried(scene, question, world, now) for world in others if not self._is_late(question)]
+        shown = self._tried(scene, question, first, now, is_late)
+        tried = [self._tried(scene, question, world, now, is_late) for world in others if not is_late()]
         return Answer(**msgspec.structs.asdict(shown), others=tuple(tried))
 
-    def _is_late(self, question: Question) -> bool:
-        """Whether nobody waits any more: then the worlds that are left are not tried, for others wait."""
-        return 0.0 < question.expires < self._clock.now()
-
-    def _tried(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
+    def _tried(
+        self, scene: RolloutScene, question: Question, world: JointWorld, now: float, is_late: IsLate
+    ) -> WorldOutcome:
         """The outcome in a world, which may be that it cannot be changed so."""
         try:
-            return self._outcome(scene, question, world, now)
-        except RefusedError as error:
+            return self._outcome(scene, question, world, now, is_late)
+        except (RefusedError, LateError) as error:
             otherwise = tuple(sorted(world.otherwise))
             return WorldOutcome(refused=str(error), weight=world.weight, otherwise=otherwise, stamp=now)
 
-    def _outcome(self, scene: RolloutScene, question: Question, world: JointWorld, now: float) -> WorldOutcome:
+    def _outcome(
+        self, scene: RolloutScene, question: Question, world: JointWorld, now: float, is_late: IsLate
+    ) -> WorldOutcome:
         before = after = world.scene(scene)
         for change in question.changes:
             after = changed(after, change)
-        check_room(after, {change.object for change in question.changes if change.pose is not None})
+        check_room(after, {change.object for change in question.changes if change.pose is not None}, is_late)
         self._engine = self._engine or Engine()
-        outcome = self._engine.run(after, question.seconds)
+        outcome = self._engine.run(after, question.seconds, is_late)
         described = _described(after, outcome, world, now)
         about = {change.object for change in question.changes}
         others = [body for body in before.bodies if body.mass > 0.0 and body.name not in about]
         if not about or not any(_moves(body, outcome) for body in others):
             return described
-        alone = self._engine.run(before, question.seconds)
+        alone = self._engine.run(before, question.seconds, is_late)
         anyway = {body.name: _numbers(alone.poses[body.name]) for body in others if _moves(body, alone)}
         return msgspec.structs.replace(described, anyway=anyway)
 
@@ -184,11 +195,16 @@ def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
     return RolloutBody(name, size, position, rotation, change.mass, change.friction, shape=shape)
 
 
-def check_room(scene: RolloutScene, placed: Collection[str]) -> None:
-    """Raise `RefusedError` if one of the objects that were `placed` would be inside another body."""
+def check_room(scene: RolloutScene, placed: Collection[str], is_late: IsLate = lambda: False) -> None:
+    """Raise `RefusedError` if one of the objects that were `placed` would be inside another body.
+
+    Raises `LateError` if nobody waits for that any more.
+    """
     for name in sorted(placed):
         solid = scene[name].solid
         for body in scene.bodies:
+            if is_late():
+                raise LateError("nobody waits until it is known whether there is room for all that was placed")
             depth = 0.0 if body.name == name else _depth(solid, body.solid)
             if depth > _DEEPEST_PLACED:
                 raise RefusedError(f"{name!r} would be {1e3 * depth:.0f} mm inside {body.name!r} there")

@@ -73,10 +73,17 @@ class Alternatives:
         before: its circumstance then.
         now: s, that time.
         shares: how much cameras should see of it in places.
+        worked: probability that somebody has been at work in this gap, but not at this object.
     """
 
     def __init__(
-        self, parameters: WorldParameters, thing: ObjectEvidence, before: str, now: float, shares: SharesQuery
+        self,
+        parameters: WorldParameters,
+        thing: ObjectEvidence,
+        before: str,
+        now: float,
+        shares: SharesQuery,
+        worked: float = 0.0,
     ) -> None:
         assert thing.believed is not None
         self._parameters = parameters
@@ -84,7 +91,10 @@ class Alternatives:
         self.before = before
         self.left = thing.believed
         """world_from_object when it was recognised last"""
-        self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now, supports=thing.supports)}
+        mode = Mode(1.0, thing.believed, since=now, supports=thing.supports, worked=worked)
+        self.modes: dict[str, Mode] = {FOLLOWED: mode}
+        self.unshown = 0.0
+        """nats, how improbable it is that cameras do not show it in this gap, if they do not fail"""
         self._container = thing.container
         self._supports = thing.supports
         self._solid = thing.solid
@@ -121,6 +131,7 @@ class Alternatives:
         """Keep what other objects tell, and ask anew from now on whether somebody is at work."""
         for key, weight in self.weights(ratio).items():
             self.modes[key].weight, self.modes[key].worked = weight, 0.0
+        self.unshown = 0.0
 
     def step(self, name: str, evidence: Evidence, *, look: bool, work: float = 0.0) -> None:
         """Bring the modes of an object to the time of the evidence.
@@ -286,7 +297,8 @@ class Alternatives:
         """The object is not seen: that speaks against all places where cameras should see it."""
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         if not any(evidence.now - other.seen_at < PRESENT for other in evidence.objects.values()):
-            return  # cameras see nothing at all: they may be blind
+            self._miss_all(name, evidence, step)
+            return
         modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
         placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
         shares = self._shares(self._with_solid(name, evidence), name, [_placed(mode.pose) for _, mode in placed])
@@ -300,6 +312,14 @@ class Alternatives:
             away.missed += absence.rate * step
             after = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
             away.weight *= after / before
+
+    def _miss_all(self, name: str, evidence: Evidence, step: float) -> None:
+        """Nothing is seen at all: that speaks against cameras that do not fail, and not against places."""
+        followed = self.modes[FOLLOWED]
+        if followed.pose is not None and not evidence.objects[name].gone:
+            (share,) = self._shares(self._with_solid(name, evidence), name, [followed.pose])
+            missed = followed.missed + self.unshown
+            self.unshown += missed_after(missed, share, step, self._parameters.absence) - missed
 
     def _with_solid(self, name: str, evidence: Evidence) -> Evidence:
         """The evidence with the object as it was; it may still be there, though the simulation has taken it away."""

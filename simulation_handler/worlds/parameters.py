@@ -70,7 +70,7 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     went_on: Share
     """1, that what vanishes on its way goes on otherwise than the simulation has it, by one of its courses"""
     work: Amount
-    """1/s, that somebody begins to work while cameras see nothing at all"""
+    """1/s, that somebody begins to work while cameras fail"""
     work_removed: Share
     """1, that an object leaves the scene when somebody was at work then"""
     work_moved: Share

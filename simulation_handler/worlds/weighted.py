@@ -143,9 +143,10 @@ class WeightedWorlds:
         before, self._evidence = self._evidence, evidence
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
         if self._blackouts.begins(evidence):
+            self._returned.clear()
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
-        work = self._blackouts.update(evidence)
+        work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -159,8 +160,9 @@ class WeightedWorlds:
             elif watched.seen is not None:
                 if watched.alternatives is None:
                     watched.alternatives = Alternatives(
-                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares
-                    )
+                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares,
+                        self._blackouts.before,
+                    )  # fmt: skip
                 unseen_names.append(name)
         looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
         for name in unseen_names:
@@ -198,8 +200,8 @@ class WeightedWorlds:
                 self._blackouts.tell(
                     name, math.log(_density(worked, thing.seen)) - math.log(_density(idle, thing.seen))
                 )
-            elif thing is not None and not is_unseen(thing, evidence.now):
-                continue
+            elif thing is not None and not (thing.gripper or is_unseen(thing, evidence.now)):
+                continue  # what a gripper has taken meanwhile tells nothing by where it is
             del self._returned[name]
         odds = {name: one.odds for name, one in self._unseen().items()}
         self._ratios = self._blackouts.ratios({name: value for name, value in odds.items() if value is not None})

@@ -38,7 +38,7 @@ def eye() -> Iterator[Renderer]:
     for half, place in (((1.5, 1.5, 0.01), (0.0, 0.0, -0.01)), ((0.05, 0.04, 0.1), (0.1, 0.05, 0.1)),
                         ((0.06, 0.06, 0.2), (-0.12, -0.06, 0.2))):  # fmt: skip
         shape = bullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=(0.5, 0.6, 0.7, 1.0))
-        bullet.createMultiBody(0.0, -1, shape, place)
+        bullet.create_body(0.0, -1, shape, place)
     yield renderer
     renderer.close()
     bullet.close()

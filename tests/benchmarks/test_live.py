@@ -6,12 +6,14 @@ import dataclasses
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from agents.scenario.format.scenario import load_scenario
 from benchmarks.live.crowd import write_crowd
 from benchmarks.live.day import SETTLED, Size, is_bounded
-from benchmarks.live.hearing import MOVED, Delays, Heard
+from benchmarks.live.hearing import MOVED, Delays, Heard, rate_in_motion
 from benchmarks.live.processes import Machine, Usage
 from dsr.math3d.transforms import Pose
 
@@ -89,3 +91,16 @@ def test_processor_time_is_that_since_the_first_look() -> None:
     assert machine.busy() > 0.0
     usage.look(2**22 + 1, memory=True)
     assert len(usage.memory) == 1
+
+
+def test_pauses_of_joints_count_while_they_move_only() -> None:
+    """Of three stretches at 50 Hz the arm stands still between the first two, and samples are lost in the third."""
+
+    def moving(begin: float, place: float) -> list[tuple[float, NDArray[np.float64]]]:
+        return [(begin + 0.02 * k, np.array([place + 0.01 * k, 0.0])) for k in range(10)]
+
+    still = [*moving(0.0, 0.0), *moving(0.4, 0.0901)]
+    assert rate_in_motion(still, 50.0) == pytest.approx(50.0)
+    lost = [sample for k, sample in enumerate(moving(0.0, 0.0)) if k % 3]
+    assert rate_in_motion(lost, 50.0) == pytest.approx(100 / 3, rel=0.1)
+    assert rate_in_motion(still[:1], 50.0) is None

@@ -59,7 +59,7 @@ def robot(memory: Memory) -> Iterator[None]:
 
     threads = [
         threading.Thread(target=live, args=(FakeArm, {})),
-        threading.Thread(target=live, args=(Planner, {"linger": 1.0, "patience": 1.0, "belief_agents": ()})),
+        threading.Thread(target=live, args=(Planner, {"return_within": 1.0, "patience": 1.0, "belief_agents": ()})),
     ]
     for thread in threads:
         thread.start()

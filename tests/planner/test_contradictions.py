@@ -169,7 +169,7 @@ def test_a_single_relation_is_told_alone(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_without_time_the_relations_that_are_left_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     blind(monkeypatch)
-    with Run(conflict_limit=0.6, solver_delay=0.5) as run:
+    with Run(solver_limit=20.0, solver_delay=15.0) as run:
         run.want("clear(cube_3) & ontable(cube_6) & on(cube_3,cube_4) & on(cube_5,cube_4) & handempty")
         run.until(UNSOLVABLE)
         left = "on(cube_3,cube_4), on(cube_5,cube_4) and handempty"

@@ -245,7 +245,7 @@ def test_an_effect_that_is_not_believed_counts_as_a_failure() -> None:
 
 
 def test_a_tower_that_never_stays_is_given_up() -> None:
-    with Run(most_plans_in_vain=3) as run:
+    with Run(most_failures=3) as run:
         run.want("on(cube_3,cube_4)")
         for _ in range(3):
             run.until_running("observe", "")

@@ -52,8 +52,8 @@ def test_a_place_is_free_within_reach_and_in_view(where: list[tuple[float, float
     assert z == pytest.approx(0.12)
     assert CONFIG.least_reach <= math.hypot(x, y) <= CONFIG.most_reach
     for other in where[1:]:
-        assert math.dist((x, y), other) >= 0.2 * CONFIG.clearance + 2 * 0.0282
-    assert OVERHEAD.sees(np.array([[x, y, 0.14]]), CONFIG.image_margin).all()
+        assert math.dist((x, y), other) >= CONFIG.least_clearance + 2 * 0.0282
+    assert OVERHEAD.sees(np.array([[x, y, 0.14]]), 0.0282).all()
     assert is_free(pose, "cube_0", state, CONFIG)
     assert place_on_table("cube_0", state, CONFIG) == pose
 
@@ -108,7 +108,7 @@ def test_where_it_is_crowded_things_stand_closer() -> None:
     crowd = [(0.3 + 0.14 * column, 0.14 * row) for column in range(-3, 4) for row in range(-4, 5)]
     pose = place_on_table("cube_0", world((0.4, 0.0), *crowd), CONFIG)
     nearest = min(math.dist(pose.t[:2], place) for place in crowd)
-    assert 2 * 0.0282 + 0.2 * CONFIG.clearance <= nearest < 2 * 0.0282 + CONFIG.clearance
+    assert 2 * 0.0282 + CONFIG.least_clearance <= nearest < 2 * 0.0282 + CONFIG.clearance
 
 
 def test_a_full_table_has_no_place() -> None:

@@ -35,6 +35,12 @@ def wait_for(run: Run, *, camera: str = "gripper") -> None:
     run.want(GOAL)
 
 
+def views(run: Run, **config: float) -> int:
+    """How many looks show where a thing could be."""
+    options = PlannerConfig(**config)  # type: ignore[arg-type]
+    return len(viewpoints(read_state(run.memory, options), [EYE], options))
+
+
 def test_what_no_fixed_camera_sees_is_looked_for_and_gone_on_with() -> None:
     with Run() as run:
         run.arm.hidden["cube_9"] = (-0.1, 0.3)
@@ -43,7 +49,7 @@ def test_what_no_fixed_camera_sees_is_looked_for_and_gone_on_with() -> None:
         assert supports(run.memory)["cube_3"] == "cube_9" and not run.arm.hidden
         x, y, z = run.arm.looks[-1].t
         assert math.dist((x, y), (-0.1, 0.3)) <= SIGHT and z == pytest.approx(CONFIG.look_height)
-        assert len(run.arm.looks) < CONFIG.most_looks
+        assert len(run.arm.looks) < views(run)
         look = run.arm.done.index("look camera_wrist done")
         assert run.arm.done[look - 1] == "observe done" and "observe done" in run.arm.done[look:]
 
@@ -51,11 +57,11 @@ def test_what_no_fixed_camera_sees_is_looked_for_and_gone_on_with() -> None:
 def test_looking_ends_and_the_failure_says_that_it_was_done() -> None:
     with Run() as run:
         wait_for(run)
-        run.until("executing", CONFIG.look_after + 1.0)
+        run.until("executing", CONFIG.explained + 1.0)
         assert run.explanation == "looking around; never seen: cube_9"
         run.until("failed")
         places = len(run.arm.looks)
-        assert 3 <= places <= CONFIG.most_looks and run.arm.done[-1] == "observe done"
+        assert 3 <= places == views(run) < views(run, least_information=0.0) and run.arm.done[-1] == "observe done"
         told = run.explanation
         assert told.startswith("never seen: cube_9; waited ") and told.endswith(f"s, and looked from {places} places")
         run.go(20.0)
@@ -65,11 +71,11 @@ def test_looking_ends_and_the_failure_says_that_it_was_done() -> None:
 def test_it_looks_only_once_something_is_believed_and_only_after_a_moment() -> None:
     with Run() as run:
         wait_for(run)
-        run.go(CONFIG.look_after - 0.3)
+        run.go(CONFIG.explained - 0.3)
         assert run.arm.done == [] and run.memory.nodes("action") == []
     with Run(places={}) as run:
         wait_for(run)
-        run.go(CONFIG.look_after + 5.0)
+        run.go(CONFIG.explained + 5.0)
         assert run.arm.done == [] and run.memory.nodes("action") == []
 
 
@@ -83,7 +89,7 @@ def test_it_looks_only_once_something_is_believed_and_only_after_a_moment() -> N
     ],
 )
 def test_why_it_cannot_look_is_told(obstacle: str, told: str) -> None:
-    with Run(action_limit=3.0, halt_limit=1.0) as run:
+    with Run(action_limit=3.0, return_within=1.0) as run:
         if obstacle == "held":
             run.memory.add_edge("gripper", "cube_4", "grasping", source="gripper")
         if obstacle == "busy":
@@ -140,8 +146,8 @@ def within_reach(steps: int = 60) -> np.ndarray:
 
 
 def test_enough_looks_show_all_that_is_within_reach() -> None:
-    with Run(most_looks=99) as run:
-        config = PlannerConfig(most_looks=99)
+    with Run(least_information=0.0) as run:
+        config = PlannerConfig(least_information=0.0)
         views = viewpoints(read_state(run.memory, config), [EYE], config)
     middles = np.array([view.t[:2] for _, view in views])
     away = np.hypot(*(within_reach()[:, None] - middles).transpose(2, 0, 1)).min(axis=1)

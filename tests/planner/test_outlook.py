@@ -12,6 +12,7 @@ from dsr import Pose
 from dsr.believing.distribution import Alternative
 from dsr.math3d.shapes import Part, to_numbers
 from dsr.visibility import Body, Picture, VisibleFraction
+from dsr.vocabulary.what_if import USUAL_WORLDS
 from planner.arms import Arms
 from planner.carried import carried_cameras
 from planner.config import PlannerConfig
@@ -165,4 +166,4 @@ def test_a_choice_takes_many_short_steps_and_the_scene_of_its_beginning(
         if len(drawn) == 3:
             run.memory.remove_node("cube_3")
             run.memory.remove_node("camera_wrist")
-    assert look == at_once and len(drawn) > 4 and sum(drawn) == 8 * 8 * 6 and max(drawn) <= 100
+    assert look == at_once and len(drawn) > 4 and sum(drawn) == 8 * 8 * USUAL_WORLDS and max(drawn) <= 100

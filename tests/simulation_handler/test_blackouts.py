@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import msgspec
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from dsr.math3d.transforms import Pose
+from simulation_handler.scales import PRESENT
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
@@ -28,10 +30,19 @@ def parameters() -> WorldParameters:
 
 
 class Blackout:
-    """Three things that are seen for a second, and none of them while the lens is covered."""
+    """Three things that are seen for a second, and none of them while the lens is covered.
 
-    def __init__(self, share: float = 0.0) -> None:
-        self.worlds = WeightedWorlds(parameters(), lambda evidence, name, places: [share] * len(places))
+    Args:
+        expected: share (0 to 1) of each that should be seen while none is.
+        later: share that should be seen of each that is not, by name, while others are; else 0.
+    """
+
+    def __init__(self, expected: float = 1.0, later: Mapping[str, float] | None = None) -> None:
+        def shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
+            dark = all(evidence.now - thing.seen_at >= PRESENT for thing in evidence.objects.values())
+            return [expected if dark else (later or {}).get(name, 0.0)] * len(places)
+
+        self.worlds = WeightedWorlds(parameters(), shares)
         self.now = 0.0
         self.places = dict(PLACES)
         self.seen_at = dict.fromkeys(PLACES, 0.0)
@@ -56,9 +67,9 @@ class Blackout:
         return sum(world.weight for world in self.worlds.worlds(name) if world.reason == reason)
 
 
-def after(dark: float, *seen: str, moved: bool = False) -> Blackout:
+def after(dark: float, *seen: str, moved: bool = False, expected: float = 1.0) -> Blackout:
     """A blackout after which some things are seen, and the can perhaps elsewhere."""
-    scene = Blackout()
+    scene = Blackout(expected)
     scene.run(1.0, *PLACES)
     scene.run(dark)
     if moved:
@@ -72,6 +83,45 @@ def test_what_is_seen_changed_tells_of_what_is_not_seen() -> None:
     assert unmoved.gone() < nothing.gone() < 0.5 * moved.gone()
     assert moved.gone() == pytest.approx(0.2, abs=0.05), "somebody was at work, surely"
     assert moved.weight("box", "elsewhere") > 2.0 * unmoved.weight("box", "elsewhere")
+
+
+def test_what_is_in_the_way_is_no_failure_of_cameras() -> None:
+    """An arm hides all things: nobody is thought to be at work, even if one of them is elsewhere then."""
+    weights = [after(3.0, expected=expected).gone() for expected in (0.0, 0.3, 1.0)]
+    assert weights == sorted(weights) and weights[0] < 0.6 * weights[-1]
+    seen = [after(3.0, "can", moved=True, expected=expected).gone() for expected in (0.0, 1.0)]
+    assert seen[0] < seen[1], "and there is more that speaks for it if the can is elsewhere"
+
+
+def _gripped(scene: Blackout, name: str) -> None:
+    """A gripper holds that thing."""
+    thing = Blackout._thing
+    scene._thing = lambda other: replace(thing(scene, other), gripper="gripper" if other == name else "")  # type: ignore[method-assign]
+
+
+def test_what_a_gripper_puts_elsewhere_afterwards_tells_nothing() -> None:
+    found = []
+    for carried in (False, True):
+        scene = after(3.0)
+        scene.seen_at["can"] = scene.now
+        _gripped(scene, "can")
+        scene.run(0.5, "can")
+        del scene._thing
+        scene.places["can"] = ASIDE if carried else PLACES["can"]
+        scene.run(0.5, "can")
+        found.append(scene.gone())
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
+
+
+def test_what_a_gripper_lets_go_of_meanwhile_tells_nothing_of_the_time_before() -> None:
+    scene = Blackout()
+    scene.run(1.0, *PLACES)
+    _gripped(scene, "cup")
+    scene.run(8.0)
+    del scene._thing
+    before = scene.gone()
+    scene.run(STEP)
+    assert scene.gone() > 0.9 * before > 0.05, "it was held, so nobody could take it"
 
 
 def test_all_that_is_seen_tells() -> None:
@@ -99,11 +149,7 @@ def test_what_should_be_seen_and_is_not_tells_of_the_others() -> None:
     """The cup is missed where all of it should be seen, the box where nothing of it should."""
     found = []
     for share in (0.0, 1.0):
-        scene = Blackout()
-        scene.worlds = WeightedWorlds(
-            parameters(),
-            lambda evidence, name, places, share=share: [share if name == "cup" else 0.0] * len(places),
-        )
+        scene = Blackout(later={"cup": share})
         scene.run(1.0, *PLACES)
         scene.run(3.0)
         scene.run(10.0, "can")

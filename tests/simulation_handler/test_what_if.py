@@ -27,6 +27,7 @@ from dsr.cli.main import app
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError, TransportError
+from dsr.math3d.shapes import Part
 from dsr.network.keys import Keys
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.lockstep import Lockstep
@@ -34,6 +35,7 @@ from dsr.runtime.system import AgentSpec, System
 from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, checked, grant_for, standard_grants, write_policy
 from dsr.vocabulary.what_if import (
+    LONGEST,
     Answer,
     Pending,
     Question,
@@ -139,9 +141,9 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[RolloutScene]:
     scenes: list[RolloutScene] = []
     run = Engine.run
 
-    def noting(self: Engine, scene: RolloutScene, seconds: float) -> Any:
+    def noting(self: Engine, scene: RolloutScene, *given: Any) -> Any:
         scenes.append(scene)
-        return run(self, scene, seconds)
+        return run(self, scene, *given)
 
     monkeypatch.setattr(Engine, "run", noting)
     return scenes
@@ -176,9 +178,9 @@ def test_worlds_are_not_tried_any_more_once_nobody_waits(
     clock, run = service._clock, Engine.run
     assert isinstance(clock, ManualClock)
 
-    def slow(self: Engine, scene: RolloutScene, seconds: float) -> Any:
+    def slow(self: Engine, scene: RolloutScene, *given: Any) -> Any:
         clock.advance(0.4)
-        return run(self, scene, seconds)
+        return run(self, scene, *given)
 
     monkeypatch.setattr(Engine, "run", slow)
     here = ObjectState(Pose((0.0, 0.2, 0.02)))
@@ -204,6 +206,45 @@ def test_worlds_of_equal_weight_have_one_order(service: WhatIfService) -> None:
         found.append([one.otherwise for one in answer.outcomes])
         assert service.answer(encode_question(Question(0.1, worlds=5))) == answer
     assert found[0] == found[1]
+
+
+class Passing(ManualClock):
+    """Some time passes with each look at it."""
+
+    def monotonic(self) -> float:
+        self.advance(0.2)
+        return super().monotonic()
+
+
+@pytest.fixture
+def worked() -> Iterator[tuple[WhatIfService, Passing]]:
+    """Serves the stack, and time passes while it works."""
+    clock = Passing(1000.0)
+    service = WhatIfService(LocalNetwork(clock).connect("handler"), Keys("g"), clock)
+    service.offer(STACK, (), 990.0)
+    yield service, clock
+    service.close()
+
+
+def crowd(count: int, parts: int) -> tuple[Supposed, ...]:
+    """Bodies that fall."""
+    shape = [Part("box", (0.01, 0.01, 0.01), (0.001 * number, 0.0, 0.0)) for number in range(parts)]
+    places = [Pose((0.5 + 0.1 * number, 0.0, 50.0)) for number in range(count)]
+    adds = (Supposed.add(f"n{number}", pose, (0.03, 0.03, 0.03), tuple(shape)) for number, pose in enumerate(places))
+    return tuple(adds)
+
+
+@pytest.mark.parametrize(("changes", "said"), [(crowd(50, 16), "there is room"), (crowd(1, 1), "of a simulation")])
+@pytest.mark.parametrize("expires", [0.0, 1e9, 1005.0])
+def test_a_question_that_takes_too_long_is_given_up(
+    worked: tuple[WhatIfService, Passing], changes: tuple[Supposed, ...], said: str, expires: float
+) -> None:
+    """It would hold up the belief and all others who ask: a thousand bodies of 16 parts take hours."""
+    service, clock = worked
+    refused = service.answer(encode_question(Question(10.0, changes, expires)))
+    assert said in refused.refused and refused.poses == {}
+    assert clock.now() - 1000.0 < (min(expires - 1000.0, LONGEST) if expires else LONGEST) + 1.0
+    assert service.answer(encode_question(Question(0.0))).refused == ""
 
 
 @pytest.mark.parametrize("worlds", [0, 17, "2"])
@@ -300,9 +341,9 @@ def test_before_the_first_scene_and_after_the_end_it_says_so() -> None:
 def test_too_many_at_once_are_refused(service: WhatIfService, monkeypatch: pytest.MonkeyPatch) -> None:
     go, run = threading.Event(), Engine.run
 
-    def slow(self: Engine, scene: RolloutScene, seconds: float) -> Any:
+    def slow(self: Engine, scene: RolloutScene, *given: Any) -> Any:
         go.wait(20)
-        return run(self, scene, seconds)
+        return run(self, scene, *given)
 
     monkeypatch.setattr(Engine, "run", slow)
     answers: list[Answer] = []

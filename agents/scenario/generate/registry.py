@@ -9,7 +9,7 @@ from agents.scenario.generate.draft import EpisodeDraft
 from agents.scenario.generate.families.handling import handing, hands, persons
 from agents.scenario.generate.families.motions import rolling
 from agents.scenario.generate.families.piles import leaning, perturbations, propped, stacks
-from agents.scenario.generate.families.senses import blackouts, bumps, screens, sensors
+from agents.scenario.generate.families.senses import blackouts, bumps, failures, screens, sensors
 from agents.scenario.generate.families.vessels import containers, covers, pouring
 from dsr.errors import ConfigError, suggest
 
@@ -48,6 +48,7 @@ FAMILIES: dict[str, Family] = {
         Family("pouring", "What is in a vessel is poured out", pouring, "tuning", may_fall=True),
         Family("bumps", "The camera is bumped", bumps, "tuning"),
         Family("blackouts", "Things change while the camera sees nothing", blackouts, "judging", may_fall=True),
+        Family("failures", "The camera fails, and things change or not", failures, "tuning", may_fall=True),
         Family("screens", "Things are half hidden unseen, and some are taken away", screens, "tuning"),
         Family("sensors", "Sensors err, and things are seen where they are not", sensors, "tuning"),
         Family("persons", "People look on while hands move things", persons, "judging", system="people"),

@@ -10,7 +10,7 @@ would be simplest, but it takes 17 to 80 ms and 28 MB; this takes 3 us a body th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -21,6 +21,10 @@ _LOOK_STRIDE = 8  # steps from one look at what still moves to the next
 _STILL_STEP = 2e-6  # m that a corner moves in those steps at most when its body is at rest
 _SETTLING_STEP = 1e-5  # m, of the same corner when it also gets slower by _DECAY or more: contacts settle
 _DECAY = 0.75  # 1, share of the last motion that remains; what topples gets faster instead
+
+
+class LateError(SimulationError):
+    """Nobody waits for the outcome of a rollout any more."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +59,17 @@ class Engine:
         """Free the simulation; harmless when repeated."""
         self._sim.close()
 
-    def run(self, scene: RolloutScene, seconds: float) -> RolloutOutcome:
+    def run(self, scene: RolloutScene, seconds: float, is_late: Callable[[], bool] = lambda: False) -> RolloutOutcome:
         """Let time pass in a scene; stops early when it is at rest.
+
+        Args:
+            scene: at the beginning.
+            seconds: to simulate.
+            is_late: whether nobody waits any more; asked between steps.
 
         Raises:
             SimulationError: for a time that is negative or not finite, or a body that no simulation can have.
+            LateError: if nobody waits any more.
         """
         if not 0.0 <= seconds < math.inf:
             raise SimulationError(f"{seconds} s cannot be simulated; expected 0 or more")
@@ -70,6 +80,8 @@ class Engine:
         motions = [math.inf] * len(free)
         at_rest = False
         while left and not at_rest:
+            if is_late():
+                raise LateError(f"nobody waits for the other {left * TIME_STEP:.1f} s of a simulation")
             count = min(left, _LOOK_STRIDE)
             self._sim.step(count)
             left -= count

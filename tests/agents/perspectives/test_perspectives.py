@@ -441,3 +441,11 @@ def test_a_person_whose_node_is_removed_learns_nothing_and_is_seen_by_nobody(tab
     table.memory.add_node("human_4", "person", perceived=True)  # nobody knows where
     table.run(1.0)
     assert "human_4" not in table.view("human_4")
+
+
+def test_what_was_seen_at_a_time_to_come_is_told_anew(table: Table) -> None:
+    """As by a clock that was set back, or by somebody who lies."""
+    table.run()
+    table.view("human_1").update_node("cube", last_seen=1e12)
+    table.run()
+    assert table.lockstep.clock.now() - table.view("human_1").node("cube")["last_seen"] < 1.0

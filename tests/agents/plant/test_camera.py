@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from agents.plant.camera import OVERHEAD
 from agents.plant.reality import Reality
-from agents.plant.renderer import Renderer, egl_works
+from agents.plant.renderer import Renderer, opengl_works
 from agents.scenario.format.scenario import ObjectSpec, SensorSpec
 from dsr.math3d.transforms import Pose
 
@@ -21,7 +21,8 @@ MakeCube = Callable[..., ObjectSpec]
 
 QUIET = SensorSpec(grey_noise=0.0)
 DETECTOR = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
-RENDERERS = ["tiny", pytest.param("egl", marks=pytest.mark.skipif(not egl_works(), reason="EGL does not work here"))]
+HAS_OPENGL = pytest.mark.skipif(not opengl_works(), reason="OpenGL does not work here")
+RENDERERS = ["tiny", pytest.param("opengl", marks=HAS_OPENGL)]
 
 
 def images(renderer: str, **config: Any) -> dict[str, Any]:
@@ -115,20 +116,25 @@ def test_bumps_add_up_in_the_optical_frame(make_reality: MakeReality) -> None:
     assert camera.pose.distance(OVERHEAD)[1] == pytest.approx(0.5)
 
 
-@pytest.mark.skipif(not egl_works(), reason="EGL does not work here")
-def test_second_renderer_of_a_process_falls_back(make_reality: MakeReality, caplog: pytest.LogCaptureFixture) -> None:
-    first = make_reality(config=images("auto", width=64, height=48))
-    second = make_reality(config=images("auto", width=64, height=48))
-    assert first._renderer is not None and second._renderer is not None
-    assert (first._renderer.name, second._renderer.name) == ("egl", "tiny")
-    assert len([record for record in caplog.records if "EGL" in record.message]) == 1
+@HAS_OPENGL
+def test_plants_of_one_process_draw_beside_each_other(make_reality: MakeReality, cube: MakeCube) -> None:
+    first, second = (make_reality(cube(3, x, 0.0), config=images("auto"), sensor=QUIET) for x in (0.3, 0.4))
+    seen = [reality.frame(0.0).arrays["color"].copy() for reality in (first, second, first)]
+    assert [one._renderer.name for one in (first, second) if one._renderer is not None] == ["opengl", "opengl"]
+    assert np.array_equal(seen[0], seen[2]) and np.any(seen[0] != seen[1])
     first.close()
-    third = make_reality(config=images("auto", width=64, height=48))
-    assert third._renderer is not None and third._renderer.name == "egl"
+    assert np.array_equal(second.frame(0.0).arrays["color"], seen[1])
 
 
-def test_without_egl_it_renders_in_software(monkeypatch: pytest.MonkeyPatch, make_reality: MakeReality) -> None:
-    monkeypatch.setattr("agents.plant.renderer.egl_works", lambda: False)
+def test_without_opengl_it_renders_in_software(
+    monkeypatch: pytest.MonkeyPatch, make_reality: MakeReality, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fails(**_: object) -> None:
+        raise Exception("no display")
+
+    monkeypatch.setattr("moderngl.create_context", fails)
+    assert not opengl_works()
     reality = make_reality(config=images("auto", width=64, height=48))
     assert isinstance(reality._renderer, Renderer) and reality._renderer.name == "tiny"
+    assert "rendering in software, several times slower: no OpenGL 3.3 without a window: no display" in caplog.text
     assert reality.frame(0.0).arrays["color"].any()

@@ -116,6 +116,16 @@ def test_everything_is_published_at_its_rate(bench: MakeBench) -> None:
         assert abs(counts[key] - expected) <= 1, key
 
 
+def test_ticks_that_come_early_or_late_lose_no_sample(bench: MakeBench) -> None:
+    """Samples come with each tick of 60 a second. Ticks of a live machine are some ms early or late."""
+    one = bench()
+    for tick in range(120):
+        one.clock.advance_to(one.begin + 0.01 + tick / Plant.rate_hz + 0.002 * (-1) ** tick)
+        one.plant.tick(one.clock.now())
+        one.network.deliver()
+    assert sum(key == arm_state_key(one.keys) for key, _ in one.heard) == 120
+
+
 def test_truth_tells_objects_robot_and_camera(bench: MakeBench) -> None:
     one = bench()
     one.run(0.2)

@@ -63,7 +63,7 @@ def test_without_pybullet_the_compiler_matters(
 def test_without_egl_or_a_display_things_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, "run", lambda *a, **k: SimpleNamespace(returncode=3))
     monkeypatch.setattr(os, "environ", {})
-    assert doctor.check_egl().state == "limited"
+    assert doctor.check_opengl().state == "limited"
     assert doctor.check_display().state == "limited"
 
 

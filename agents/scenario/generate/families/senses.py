@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from agents.scenario.format.model import SensorSpec
-from agents.scenario.format.scenario import CameraBump, CameraCover, FalsePercept, PlaceEvent, Remove
+from agents.scenario.format.scenario import CameraBump, CameraCover, FalsePercept, HandEnter, PlaceEvent, Remove
 from agents.scenario.generate.bodies import SOLIDS, ball, box, can, wall
 from agents.scenario.generate.draft import GAP, CrowdedError, EpisodeDraft
 from agents.scenario.generate.draw import NumberRange
@@ -19,6 +20,13 @@ BIAS, JITTER = NumberRange(-0.015, 0.015), NumberRange(0.0, 0.005)
 """m, errors of depth of one object and of one frame: of an RGB-D camera at 0.3 to 1 m (dsr/perception/noise.py)"""
 GHOST, GHOST_TURN = NumberRange(-0.15, 0.15), NumberRange(-0.6, 0.6)
 """m and rad along each axis, by which a false percept is off"""
+
+HIDDEN = 0.3
+"""1, share of the times in which nothing is seen because a hand is before the camera"""
+NEAR = 0.1
+"""m from the camera to the palm of such a hand: there its width spans all of the table"""
+AGAIN = NumberRange(1.5, 3.0)
+"""s, from one failure to the next: everything in view is seen again"""
 
 BEHIND = NumberRange(0.0, 0.06)
 """m, beyond the least gap, that a thing stands behind what hides part of it"""
@@ -56,6 +64,40 @@ def blackouts(draft: EpisodeDraft) -> None:
     dark = round(draft.now - begin + draw.number(DARK), 2)
     draft.events.insert(0, CameraCover(at=begin, duration=dark))
     draft.now = round(begin + dark, 2)
+
+
+def failures(draft: EpisodeDraft) -> None:
+    """The camera fails once or more often, or a hand hides all from it; things change in half of these times."""
+    draw = draft.draw
+    names = [draft.stand(draw.one_of((*SOLIDS, ball))(draw)) for _ in range(draw.count(2, 4))]
+    names += draft.bystanders()
+    for _ in range(draw.count(1, 3)):
+        if draw.chance(HIDDEN):
+            _hide_all(draft)
+        else:
+            _fail(draft, [name for name in names if name in draft.standing])
+
+
+def _fail(draft: EpisodeDraft, names: Sequence[str]) -> None:
+    """Let the camera fail, and in half of the cases let something happen meanwhile to some of what stands."""
+    draw, begin, before = draft.draw, draft.now, len(draft.events)
+    for name in draw.some_of(names, draw.count(1, 2) if draw.chance() else 0):
+        draft.now = round(draft.now + 0.2, 2)  # s: the camera fails before anything moves
+        perturb(draft, name, [])
+    dark = round(draft.now - begin + draw.number(DARK), 2)
+    draft.events.insert(before, CameraCover(at=begin, duration=dark))
+    draft.now = round(begin + dark + draw.number(AGAIN), 2)
+
+
+def _hide_all(draft: EpisodeDraft) -> None:
+    """Let a hand come so close to the camera that it hides all, and leave again."""
+    draw, camera = draft.draw, draft.camera
+    away = [b - a for a, b in zip(camera.position, camera.look_at, strict=True)]
+    near = NEAR / math.hypot(*away)
+    x, y, z = (round(a + near * part, 4) for a, part in zip(camera.position, away, strict=True))
+    draft.do(HandEnter(at=draft.now, hand=0, position=(x, y, z), side=draw.direction()), draw.number(DARK))
+    draft.leave(0)
+    draft.now = round(draft.now + draw.number(AGAIN), 2)
 
 
 def sensors(draft: EpisodeDraft) -> None:
