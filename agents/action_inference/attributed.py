@@ -282,7 +282,8 @@ class AttributedPolicy:
         if unseen is None and goes_on_down:  # it may hold on, although its fingertips seem apart
             unseen = self._lowered_out_of_sight(thing, track, current)
         if unseen is None and (rests or track.hidden is None):
-            return self._let_go(thing, track, RELEASE, let_go_at, 1.0, f"{track.by} let go of it, and it came down")
+            told = 1.0 if self._is_seen_now(thing, snapshot.now) else _GUESSED
+            return self._let_go(thing, track, RELEASE, let_go_at, told, f"{track.by} let go of it, and it came down")
         if unseen is not None and self._rests(thing, track, snapshot, FOUND_OUT) and thing.plausible:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None

@@ -8,7 +8,7 @@ from itertools import combinations
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.relations import Whereabouts, resting
+from simulation_handler.contact.relations import SupportedPose, resting
 from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.movers import coasts
@@ -84,7 +84,7 @@ class Courses:
                 return item
         return None
 
-    def of(self, name: str) -> tuple[Whereabouts, ...]:
+    def of(self, name: str) -> tuple[SupportedPose, ...]:
         """Where an object is by each of its courses, each as probable; none if it did not vanish on its way."""
         one = self._running.get(name)
         return () if one is None else one.whereabouts()
@@ -156,13 +156,13 @@ class _Simulated:
         self.sim.step(count)
         self._time += count * TIME_STEP
 
-    def whereabouts(self) -> tuple[Whereabouts, ...]:
+    def whereabouts(self) -> tuple[SupportedPose, ...]:
         """Where the object is by each, and on what."""
         pairs = sorted(resting(self.sim.contacts()))
         supports = {
             name: tuple(lower for upper, lower in pairs if upper == name and lower != FLOOR) for name in self._names
         }
-        return tuple(Whereabouts(Pose.unchecked(*self.sim.pose(name)), supports[name]) for name in self._names)
+        return tuple(SupportedPose(Pose.unchecked(*self.sim.pose(name)), supports[name]) for name in self._names)
 
     def typical(self) -> RolloutBody:
         """The body on the first course, that of the typical velocity, as it is now."""

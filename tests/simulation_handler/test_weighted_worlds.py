@@ -14,7 +14,7 @@ import pytest
 from dsr.errors import ConfigError
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
-from simulation_handler.contact.relations import Whereabouts
+from simulation_handler.contact.relations import SupportedPose
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD_ALOFT, HELD_LYING, HELD_OPENING, RESTLESS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
@@ -206,7 +206,7 @@ def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> Non
     course = Course(share=0.0)
     course.box = replace(course.box, driven=True, supports=("table",))
     course.run(1.0)
-    there, fallen = Whereabouts(Pose((0.5, 0.0, 0.02)), ("table",)), Whereabouts(Pose((0.9, 0.0, -0.4)))
+    there, fallen = SupportedPose(Pose((0.5, 0.0, 0.02)), ("table",)), SupportedPose(Pose((0.9, 0.0, -0.4)))
     away = Pose((0.4, 0.0, 0.02)).with_covariance(COVARIANCE)
     course.run(0.5)
     course.run(0.3, lambda box: replace(box, believed=away, courses=(there, there, there, fallen)))
