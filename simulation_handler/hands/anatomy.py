@@ -17,7 +17,7 @@ ADULT = ETC / "hands" / "adult.toml"
 Length = Annotated[float, msgspec.Meta(gt=0)]
 
 
-class Block(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class HandBox(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A box in the palm's frame, along its axes."""
 
     size: tuple[Length, Length, Length]
@@ -43,8 +43,8 @@ class Finger(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Anatomy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A right hand and its forearm; a left one is the mirror image."""
 
-    palm: Block
-    forearm: tuple[Block, ...]
+    palm: HandBox
+    forearm: tuple[HandBox, ...]
     """From the wrist on"""
     fingers: Annotated[tuple[Finger, ...], msgspec.Meta(min_length=1)]
     """From the thumb on"""
