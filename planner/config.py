@@ -24,19 +24,19 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     clock the result is taken as soon as it is there."""
 
     settle: float = 0.5
-    """s that relations must last to count: the same ones, with nothing surprising, before a plan is made of them, and
-    those that nobody planned before they halt the arm."""
+    """s that relations must last to count. A plan is made of those that were the same for so long, with nothing
+    surprising. A change that nobody planned halts the arm after that time."""
     calm: float = 3.0
     """s that the scene must have been left alone, after somebody changed it, before the arm reaches into it again."""
     still: float = 0.01
-    """m that a thing may move and still count as staying where it is: in a scene that is left alone, and in the
-    simulation of what is to be put down."""
+    """m that a thing may move and still count as staying where it is. That holds in a scene that is left alone, and in
+    the simulation of what is to be put down."""
     believed: float = 1.0
-    """s within which what is in view is seen and believed: a goal must hold for so long without a break to be reached,
-    and a camera that the arm carries stays so long at each place from which it looks."""
+    """s within which what is in view is seen and believed. A goal must hold for so long without a break to be reached.
+    A camera that the arm carries stays so long at each place from which it looks."""
     explained: float = 2.0
-    """s within which what is surprising is explained: the relations flicker until then, and what is nowhere then is
-    not in view, so that the arm looks for it."""
+    """s within which what is surprising is explained. Until then the relations flicker. What is nowhere then is not in
+    view, and the arm looks for it."""
     patience: float = 10.0
     """s that the belief may take to know where the things of a goal are, while agents that see and believe run.
     That is long enough for a hand in front of a camera to go away.
@@ -54,13 +54,13 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """nats that a look must be expected to tell: with less, it would change the probability of a thing by some 0.05."""
     return_within: float = 5.0
     """s for which another process may do nothing and yet be there: one that died is started again within 2 s. So long
-    the work of an arm waits whose controller has gone, an arm may take to begin or to halt, and an intention that was
-    reached stays in the graph."""
+    the work of an arm waits whose controller has gone. An arm may take so long to begin or to halt. An intention that
+    was reached stays in the graph for so long."""
     action_limit: float = 90.0
     """s that an action may take; then it is halted."""
     most_failures: int = 4
-    """Times that the same may be tried in vain: actions that fail without anything put where it belongs, plans that
-    are carried out to their end without the goal holding then, places on which something would not stay."""
+    """Times that the same may be tried in vain. That may be an action that fails without anything put where it belongs.
+    A plan is in vain that ends without the goal holding, and a place on which something would not stay."""
 
     widest_grip: float = 0.08
     """m, the widest thing that can be grasped."""

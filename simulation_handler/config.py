@@ -9,8 +9,21 @@ import msgspec
 from dsr.believing.worlds import MOST_WORLDS
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 from dsr.perception.noise import PerceptNoise
-from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
-from simulation_handler.scales import CONTACT_DELAY, PLACE_FLOOR, SAME_PLACE, SURE_SIGMAS
+from dsr.vocabulary.nats import AS_GOOD, SURPRISING
+from simulation_handler.scales import (
+    CONFIRM_FRAMES,
+    CONFIRMED_IN,
+    CONTACT_DELAY,
+    FRAME,
+    LIKELY_SIGMAS,
+    PLACE_FLOOR,
+    SAME_PLACE,
+    STEADY,
+    SURE_SIGMAS,
+    TILTED,
+    TURN_FLOOR,
+    UNSEEN_AFTER,
+)
 
 
 class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
@@ -20,41 +33,33 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     noise of a few millimetres, 10 percepts a second.
     """
 
-    hover_tolerance: float = 0.025
-    """m that a percept may be above or below its support by noise alone; beyond, something else holds it."""
-    tilt_tolerance: float = 0.44
+    tilt_tolerance: float = TILTED
     """rad that a percept may be tilted by noise alone."""
 
     gate: float = math.sqrt(2.0 * SURPRISING)
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track: it is surprising there."""
-    recent_gate: float = 5.0
+    recent_gate: float = math.sqrt(2.0 * (SURPRISING - math.log(FRAME)))
     """Standard deviations beyond which the mean of the last ten percepts disagrees with the track.
-    The test is made at each percept, so the gate is wider than that of a single one.
+    The test is made at each percept of a second, so the gate is wider than that of a single one.
     """
-    confirm_frames: int = math.ceil(SURPRISING / FALSE_FRAME)
+    confirm_frames: int = CONFIRM_FRAMES
     """Percepts in a row that must disagree before the object has moved: fewer may be false."""
     window: int = 100
     """Percepts over which a resting object is averaged."""
-    perceived_max_age: float = 0.7
+    perceived_max_age: float = UNSEEN_AFTER
     """s without a percept after which an object is unseen and left to physics (Sallami et al., Table I)."""
 
-    dead_band: float = 0.0002
-    """m that the estimate of a resting object must change before its body is moved."""
-    dead_band_angle: float = 0.005
-    """rad that the estimate of a resting object must change before its body is turned."""
     dead_sigmas: float = SURE_SIGMAS
-    """Standard deviations that the estimate of a resting object must change before its body is moved, while they are
-    more than the dead band.
-    """
+    """Standard deviations that the estimate of a resting object must change before its body is moved."""
     divergence: float = PLACE_FLOOR
     """m that physics may move a body from where perception put it; beyond, they disagree."""
-    divergence_angle: float = 0.05
+    divergence_angle: float = TURN_FLOOR
     """rad that physics may turn a body from where perception put it; beyond, they disagree."""
     strikes: int = confirm_frames
     """Disagreements between physics and steady perception after which the object is held where it is seen."""
-    explain_after: float = 1.0
+    explain_after: float = STEADY
     """s that an object must hover before something unseen is put beneath it."""
-    explain_sigmas: float = 1.7
+    explain_sigmas: float = LIKELY_SIGMAS
     """Standard deviations of an object's height by which a stack beneath it may miss this height."""
 
     reasoner: str = "belief"
@@ -66,26 +71,22 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Name of the method that explains surprises: by simulated hypotheses, or one that a package provides."""
     surprise_distance: float = SAME_PLACE
     """m between percept and belief from which that is not noise but needs an explanation."""
-    surprise_angle: float = 0.2
-    """rad of rotation from the belief, from which an object needs an explanation."""
     unflagged_after: float = 0.5
     """s after which something surprising is explained even though nobody has flagged it."""
-    follow_for: float = 1.0
+    follow_for: float = STEADY
     """s after an explanation in which the same object may go on moving without a new flag."""
-    look_again_after: float = 0.5
-    """s between two attempts to explain something that could not be explained."""
-    least_gap_tolerance: float = 0.012
-    """m by which the height of a stack beneath an object may miss the gap, at least."""
+    look_again_after: float = CONFIRMED_IN
+    """s between two attempts to explain something that could not be explained: new percepts may tell more."""
     rollout_seconds: float = 0.4
     """s for which each hypothesis is simulated."""
     most_rollouts: int = 48
     """Hypotheses that are simulated for one explanation."""
-    explain_margin: float = 1.5
+    explain_margin: float = AS_GOOD
     """nats by which the best hypothesis must lead, while more evidence is to come."""
     explain_patience: float = 0.8
     """s of evidence after which the best hypothesis is taken, however small its lead."""
-    explain_budget: float = 0.4
-    """s of wall time for one explanation, on worker processes."""
+    explain_budget: float = 0.5 * explain_patience
+    """s of wall time for one explanation, on worker processes: two fit into the patience."""
     workers: int = 0
     """Processes that simulate hypotheses, live; 0 for none but the agent's own. In lockstep there are none."""
 
@@ -100,6 +101,16 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """kg, of an object whose node has no mass."""
     default_friction: float = 0.7
     """Coulomb coefficient of a body whose node has none."""
+
+    @property
+    def hover_tolerance(self) -> float:
+        """Metres that a percept may be above or below its support by noise alone; beyond, something else holds it."""
+        return SURE_SIGMAS * self.depth_bias
+
+    @property
+    def surprise_angle(self) -> float:
+        """Radians of rotation from the belief, from which an object needs an explanation; noise of its tilt is less."""
+        return self.gate * math.hypot(TURN_FLOOR, self.tilt_noise)
 
     def __post_init__(self) -> None:
         checked_name(REASONERS, self.reasoner, ("belief",))

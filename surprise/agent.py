@@ -74,8 +74,10 @@ class SurpriseDetector(Agent):
         """Forget all evidence, not the flags."""
         config = self.config
         self._percepts = PerceptReader(self.memory, oldest=config.fresh)
-        self._beliefs = Beliefs(self.memory, PoseTolerance(config.jump, config.jump_turn))
-        self._whereabouts = PastWhereabouts(self.memory)
+        self._beliefs = Beliefs(
+            self.memory, config.fresh, PoseTolerance(config.unseen_noise, config.unseen_rotation_noise)
+        )
+        self._whereabouts = PastWhereabouts(self.memory, config.fresh)
         self._expectations = Expectations(self.memory, config)
         self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}
@@ -120,7 +122,7 @@ class SurpriseDetector(Agent):
     def _note_held(self, now: float) -> set[str]:
         """Objects that the gripper holds, or has just released."""
         for edge in self.memory.edges("grasping"):
-            self._held_until[edge.dst] = now + self.config.held_grace
+            self._held_until[edge.dst] = now + self.config.fresh
         self._held_until = {name: until for name, until in self._held_until.items() if now < until}
         return set(self._held_until)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection
+from typing import TypeVar
 
 from dsr.believing.distribution import Whereabouts
 from dsr.frames.tree import WORLD
@@ -12,16 +13,21 @@ from dsr.graph.elements import Node
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose, interpolate
 from dsr.memory import Memory
+from surprise.evidence import KEPT
 
-_SAMPLES = 64  # of each object's belief
-_SOON = 0.15  # s between two samples of a belief that is on its way; it rested between others
+T = TypeVar("T")
+
+LATENCY = 0.15
+"""s by which a belief and what cameras show may be apart. Samples of a belief that is on its way come sooner."""
 
 
 class Beliefs:
     """The believed poses of objects (Virtual_RT), with their recent past."""
 
-    def __init__(self, memory: Memory, calm: PoseTolerance) -> None:
+    def __init__(self, memory: Memory, fresh: float, calm: PoseTolerance) -> None:
+        """`fresh`: s between two percepts that are one evidence; what was believed before all of it is remembered."""
         self._memory = memory
+        self._remembered = KEPT * fresh
         self._calm = calm
         self._samples: dict[str, deque[tuple[float, Pose]]] = {}
         self._since: dict[str, float] = {}
@@ -38,7 +44,7 @@ class Beliefs:
             if pose is None:
                 self._samples.pop(node.name, None)
                 continue
-            samples = self._samples.setdefault(node.name, deque(maxlen=_SAMPLES))
+            samples = self._samples.setdefault(node.name, deque())
             if not samples or samples[-1][1] is not pose:
                 stamp = min(pose.stamp or now, now)
                 if samples and node.name not in moving and not self._calm.covers(samples[-1][1], pose):
@@ -46,6 +52,7 @@ class Beliefs:
                 if not samples or node.name in jumped:
                     self._since[node.name] = stamp
                 samples.append((stamp, pose))
+            _forget(samples, now - self._remembered)
         names = {node.name for node in objects}
         self._samples = {name: samples for name, samples in self._samples.items() if name in names}
         self._since = {name: since for name, since in self._since.items() if name in self._samples}
@@ -87,17 +94,20 @@ class Beliefs:
 class PastWhereabouts:
     """Where objects may be by the belief, as it was told lately."""
 
-    def __init__(self, memory: Memory) -> None:
+    def __init__(self, memory: Memory, fresh: float) -> None:
+        """`fresh`: s between two percepts that are one evidence; what was told before all of it is remembered."""
         self._memory = memory
+        self._remembered = KEPT * fresh
         self._told: dict[str, deque[tuple[float, Whereabouts]]] = {}
 
     def note(self, now: float, names: Collection[str]) -> None:
         """Keep what the belief tells at `now` (s) of these objects, and forget others."""
-        self._told = {name: self._told.get(name, deque(maxlen=_SAMPLES)) for name in names}
+        self._told = {name: self._told.get(name, deque()) for name in names}
         for name, told in self._told.items():
             where = self._memory.belief(name)
             if where is not None:
                 told.append((now, where))
+            _forget(told, now - self._remembered)
 
     def before(self, name: str, stamp: float, since: float) -> Whereabouts | None:
         """Where an object might be before a time (s), by what was told from `since` (s) on; None if nothing is."""
@@ -111,8 +121,14 @@ class PastWhereabouts:
         return found or self._memory.belief(name)
 
 
+def _forget(samples: deque[tuple[float, T]], before: float) -> None:
+    """Drop all samples but the last one from before a time (s), which holds until the next."""
+    while len(samples) > 1 and samples[1][0] < before:
+        samples.popleft()
+
+
 def _between(old: tuple[float, Pose], new: tuple[float, Pose] | None, stamp: float) -> Pose:
     """A belief that is on its way is between its samples; else it has stayed at the older one."""
-    if new is None or not 0.0 < new[0] - old[0] <= _SOON:
+    if new is None or not 0.0 < new[0] - old[0] <= LATENCY:
         return old[1]
     return interpolate(old[1].with_stamp(old[0]), new[1].with_stamp(new[0]), stamp)

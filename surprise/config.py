@@ -17,14 +17,14 @@ Count = Annotated[int, msgspec.Meta(ge=1)]
 class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Noise and times. What is surprising follows from them and from `SURPRISING` of `dsr.vocabulary.nats`."""
 
-    held_grace: NotNegative = 1.0
-    """s after its release that an object counts as held"""
     learn_window: Count = 50
     """count of percepts over which the systematic error of depth is averaged"""
     unseen_noise: NotNegative = 0.005
-    """m, of a belief without covariance: of an object that was never seen where it is believed to be"""
+    """m, of a belief without covariance: of an object that was never seen where it is believed to be. A belief that
+    changes by more at once was changed on purpose."""
     unseen_rotation_noise: NotNegative = 0.1
-    """rad, of a belief without covariance: of an object that was never seen where it is believed to be"""
+    """rad, of a belief without covariance: of an object that was never seen where it is believed to be. A belief that
+    turns by more at once was changed on purpose."""
 
     nothing_seen: Annotated[float, msgspec.Meta(ge=0, lt=1)] = NOTHING_SEEN
     """1, share of its tag or image up to which an object cannot be seen"""
@@ -42,13 +42,9 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     hand_noise: Positive = 0.015
     """m, standard deviation of each coordinate of a percept of a hand"""
 
-    calm_after: NotNegative = 0.5
-    """s without contradiction, of an object that is not seen any more, after which it is not surprising"""
+    telling: NotNegative = 0.5
+    """s for which what is told stays as it is. That holds for figures in the text, and for the flag of an object of
+    which nothing contradicts the belief any more."""
     fresh: Positive = 1.0
-    """s for which a percept counts as new, and without one of which evidence begins anew"""
-    jump: Positive = 0.005
-    """m by which a belief changes at once when it was changed on purpose"""
-    jump_turn: Positive = 0.1
-    """rad by which a belief turns at once when it was changed on purpose"""
-    text_period: NotNegative = 0.5
-    """s between two changes of the figures in the text"""
+    """s for which a percept counts as new, and without one of which evidence begins anew. So long after its
+    release an object counts as held: what was seen before is evidence yet."""

@@ -85,7 +85,7 @@ def compare(
 def _percept_noise(percept: Pose, ray: Array, config: SurpriseConfig) -> tuple[Array, Array]:
     """Covariances (3, 3) of its position (m^2) and rotation (rad^2) in the world frame, by the percept itself."""
     if percept.cov is None:
-        return config.depth_bias**2 * np.outer(ray, ray), config.default_rotation_noise**2 * _EYE
+        return config.depth_bias**2 * np.outer(ray, ray), np.zeros((3, 3))
     return percept.parent_covariances()
 
 

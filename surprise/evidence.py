@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.nats import FALSE_FRAME, MOST_MISFIT
+from dsr.vocabulary.nats import DECIDE, FALSE_FRAME, MOST_MISFIT
 from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation, compare
-from surprise.misfit import DECIDE, DepthBias, Misfit, describe, disagreement, disagrees, misfit
+from surprise.misfit import DepthBias, Misfit, describe, disagreement, disagrees, misfit
 
 KEPT = math.ceil(MOST_MISFIT / FALSE_FRAME)
 """count of percepts that are one evidence: more could not make it less probable"""

@@ -14,13 +14,11 @@ from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept
-from dsr.vocabulary.nats import AGAIN, SEEN_THOUGH_HIDDEN, SURPRISING
+from dsr.vocabulary.nats import AGAIN, DECIDE, SEEN_THOUGH_HIDDEN, SURPRISING
 from dsr.vocabulary.relations import THINGS
+from surprise.beliefs import LATENCY
 from surprise.config import SurpriseConfig
 from surprise.evidence import KEPT
-from surprise.misfit import DECIDE
-
-_LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
 
 
 @dataclass
@@ -141,7 +139,7 @@ class Expectations:
         for camera_name, camera in self._cameras.items():
             outlook = camera.outlook(name)
             if outlook.hidden_since is not None:
-                start = outlook.hidden_since + _LATENCY
+                start = outlook.hidden_since + LATENCY
                 cost = AGAIN * sum(stamp >= start for stamp in outlook.stamps)
                 found.append((min(cost, SEEN_THOUGH_HIDDEN), camera_name, outlook.covered_by))
         return max(found)

@@ -17,7 +17,7 @@ from dsr.believing.distribution import Alternative, Whereabouts, are_at_one_plac
 from dsr.errors import DsrError
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.vocabulary.nats import FALSE_FRAME, MOST_MISFIT
+from dsr.vocabulary.nats import AS_GOOD, FALSE_FRAME, MOST_MISFIT
 from surprise.config import SurpriseConfig
 from surprise.deviation import compare
 from surprise.evidence import KEPT, EvidenceTrack
@@ -25,7 +25,7 @@ from surprise.misfit import log_tail_of_three, misfit
 
 ATTRIBUTE = "nats"
 """Of things, hands and cameras, and for all together of the root node `world`."""
-_SAME_NATS = 0.5  # nats, by which it may change before it is written again
+_SAME_NATS = 0.5 * AS_GOOD  # nats, by which it may change before it is written again: two such changes tell
 
 
 class LatelySeen(NamedTuple):

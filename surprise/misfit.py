@@ -19,8 +19,6 @@ from surprise.deviation import Deviation, Offset
 
 Way = Literal["beside", "depth", "turn"]
 WAYS: tuple[Way, ...] = ("beside", "depth", "turn")
-DECIDE = math.ceil(SURPRISING / FALSE_FRAME)
-"""count of percepts that are off alike, from which they can be surprising: fewer may be false"""
 _ORDINARY = sum(1.0 / (index + 1.0) for index in range(len(WAYS)))
 """nats, mean of the greatest of the costs in all ways, where noise makes each of these"""
 

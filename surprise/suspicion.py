@@ -41,7 +41,7 @@ class Suspicion:
             self._calm_since = None
             return False
         self._calm_since = now if self._calm_since is None else min(self._calm_since, now)
-        if agrees or now - self._calm_since >= self._config.calm_after:
+        if agrees or now - self._calm_since >= self._config.telling:
             self.raised, self.text, self._told, self._calm_since = False, "", [], None
             return True
         return False
@@ -57,7 +57,7 @@ class Suspicion:
         return changed
 
     def _is_due(self, now: float) -> bool:
-        return not self._told_at <= now < self._told_at + self._config.text_period
+        return not self._told_at <= now < self._told_at + self._config.telling
 
     def _are_news(self, reasons: Sequence[Reason]) -> bool:
         pairs = zip(reasons, self._told, strict=True)

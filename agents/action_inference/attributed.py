@@ -94,7 +94,7 @@ class AttributedPolicy:
         if beneath and not (thing.grasps and track.held):
             track.beneath = (now, beneath)
         if thing.grasps:
-            track.note_probability(thing.grasps[-1])
+            track.note_probability(thing.grasps[-1], now)
             track.last_grasp, track.let_go = now, track.believed.last
             if track.held and thing.on and track.believed.is_steady():
                 self._note_rest(track, now)
@@ -282,7 +282,8 @@ class AttributedPolicy:
         if unseen is None and goes_on_down:  # it may hold on, although its fingertips seem apart
             unseen = self._lowered_out_of_sight(thing, track, current)
         if unseen is None and (rests or track.hidden is None):
-            return self._let_go(thing, track, RELEASE, let_go_at, 1.0, f"{track.by} let go of it, and it came down")
+            told = 1.0 if self._is_seen_now(thing, snapshot.now) else _GUESSED
+            return self._let_go(thing, track, RELEASE, let_go_at, told, f"{track.by} let go of it, and it came down")
         if unseen is not None and self._rests(thing, track, snapshot, FOUND_OUT) and thing.plausible:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
@@ -383,11 +384,12 @@ class AttributedPolicy:
         self, thing: ObservedThing, track: ThingTrack, kind: str, time: float, confidence: float, why: str
     ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
-        confidence *= track.probability
+        confidence *= track.held_at(time) * thing.lies
         found, last = track.found, track.believed.last or track.seen.last
         stayed = found is not None and last is not None and math.dist(found.position, last.position) < self._moved
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
-        track.returned, track.found, track.rested, track.probability = False, None, None, 1.0
+        track.returned, track.found, track.rested = False, None, None
+        track.holds.clear()
         track.how = Handling.FREE
         track.seen.forget()
         track.believed.forget()

@@ -11,7 +11,8 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
 _NEWEST_SAMPLES = 3  # count of the newest samples that tell whether a thing is steady, and how fast it comes down
-_KEPT_SAMPLES = 40  # samples
+KEPT_SAMPLES = 40
+"""count of samples that are kept of a thing: of two seconds and more"""
 _ADAPT = 0.1  # share by which where it lies follows a sample
 _ANEW = 5  # samples
 _LIFTED_SIGMAS = 3.0  # by which it must be higher to be lifted
@@ -50,7 +51,7 @@ class Heights:
         self._lifted = lifted
         self._frames = frames
         self._steady = steady
-        self._samples: deque[Height] = deque(maxlen=_KEPT_SAMPLES)
+        self._samples: deque[Height] = deque(maxlen=KEPT_SAMPLES)
         self._stayed_since: float | None = None  # s, of a sample that is not kept, since which it has not moved
         self._rest: Height | None = None
 
@@ -68,7 +69,7 @@ class Heights:
         """Take in a sample; one that is not newer than the last is ignored."""
         if self._samples and sample.time <= self._samples[-1].time:
             return
-        if len(self._samples) == _KEPT_SAMPLES:
+        if len(self._samples) == KEPT_SAMPLES:
             oldest = self._samples[0]
             since = oldest.time if self._stayed_since is None else self._stayed_since
             self._stayed_since = since if self._are_together([oldest, sample]) else None

@@ -57,6 +57,8 @@ class ObservedThing:
     """Names of the supports of the thing."""
     inside: frozenset[str] = frozenset()
     """Names of the containers of the thing."""
+    lies: float = 1.0
+    """1, probability by the belief that it is on or in what it is said to be; 1 if it is said to be on nothing"""
     grasps: tuple[ObservedGrasp, ...] = ()
     """Grasps of the thing, the newest last."""
     lifted: float | None = None

@@ -68,6 +68,7 @@ class SnapshotReader:
             ObservedEnd(edge.src, edge.get("since", 0.0), edge.get("handling", Handling.FREE))
             for edge in memory.edges("let_go", dst=name)
         ]
+        beneath = [*memory.edges("on", src=name), *memory.edges("in", src=name)]
         return ObservedThing(
             name=name,
             size=node.get("size", (0.0, 0.0, 0.0)),
@@ -76,8 +77,9 @@ class SnapshotReader:
             seen=self._seen.get(name),
             in_doubt=self._seen_in_doubt.get(name, False),
             believed=None if belief is None else belief.get("pose"),
-            on=frozenset(edge.dst for edge in memory.edges("on", src=name)),
-            inside=frozenset(edge.dst for edge in memory.edges("in", src=name)),
+            on=frozenset(edge.dst for edge in beneath if edge.type == "on"),
+            inside=frozenset(edge.dst for edge in beneath if edge.type == "in"),
+            lies=max((edge.get("probability", 1.0) for edge in beneath), default=1.0),
             lifted=node.get("lifted"),
             grasps=tuple(sorted(grasps, key=lambda grasp: (grasp.since, grasp.holder))),
             let_go=max(ends, key=lambda end: (end.time, end.holder), default=None),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 
-from agents.action_inference.heights import Height, Heights
+from agents.action_inference.heights import KEPT_SAMPLES, Height, Heights
 from agents.action_inference.observation import ObservedEnd, ObservedGrasp
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import UNKNOWN
@@ -21,8 +22,8 @@ class ThingTrack:
     by: str = UNKNOWN
     last_grasp: float | None = None
     """Time (s) when something was last known to hold the thing since it was picked; None without any."""
-    probability: float = 1.0
-    """1, that who was last known to hold the thing has held it at some time, by the belief"""
+    holds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=KEPT_SAMPLES))
+    """Since when (s) who was last known to hold the thing does so with which probability, by the belief"""
     how: str = Handling.FREE
     """What the hand that held the thing had to do with it in the end, if that is known"""
     lifted: float = -math.inf
@@ -51,7 +52,17 @@ class ThingTrack:
     found: Height | None = None
     """Where it was when it was found to be held; None if it was seen to be picked."""
 
-    def note_probability(self, grasp: ObservedGrasp) -> None:
-        """Something seems to hold it; of one hold the greatest counts, for a hand that opens has held it before."""
-        goes_on = self.held and self.last_grasp is not None and grasp.holder == self.by
-        self.probability = max(grasp.probability, self.probability) if goes_on else grasp.probability
+    def note_probability(self, grasp: ObservedGrasp, now: float) -> None:
+        """Something seems to hold it at `now` (s); another hold is as probable as it is itself."""
+        if not (self.held and self.last_grasp is not None and grasp.holder == self.by):
+            self.holds.clear()
+        if not self.holds or self.holds[-1][1] != grasp.probability:
+            self.holds.append((now, grasp.probability))
+
+    def held_at(self, time: float) -> float:
+        """Probability (0 to 1) that who was last known to hold it did so at `time` (s); 1 if nothing was known to.
+
+        A hand that opens holds it less probably than before, but what it did then is as probable as its hold was.
+        """
+        before = [probability for since, probability in self.holds if since <= time]
+        return before[-1] if before else self.holds[0][1] if self.holds else 1.0

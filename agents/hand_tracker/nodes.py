@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -13,6 +14,7 @@ from dsr.errors import TransformError
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.vocabulary.perceived import seconds_unseen
 
 _NAME = re.compile(r"human_hand_(\d)")
 _FINGER = re.compile(r"human_hand_\d_finger_(\d)")
@@ -49,10 +51,11 @@ class HandNodes:
         for node in self._memory.nodes("hand"):
             match = _NAME.fullmatch(node.name)
             edge = self._memory.get_edge("world", node.name, "RT")
-            if match is None or edge is None or int(match[1]) >= HANDS:
+            pose = None if edge is None else edge.get("pose")
+            if match is None or pose is None or int(match[1]) >= HANDS:
                 continue
             side = node.get("side")
-            palm = edge.pose.with_stamp(float(node.get("last_seen", edge.pose.stamp))).with_covariance(None)
+            palm = pose.with_stamp(float(node.get("last_seen", pose.stamp))).with_covariance(None)
             known_side: Side = side if side in ("left", "right") else "unknown"
             found.append(HandTrack(int(match[1]), self._config, palm, known_side, str(node.get("source", ""))))
         return found
@@ -85,7 +88,7 @@ class HandNodes:
         """Say what is not perceived any more; returns the numbers of hands whose nodes were removed."""
         gone = []
         for node in [*self._memory.nodes("finger"), *self._memory.nodes("hand")]:
-            unseen = now - float(node.get("last_seen", 0.0))
+            unseen = seconds_unseen(node, now) if "last_seen" in node else math.inf
             if node.get("perceived") is not False and unseen > self._config.max_age:
                 self._memory.update_node(node.name, perceived=False)
             match = _NAME.fullmatch(node.name)

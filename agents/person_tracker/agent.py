@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import Annotated, Any
 
@@ -14,6 +15,7 @@ from dsr.errors import SchemaError
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose, interpolate
 from dsr.visibility import PERSON
+from dsr.vocabulary.perceived import seconds_unseen
 
 _LEAST = 1e-4  # m and rad, of a standard deviation
 _MOVES = 5.0  # standard deviations, by which a reading is off if the person moves
@@ -59,7 +61,8 @@ class PersonTracker(Agent):
                 for reading in readings.persons:
                     self._take(reading, min(readings.stamp, now))
             for node in self.memory.nodes(PERSON):
-                if node.get("perceived") and now - node.get("last_seen", 0.0) > self.config.max_age:
+                unseen = seconds_unseen(node, now) if "last_seen" in node else math.inf
+                if node.get("perceived") and unseen > self.config.max_age:
                     self.memory.update_node(node.name, perceived=False)
 
     def teardown(self) -> None:

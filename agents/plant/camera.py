@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.plant.lens import through_lens
 from agents.plant.noise import Color, Depth, SensorModel, shift_bodies
-from agents.plant.renderer import Renderer
+from agents.plant.renderer import RenderedPicture, Renderer
 from agents.plant.world import World
 from dsr.images.blobs import Frame
 from dsr.math3d.quaternions import Quaternion, Vector3, product
@@ -20,6 +20,10 @@ from dsr.vocabulary.intrinsics import Intrinsics
 OVERHEAD = Pose((0.35, 0.0, 0.65), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
 """world_from_camera of the overhead camera's optical frame: looking straight down, the image's right is world -y and
 its upper side world +x. At 640 x 480 and the default field of view it covers x 0.09 to 0.61, y -0.35 to 0.35 m."""
+
+
+Exposure = Callable[[], Frame]
+"""Makes a frame as a driver delivers it of what the lens let in: `color`, `depth` and the intrinsics."""
 
 
 @dataclass
@@ -82,20 +86,25 @@ class SimulatedCamera:
                 del self.illusions[name]
         return poses
 
-    def photograph(self, world: World, renderer: Renderer, stamp: float) -> Frame:
-        """A frame as a driver delivers it: `color`, `depth` and the intrinsics."""
+    def expose(self, world: World, renderer: Renderer, stamp: float) -> Exposure:
+        """Draw what is before the lens now. The frame is made of that by whoever calls the result, once."""
+        meta = self.intrinsics.meta()
         if self.covers:
             shape = (self.intrinsics.height, self.intrinsics.width)
             color, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
-        else:
-            with world.shown_at(self.seen_poses(world)):
-                color, depth = self._expose(world, renderer)
-        return Frame(stamp, {"color": color, "depth": depth}, self.intrinsics.meta())
+            return lambda: Frame(stamp, {"color": color, "depth": depth}, meta)
+        with world.shown_at(self.seen_poses(world)):
+            errors = {world.body(name): error for name, error in self.sensor.errors().items() if name in world}
+            ideal = renderer.render(self.pose, self.intrinsics.pinhole(), bodies=self.sensor.is_per_object)
 
-    def _expose(self, world: World, renderer: Renderer) -> tuple[Color, Depth]:
-        """Colour and depth with all errors."""
-        errors = {world.body(name): error for name, error in self.sensor.errors().items() if name in world}
-        ideal = renderer.render(self.pose, self.intrinsics.pinhole(), bodies=self.sensor.is_per_object)
+        def develop() -> Frame:
+            color, depth = self._develop(ideal, errors)
+            return Frame(stamp, {"color": color, "depth": depth}, meta)
+
+        return develop
+
+    def _develop(self, ideal: RenderedPicture, errors: dict[int, float]) -> tuple[Color, Depth]:
+        """Colour and depth with all errors; those of bodies are in m."""
         picture = through_lens(ideal, self.intrinsics)
         depth = picture.depth
         if picture.bodies is not None:

@@ -7,7 +7,7 @@ from collections import deque
 
 import msgspec
 
-from agents.plant.camera import SimulatedCamera
+from agents.plant.camera import Exposure, SimulatedCamera
 from agents.plant.config import PlantConfig
 from agents.plant.messages import (
     arm_command_key,
@@ -60,6 +60,7 @@ class Plant(Agent):
         self._steps = 0
         self._start: float | None = self.config.start or None
         self._start_message: bytes | None = None
+        self._exposed: deque[tuple[SimulatedCamera, Exposure]] = deque()
         self._arms = {name: _ArmDevice(self.bus, self.keys, name) for name in self._reality.arms}
         self._waited = self._next_complaint = 0.0
         self.dropped = 0
@@ -168,7 +169,10 @@ class Plant(Agent):
             self.bus.publish(arm_state_key(keys, name), msgspec.msgpack.encode(state), Qos.STREAM)
         if self._truth_due(self._steps):
             self.bus.publish(keys.truth(), msgspec.msgpack.encode(reality.truth(stamp)), Qos.STREAM)
-        if self._camera_due(self._steps):
+        is_due = self._camera_due(self._steps)
+        for _ in range(len(self._exposed) if is_due else min(1, len(self._exposed))):
+            self._publish_frame()
+        if is_due:
             self._publish_sight(stamp)
 
     def _publish_sight(self, stamp: float) -> None:
@@ -181,7 +185,7 @@ class Plant(Agent):
     def _publish_view(self, camera: SimulatedCamera, stamp: float) -> None:
         reality = self._reality
         if self.config.sensor == "pixels":
-            self.bus.publish_bulk(frame_key(self.keys, camera.name), frame_chunks(reality.frame(stamp, camera)))
+            self._exposed.append((camera, reality.expose(stamp, camera)))
         elif self.config.sensor == "none":
             camera.seen_poses(reality.world)  # frames count all the same: a false percept lasts some
         else:
@@ -189,6 +193,11 @@ class Plant(Agent):
             self.bus.publish(readings_key(self.keys, camera.name), payload, Qos.STREAM)
             if (hands := reality.hand_readings(stamp, camera)) is not None:
                 self.bus.publish(hands_key(self.keys, camera.name), msgspec.msgpack.encode(hands), Qos.STREAM)
+
+    def _publish_frame(self) -> None:
+        """Of the camera that waits longest for that: to draw and to deliver is too much for one tick."""
+        camera, frame = self._exposed.popleft()
+        self.bus.publish_bulk(frame_key(self.keys, camera.name), frame_chunks(frame()))
 
     def _keep_start(self, key: str, payload: bytes) -> None:
         self._start_message = payload

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
 from agents.plant.arm import SimulatedArm, displaced
 from agents.plant.bullet import Bullet
-from agents.plant.camera import SimulatedCamera
+from agents.plant.camera import Exposure, SimulatedCamera
 from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
 from agents.plant.guard import ArmGuard
@@ -117,12 +117,15 @@ class Reality:
         )
 
     def frame(self, stamp: float, camera: SimulatedCamera | None = None) -> Frame:
-        """Render the images of a camera, by default the scenario's; only with the sensor `pixels`."""
+        """The images of a camera, by default the scenario's; only with the sensor `pixels`."""
+        return self.expose(stamp, camera or self.camera)()
+
+    def expose(self, stamp: float, camera: SimulatedCamera) -> Exposure:
+        """Draw what a camera sees now; only with the sensor `pixels`."""
         assert self._renderer is not None
-        camera = camera or self.camera
         camera.in_view = recognisable(camera, self.world, self.hands)
         self.hands.draw()
-        return camera.photograph(self.world, self._renderer, stamp)
+        return camera.expose(self.world, self._renderer, stamp)
 
     def readings(self, stamp: float, camera: SimulatedCamera | None = None) -> TagReadings:
         """Simulate a camera's readings of objects, as poses; by default those of the scenario's camera."""

@@ -4,6 +4,8 @@
     python -m benchmarks.interest --seed 17                   # one history again, made shorter if it fails
     python -m benchmarks.interest --mutants                   # each wrong design must be seen
     python -m benchmarks.interest --curves --json interest.json --plot interest.png
+    python -m benchmarks.interest --whole 1000                # rooms of 1000 nodes, all held by one process
+    python -m benchmarks.interest --fleets 5,10,20,50 --json fleets.json --plot fleets.png
     python -m benchmarks.interest --machines 1,2,5,10 --json machines.json --plot machines.png
 
 Exit 0 only if all is as it must be.
@@ -21,7 +23,8 @@ import msgspec
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.interest.curves import measured
+from benchmarks.interest.curves import measured, whole
+from benchmarks.interest.fleets import counted
 from benchmarks.interest.histories import Setting, run, shortest
 from benchmarks.interest.mutants import MUTANTS, shown_by
 
@@ -34,6 +37,12 @@ def main() -> None:
     options = _parser().parse_args()
     if options.curves:
         _curves(options.json, options.plot)
+        right = True
+    elif options.whole:
+        print(whole(options.whole))
+        right = True
+    elif options.fleets:
+        _fleets(options)
         right = True
     elif options.machines:
         right = _machines(options)
@@ -91,6 +100,17 @@ def _curves(json: Path | None, plot: Path | None) -> None:
         draw(findings, plot)
 
 
+def _fleets(options: argparse.Namespace) -> None:
+    logging.getLogger("dsr").setLevel(logging.ERROR)
+    rows = counted([int(number) for number in options.fleets.split(",")], lambda text: print(text, flush=True))
+    if options.json is not None:
+        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows)))
+    if options.plot is not None:
+        from benchmarks.interest.picture import draw_fleets  # needs matplotlib
+
+        draw_fleets(rows, options.plot)
+
+
 def _machines(options: argparse.Namespace) -> bool:
     from benchmarks.interest.machines import measured_machines  # needs zenoh
 
@@ -114,6 +134,8 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--seed", type=int, help="run the history of this seed alone")
     what.add_argument("--mutants", action="store_true", help="look for a history that shows each wrong design")
     what.add_argument("--curves", action="store_true", help="measure what interest costs and spares")
+    what.add_argument("--whole", type=int, metavar="N", help="what a building of so many rooms costs who holds all")
+    what.add_argument("--fleets", metavar="N,N", help="count what one of so many robots gets, all in this process")
     what.add_argument("--machines", metavar="N,N", help="simulate so many machines behind a Zenoh router")
     parser.add_argument("--robots", type=int, default=2, help="robots of each machine (default: 2)")
     parser.add_argument("--routers", type=int, default=1, help="routers to which the machines are linked (default: 1)")

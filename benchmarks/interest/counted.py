@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dsr import LocalNetwork, ManualClock, Memory
+from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalTransport, _Declaration
 from dsr.network.transport import MessageHandler, Qos, RequestHandler, key_matches
 
+GRAPH = "g"
+_BASE_DIGESTS, _QUESTIONS = Keys(GRAPH).digest(), Keys(GRAPH).holders()
 TICK = 0.05
 """s between two rounds in which all do what is due"""
 
@@ -33,6 +36,8 @@ class CountedTransport(LocalTransport):
     def __init__(self, network: LocalNetwork, name: str) -> None:
         super().__init__(network, name)
         self.sent, self.received = Traffic(), Traffic()
+        self.digests, self.questions = Traffic(), Traffic()
+        """Of what was received, digests of the base, and who holds what: each process sends these to all others."""
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """See `Transport.publish`."""
@@ -41,6 +46,8 @@ class CountedTransport(LocalTransport):
                 self.sent.add(payload)
                 assert isinstance(other, CountedTransport)
                 other.received.add(payload)
+                if key_matches(_BASE_DIGESTS, key):
+                    other.digests.add(payload)
         super().publish(key, payload, qos)
 
     def request(
@@ -51,6 +58,8 @@ class CountedTransport(LocalTransport):
 
         def replied(key: str, reply: bytes) -> None:
             self.received.add(reply)
+            if key_matches(_QUESTIONS, key):
+                self.questions.add(reply)
             on_reply(key, reply)
 
         super().request(key, payload, replied, on_done, timeout)
@@ -62,6 +71,8 @@ class CountedTransport(LocalTransport):
 
         def answer(key: str, payload: bytes) -> bytes | None:
             self.received.add(payload)
+            if key_matches(_QUESTIONS, key):
+                self.questions.add(payload)
             reply = handler(key, payload)
             if reply is not None:
                 self.sent.add(reply)
@@ -82,7 +93,7 @@ class Fleet:
         """One more process."""
         transport = CountedTransport(self.network, agent)
         self.network._transports.append(transport)
-        memory = Memory("g", agent, transport=transport, clock=self.clock, rid=f"{agent}-1", interest=interest)
+        memory = Memory(GRAPH, agent, transport=transport, clock=self.clock, rid=f"{agent}-1", interest=interest)
         self.memories.append(memory)
         return memory
 

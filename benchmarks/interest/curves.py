@@ -6,14 +6,21 @@ Processor times are told beside one another only, of one run: a machine that doe
 from __future__ import annotations
 
 import gc
+import os
 import time
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.interest.counted import Fleet, Traffic
 from dsr import Memory
+
+IntArray = NDArray[np.int64]
 
 NODES = 1000
 """Nodes of a room: things, furniture, places, with one attribute each"""
@@ -69,6 +76,24 @@ def building(rooms: int, nodes: int = NODES) -> tuple[Fleet, Memory]:
             keeper.add_node(f"thing_{number}_{thing}", "cube", room(number), seen=thing)
     keeper.flush()
     return fleet, keeper
+
+
+def whole(rooms: int) -> dict[str, Any]:
+    """What it costs a process to hold a building in whole: memory of the process (bytes) and processor time (s)."""
+    gc.disable()  # a million of nodes that stay are looked through again and again
+    try:
+        before, begin = _resident(), time.process_time()
+        _, keeper = building(rooms)
+        nodes = len(keeper.nodes())
+        size, seconds = _resident() - before, time.process_time() - begin
+    finally:
+        gc.enable()
+    return {"nodes": nodes, "bytes": size, "bytes_per_node": size / nodes, "seconds": seconds}
+
+
+def _resident() -> int:
+    """Bytes of memory that this process takes; Linux tells them."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def joined(rooms: int, asked: list[int]) -> list[Join]:
@@ -157,7 +182,7 @@ def fleet_of(robots: int, *, parted: bool, seconds: int = 3) -> dict[str, Any]:
         memory.add_node(f"body_{number}", "robot", here)
         memory.add_edge(f"floor_{here}" if parted else "floor", f"body_{number}", "RT", translation=(0, 0, 0))
     fleet.live(3.0)
-    before = [Traffic(**vars(fleet.traffic(memory).received)) for memory in at_work]
+    before = [_received(fleet, memory) for memory in at_work]
     begin = time.process_time()
     for second in range(seconds):
         for sample in range(POSES):
@@ -172,15 +197,20 @@ def fleet_of(robots: int, *, parted: bool, seconds: int = 3) -> dict[str, Any]:
                 memory.leave_part(room(2 * number % rooms))
                 memory._parts("move").take(room((2 * number + ROOMS_OF_ROBOT) % rooms))
     spent = time.process_time() - begin
-    after = [fleet.traffic(memory).received for memory in at_work]
     share = 1.0 / (robots * seconds)
+    told = [_received(fleet, memory) - earlier for memory, earlier in zip(at_work, before, strict=True)]
+    (messages, size), digests, questions = (np.sum(told, axis=0) * share).tolist()
     return {
-        "robots": robots, "parted": parted,
-        "messages": sum(b.messages - a.messages for a, b in zip(before, after, strict=True)) * share,
-        "bytes": sum(b.size - a.size for a, b in zip(before, after, strict=True)) * share,
-        "seconds": spent * share,
+        "robots": robots, "parted": parted, "messages": messages, "bytes": size, "digests": digests,
+        "questions": questions, "seconds": spent * share,
         "nodes": sum(len(memory.nodes()) for memory in at_work) / robots,
     }  # fmt: skip
+
+
+def _received(fleet: Fleet, memory: Memory) -> IntArray:
+    """Messages and bytes that a process got so far: in all, digests of the base, and who holds what; shape (3, 2)."""
+    traffic = fleet.traffic(memory)
+    return np.array([[each.messages, each.size] for each in (traffic.received, traffic.digests, traffic.questions)])
 
 
 def idle(parts: int, seconds: int = 5) -> dict[str, Any]:

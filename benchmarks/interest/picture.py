@@ -8,6 +8,8 @@ from typing import Any
 import matplotlib as mpl
 
 from benchmarks.interest.curves import Findings, Join
+from benchmarks.interest.fleets import rest_of
+from dsr.replication.peers import MAX_PEERS
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -40,6 +42,24 @@ def draw_machines(rows: list[dict[str, Any]], file: Path) -> None:
             of_it = [row for row in rows if row["parted"] == parted]
             place.plot([row["machines"] for row in of_it], [row[field] / unit for row in of_it], "o-", label=told)
         place.set(title=title, xlabel="machines", ylabel=label, ylim=(0, None))
+    axes[0].legend()
+    figure.tight_layout()
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def draw_fleets(rows: list[dict[str, Any]], file: Path) -> None:
+    """Draw what a robot gets against the size of its fleet: counted up to a line, and on paper beyond."""
+    figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.8))
+    last = max(row["robots"] for row in rows if not row.get("on_paper"))
+    robots = [row["robots"] for row in rows]
+    for place, number, unit, label in ((axes[0], 0, 1.0, "messages"), (axes[1], 1, 1e3, "kB")):
+        place.loglog(robots, [row["digests"][number] / unit for row in rows], "o-", label="digests of the base")
+        place.loglog(robots, [row["questions"][number] / unit for row in rows], "o-", label="who holds what")
+        place.loglog(robots, [rest_of(row)[number] / unit for row in rows], "o-", label="all else: its rooms")
+        place.axvspan(last, max(robots), color="0.9", label="on paper")
+        place.axvline(MAX_PEERS, color="0.3", linestyle=":", label="replicas that are listened to")
+        place.set(xlabel="robots", ylabel=f"{label} that one gets per second")
     axes[0].legend()
     figure.tight_layout()
     figure.savefig(file, dpi=110)

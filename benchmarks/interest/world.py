@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from benchmarks.interest.claimant import Claimant, Kind
 from benchmarks.years.showing import shown
 from benchmarks.years.world import Participant, SkewedClock, World, type_for
 from dsr import Faults, Memory
@@ -13,10 +14,15 @@ from dsr.crdt.store import Store
 from dsr.graph.schema import RECORDS
 from dsr.network.keys import WHOLE
 from dsr.parts.graph import PartedGraph
+from dsr.replication.pace import DIGEST_PERIOD
+from dsr.replication.peers import FORGET
 from dsr.replication.portions import parts_in, portion
 from dsr.replication.replica import Replica
 
 PARTS = ("kitchen", "hall", "lab")
+LIAR = "liar"
+SETTLED = FORGET + 15.0
+"""s after which each part must be complete whoever lies: all were asked, and none is waited for any more"""
 
 
 class PartsWorld(World):
@@ -26,11 +32,16 @@ class PartsWorld(World):
         places: how many memories there are.
         seed: of the faults.
         faults: of the network.
+        lie: what an agent does that claims to hold all parts; None if there is none.
     """
 
-    def __init__(self, places: int, seed: int = 0, faults: Faults | None = None) -> None:
+    def __init__(self, places: int, seed: int = 0, faults: Faults | None = None, lie: Kind | None = None) -> None:
         self._writing = False
+        self._liar: Claimant | None = None
+        self._spoke_at = 0.0
         super().__init__([0.0] * places, seed, faults)
+        if lie is not None:
+            self._liar = Claimant(lie, self.network.connect(LIAR), self.clock, "g", f"{LIAR}-1", PARTS)
         for part in PARTS:
             self.memory(0).create_part(part)
         for _ in range(20):
@@ -114,6 +125,23 @@ class PartsWorld(World):
             memory._held.take(part)
         if restore:
             memory.restore(snapshot)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; who lies speaks, too."""
+        if self._liar is not None and self.clock.monotonic() - self._spoke_at >= DIGEST_PERIOD:
+            self._spoke_at = self.clock.monotonic()
+            self._liar.speak()
+        super().advance(seconds)
+
+    def converge(self) -> None:
+        """See `World.converge`; whoever lies, each part is complete then at all who hold it, as far as one can know."""
+        super().converge()
+        if self._liar is None:
+            return  # who is dead is still waited for: it was not stopped or cut off for long
+        for _ in range(round(SETTLED / 0.1)):
+            self.advance(0.1)
+        for participant in self.participants:
+            assert participant.memory.joined, "a part is waited for that nobody has more of"
 
     def waiting(self) -> int:
         """Edges that are kept, and not shown, because a part is not held."""

@@ -26,18 +26,16 @@ class PerceptNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     depth_bias: Deviation = 0.010
     """m along the viewing ray: the systematic error of depth, which averaging does not remove"""
-    learned_bias: Deviation = 0.003
-    """m along the viewing ray: what is left of the systematic error once it was learned"""
     position_noise: Deviation = 0.001
     """m in each direction, added to each percept"""
     depth_noise: Deviation = 0.003
     """m along the viewing ray, added to each percept: depth errors of a frame are common to all pixels of an object"""
+    learned_bias: Deviation = depth_noise
+    """m along the viewing ray: what is left of the systematic error once it was learned, even from single percepts"""
     rotation_noise: Deviation = 0.01
     """rad about each axis, added to each percept"""
     tilt_noise: Deviation = 0.04
     """rad about horizontal axes, added to each percept: perception knows the tilt least well"""
-    default_rotation_noise: Deviation = 0.03
-    """rad about each axis, of a percept without covariance"""
 
     def position_covariance(self, own: Array, ray: Array | None = None) -> Array:
         """Covariance of a percept's position in the world frame.
@@ -56,7 +54,7 @@ class PerceptNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Covariance (3, 3) rad^2 of a percept's rotation in the world frame, z upwards.
 
         Args:
-            own: (3, 3) rad^2, by the percept itself; None if it has no covariance.
+            own: (3, 3) rad^2, by the percept itself; None if it has none, and is as noisy as what is added.
         """
-        told = self.default_rotation_noise**2 * _EYE if own is None else own
+        told = np.zeros((3, 3)) if own is None else own
         return told + self.rotation_noise**2 * _EYE + self.tilt_noise**2 * _HORIZONTAL

@@ -13,9 +13,7 @@ from dsr.graph.elements import Edge
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-
-MOST_AHEAD = 0.5
-"""s that a percept's stamp may be ahead of this machine's clock: more than clocks in step differ by"""
+from dsr.vocabulary.perceived import MOST_AHEAD
 
 
 class Percept(NamedTuple):

@@ -2,11 +2,12 @@
 
 Whoever begins to hold something says so to all who ask from then on, and only then asks itself. So of two that begin at
 once at least one hears of the other. A process that is slow, or stopped, is waited for as long as its base replica
-counts as there.
+counts as there. One that speaks, and owes its answer or its content all the same, is given up (`debts.py`).
 """
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections.abc import Callable, Iterable, Mapping
@@ -19,8 +20,9 @@ from dsr.errors import TransportError, WireError
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys, agent_of
 from dsr.network.transport import Transport
+from dsr.replication.debts import Debts
 from dsr.replication.joining import listed
-from dsr.replication.peers import MAX_PEERS
+from dsr.replication.peers import FORGET, MAX_PEERS
 from dsr.replication.replica import Replica
 from dsr.replication.sync import REQUEST_TIMEOUT
 from dsr.replication.wire import Name
@@ -34,6 +36,8 @@ MAX_PLACES = 1024
 VERSION = 1
 _ROUNDS = 3
 """Exchanges that it takes where nothing moves by itself: who is there, request and reply, merge."""
+
+_log = logging.getLogger("dsr.replication.holders")
 
 _Place = Annotated[str, msgspec.Meta(max_length=256)]
 
@@ -101,7 +105,10 @@ class Holders:
         """Places that are asked for, each since when."""
         self._answers: dict[str, dict[str, str]] = {}
         """By place, what each process said last."""
+        self._debts = Debts(clock)
         self._listed: frozenset[str] = frozenset()
+        self._asked: set[str] = set()
+        """Ids, in the base, of the processes that were there when all were asked last."""
         self._due, self._pause = math.inf, FIRST_PAUSE
         self.malformed = 0
         """Messages that made no sense."""
@@ -112,6 +119,7 @@ class Holders:
         with self._lock:
             self._wanted.setdefault(place, self._clock.monotonic())
             self._answers.setdefault(place, {})
+            self._debts.open(place)
             self._due, self._pause = -math.inf, FIRST_PAUSE
 
     def settle(self, place: str) -> None:
@@ -129,6 +137,7 @@ class Holders:
             self._due, self._pause = now + self._pause, min(2.0 * self._pause, LAST_PAUSE)
             places = list(self._wanted)
         self._listed = frozenset(self._others())
+        self._asked = self._known()
         for first in range(0, len(places), MAX_PLACES):
             self._send(places[first : first + MAX_PLACES])
 
@@ -173,9 +182,30 @@ class Holders:
         return [rid for process, rid in self._told(place).items() if rid and process in known]
 
     def _silent(self, place: str) -> list[str]:
-        """Replica ids, in the base, of those that have not told yet whether they hold a place."""
-        told = self._told(place)
-        return sorted(process for process in self._known() if process not in told)
+        """Replica ids, in the base, of those that have not told yet whether they hold a place, and are waited for."""
+        told, known = self._told(place), self._known()
+        with self._lock:
+            return sorted(rid for rid in known if rid not in told and self._debts.waits_for(place, rid))
+
+    def _count(self, replica: Replica, place: str) -> None:
+        """Wait no more for those that have owed for too long what they may hold; see `debts.py`."""
+        base, sync, told, known = self._base.synchroniser, replica.synchroniser, self._told(place), self._known()
+        processes = {rid: process for process, rid in told.items() if rid}
+        claimants = {rid: processes.get(rid, rid) for rid in sync.joining.claimants}
+        owing = {process: base.heard_at(process) for process in self._asked & known if process not in told}
+        for rid, process in claimants.items():
+            if sync.joining.owes(rid) and sync.was_asked(rid):
+                owing[process] = max(sync.heard_at(rid), base.heard_at(process))
+        gave = {claimants.get(rid, rid) for rid in sync.joining.take_went_on()}
+        with self._lock:
+            if not base.joined:  # others may be there of whom nothing is known yet
+                self._debts.close(place)
+            given_up = self._debts.count(place, {*known, *claimants.values()}, owing, gave)
+            waited_for = {rid for rid, process in claimants.items() if self._debts.waits_for(place, process)}
+        if given_up:
+            _log.warning("%s: not waiting any more for %s: there for %.0f s, without what it may hold of it", place,
+                         listed(sorted(given_up)), FORGET)  # fmt: skip
+        sync.joining.given_up = frozenset(claimants.keys() - waited_for)
 
     def _may_be_others(self, place: str) -> bool:
         """Whether somebody may hold a place of whom nothing is known yet."""
@@ -220,6 +250,7 @@ class Holders:
         """Tell the replica of a place what is known of others; whether it has joined, or nobody else holds it."""
         sync = replica.synchroniser
         sync.joining.holders = self.of(place)
+        self._count(replica, place)
         sync.joining.others_possible = self._may_be_others(place)
         return sync.joined or self.nobody_holds(replica, place)
 

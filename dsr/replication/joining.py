@@ -5,7 +5,7 @@ A replica has joined when
 1. it is the first: nobody held the graph when it came, or it was told to begin without the others;
 2. or one that has joined, and may speak for others, gave it everything;
 3. or all who are there, and all who are known to hold the graph, gave it everything that they have. Who does not
-   answer is waited for, for it may have more.
+   answer is waited for, for it may have more; of a world or a part only for so long (`debts.py`).
 
 Who has not joined says so, and for whom it waits; it gives what it has only to who insists, because nobody there has
 joined. So two newcomers that meet nobody else soon know that they hold all there is.
@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+
+from dsr.crdt.pieces import START, Place
 
 UNJOINED_RETRY = 0.25
 """s between two questions whether one of those has joined meanwhile who had not."""
@@ -38,11 +40,15 @@ class Joining:
         """Whether there may be others of whom nothing is known: then nobody is known to be the last to ask."""
         self.since = math.inf
         """When it began to ask."""
+        self.given_up: frozenset[str] = frozenset()
+        """Replica ids of those that are not waited for: only what they have given counts."""
         self._trusts = trusts
         self._present: dict[str, None] = {}
         self._unjoined: dict[str, Sequence[str]] = {}
         self._exhausted: set[str] = set()
-        self._asked_again_at = -math.inf
+        self._reached: dict[str, Place] = {}
+        self._went_on: set[str] = set()
+        self._asked_again_at, self._asked_again_last = -math.inf, False
 
     def appeared(self, rid: str) -> None:
         """A replica announced itself."""
@@ -53,6 +59,8 @@ class Joining:
         self._present.pop(rid, None)
         self._unjoined.pop(rid, None)
         self._exhausted.discard(rid)
+        self._reached.pop(rid, None)
+        self._went_on.discard(rid)
 
     def declined(self, rid: str, waits_for: Sequence[str]) -> None:
         """Note that a replica said that it has not joined itself, and for whom it waits."""
@@ -62,13 +70,37 @@ class Joining:
         """Note that a replica gave its whole content, though that may not be all there is."""
         self._exhausted.add(rid)
 
+    def went_on(self, rid: str, end: Place | None) -> bool:
+        """Note that a piece came which ends there, and tell whether no answer of that replica had gone so far."""
+        if rid in self._exhausted or (end is not None and end <= self._reached.get(rid, START)):
+            return False
+        if end is not None:
+            self._reached[rid] = end
+        self._went_on.add(rid)
+        return True
+
+    def take_went_on(self) -> set[str]:
+        """Ids of those whose answers have gone on since this was called last."""
+        taken, self._went_on = self._went_on, set()
+        return taken
+
+    def owes(self, rid: str) -> bool:
+        """Whether a replica has not given all that it has, nor said that it waits for others that may have more."""
+        return rid not in self._exhausted and (rid not in self._unjoined or self.insists)
+
     def may_have_more(self, rid: str) -> bool:
         """Whether a replica has not given its whole content yet."""
         return rid not in self._exhausted
 
     @property
     def others(self) -> list[str]:
-        """Ids of all replicas that may hold content."""
+        """Ids of all replicas that may hold content, and of those that gave theirs."""
+        given_up, exhausted = self.given_up, self._exhausted
+        return [rid for rid in self.claimants if rid in exhausted or rid not in given_up]
+
+    @property
+    def claimants(self) -> list[str]:
+        """Ids of all replicas that hold the graph or are there, those included that are not waited for any more."""
         return list(dict.fromkeys([*self.holders, *self._present]))
 
     @property
@@ -86,15 +118,18 @@ class Joining:
         settled = self._exhausted if self.insists else self._exhausted | self._unjoined.keys()
         age = {rid: number for number, rid in enumerate(self.others)}
         by_turns = sorted(
-            reachable, key=lambda rid: (asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid)
+            reachable,
+            key=lambda rid: (rid in self.given_up, asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid),
         )
         fresh = [rid for rid in by_turns if rid not in settled]
         if fresh and not asked[fresh[0]]:
             return fresh[0]
         again = [rid for rid in by_turns if rid in settled]
-        if again and now - self._asked_again_at >= UNJOINED_RETRY:  # who never answers must not keep us from these
-            self._asked_again_at = now
-            return again[0]
+        is_turn_of_fresh = bool(fresh) and self._asked_again_last  # however rarely this is called
+        if again and not is_turn_of_fresh and now - self._asked_again_at >= UNJOINED_RETRY:
+            self._asked_again_at, self._asked_again_last = now, True
+            return again[0]  # who never answers must not keep us from these
+        self._asked_again_last = False
         return fresh[0] if fresh else None
 
     def waits_for(self) -> list[str]:

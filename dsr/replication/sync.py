@@ -102,7 +102,7 @@ class Synchroniser:
     clocks: ClockVerdict = field(default_factory=ClockVerdict)
     """How our clock stands beside those of the agents heard of lately."""
     pieces: int = 0
-    """Pieces of replies that came when they were asked for, of those who had not given all they have before."""
+    """Pieces of replies that came when they were asked for, and went further than what their senders gave before."""
     ask_ahead: Callable[[Ask], None] | None = None
     """Asks for the next piece before the last one is joined, so that both replicas work at the same time."""
     behind_since: float | None = None
@@ -249,7 +249,7 @@ class Synchroniser:
         if fetch is None:
             return
         self._pace.answered()
-        self.pieces += not is_refusal(piece) and self.joining.may_have_more(sender)
+        self.pieces += taken and self.joining.went_on(sender, piece.end)
         if is_refusal(piece):
             self.joining.declined(sender, piece.waits_for)
             self._give_up()
@@ -395,8 +395,8 @@ class Synchroniser:
             if now - self._asked_at < (LAST_PATIENCE if answering else self._pace.patience):
                 return []
             self._pace.unanswered()
-            self._give_up()
-        elif self._fetch is not None and self._turn_over:
+            self._turn_over = True
+        if self._fetch is not None and self._turn_over:
             self._pause(self._fetch)
         if self._fetch is None:
             peer = self._peer_to_ask(now)
@@ -419,9 +419,9 @@ class Synchroniser:
         return fetch
 
     def _pause(self, fetch: Fetch) -> None:
-        """Let others answer; this answer goes on when it is the turn of who gives it."""
+        """Let others answer; this answer goes on, with the same piece, when it is the turn of who gives it."""
         self._give_up()
-        if len(self._paused) < MAX_PAUSED:
+        if fetch.begin != START and len(self._paused) < MAX_PAUSED:
             self._paused[fetch.peer] = fetch
 
     def _others_wait(self, now: float) -> bool:
@@ -474,6 +474,16 @@ class Synchroniser:
     def passed_over(self) -> int:
         """Claims beyond what is taken from one sender, and replicas beyond those listened to."""
         return self.claims.passed_over + self._peers.refused
+
+    def heard_at(self, rid: str) -> float:
+        """The monotonic time (s) of a replica's last digest; minus infinity without any."""
+        peer = self._peers.get(rid)
+        return -math.inf if peer is None else peer.heard_at
+
+    def was_asked(self, rid: str) -> bool:
+        """Whether a replica was asked for what it has, or cannot be, for nobody there goes by that id."""
+        peer = self._peers.get(rid)
+        return peer is None or peer.asked > 0
 
     @property
     def heard(self) -> list[str]:

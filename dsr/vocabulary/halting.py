@@ -6,6 +6,9 @@ to the node `halt`, and so does `dsr halt` if the graph answers.
 
 An order may be about one arm, such as `left`: the other arms do not mind it, and its node is `halt_left`. Of all orders
 that are about an arm the newest counts for this arm.
+
+Nobody has to believe the time in an order. No order is written with a time ahead of the writer's clock. A release that
+is stamped with a time to come releases nothing, and a halt forbids motion until it is released.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from dsr.memory import Memory
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Transport
+from dsr.replication.sync import MAX_DRIFT
 from dsr.vocabulary.arms import ARM
 
 HALT_NODE = "halt"
@@ -121,23 +125,45 @@ def halt_node(arm: str = "") -> str:
 
 
 def write_order(memory: Memory, order: HaltOrder) -> None:
-    """Write an order to its node, if it is not there yet."""
+    """Write an order to its node, if it is not there yet; no later than now.
+
+    Orders about the same arms that are stamped as if they were to come, by a clock that is ahead, count as older.
+    """
     name = halt_node(order.arm)
     node = memory.get_node(name)
-    values = {"halted": order.halted, "halt_id": order.id, "source": order.by, "explanation": order.why,
-              "since": order.stamp}  # fmt: skip
+    now = memory.clock.now()
+    since = min(max(order.stamp, 0.0), now)
+    values = {"halted": order.halted, "halt_id": order.id, "source": order.by, "explanation": order.why, "since": since}
     if order.arm:
         values["arm"] = order.arm
-    if node is None:
-        memory.add_node(name, HALT_NODE, **values)
-    elif node.get("halt_id") != order.id:
-        memory.update_node(name, **values)
+    if node is not None and node.get("halt_id") == order.id:
+        return
+    with memory.batch():
+        if node is None:
+            memory.add_node(name, HALT_NODE, **values)
+        else:
+            memory.update_node(name, **values)
+        for other in memory.nodes(HALT_NODE):
+            is_about_them = order.arm in ("", other.get("arm", "")) or other.name == HALT_NODE
+            if other.name != name and is_about_them and other.get("since", 0.0) > now + MAX_DRIFT:
+                memory.update_node(other.name, since=math.nextafter(since, -math.inf))
 
 
 def order_about(memory: Memory, arm: str) -> HaltOrder | None:
-    """The newest order in the graph that is about an arm; None without any. At one time, a halt precedes a release."""
+    """The newest order in the graph that is about an arm; None without any.
+
+    At one time, a halt precedes a release. Of orders whose time is to come halts precede all others, and releases none.
+    """
     found = [order for name in ("", arm) if (order := order_of(memory.get_node(halt_node(name)))) is not None]
-    return max(found, key=lambda order: (order.stamp, order.halted), default=None)
+    latest = memory.clock.now() + MAX_DRIFT
+    return max(found, key=lambda order: (_time(order, latest), order.halted), default=None)
+
+
+def _time(order: HaltOrder, latest: float) -> float:
+    """When (s) an order counts as given, if no clock says more than `latest`."""
+    if order.stamp <= latest:
+        return order.stamp
+    return math.inf if order.halted else -math.inf
 
 
 def order_of(node: Node | None) -> HaltOrder | None:

@@ -57,8 +57,8 @@ MOST_MISSED = SEEN_THOUGH_HIDDEN + RARE
 """nats, at most, of all frames in which an object is missing."""
 LOST_SUPPORT = 0.5 * EXPECTED
 """nats: an unseen object falls because what carried it is gone."""
-MOST_MISFIT = 20.0
-"""nats, at most, of a percept that is off: beyond, it is as good as false."""
+MOST_MISFIT = MOST_MISSED + REMOVED
+"""nats, at most, of a percept that is off: beyond, the object is elsewhere, was taken there, and is missing here."""
 AS_GOOD = EXPECTED
 """nats between two explanations that explain the same as well: what noise makes of the same score."""
 ACCEPTED = 3600.0
@@ -67,3 +67,5 @@ SURPRISING = math.log(ACCEPTED / 1.0)
 """nats from which something is surprising: by chance this happens once in `ACCEPTED`, as what is seen in 1 s is one
 evidence.
 """
+DECIDE = math.ceil(SURPRISING / FALSE_FRAME)
+"""count of percepts that are off alike, from which they can be surprising: fewer may be false"""

@@ -5,12 +5,16 @@ What writes `perceived` may have died since, and then nobody takes it back.
 
 from __future__ import annotations
 
+import math
+
 from dsr.graph.elements import Node
 
 BY_DEPTH = "depth"
 """Attribute `source` of things that were found by their shape alone, in depth images."""
 MOST_SILENT = 1.0
 """s since `last_seen`, from which what a node says of being perceived counts no more: longer than writers wait."""
+MOST_AHEAD = 0.5
+"""s that a stamp may be ahead of this machine's clock: more than clocks in step differ by"""
 
 CAMERA_SPEED = 0.02
 """m/s up to which a camera counts as at rest: what it shows while it moves faster is not used."""
@@ -24,6 +28,9 @@ def is_perceived(node: Node, now: float) -> bool:
 
 
 def seconds_unseen(node: Node, now: float) -> float:
-    """S from `last_seen` to `now` (s); 0 if the node does not say when that was."""
+    """S from `last_seen` to `now` (s); 0 if the node does not say when that was.
+
+    What was last seen at a time to come, by a clock that was wrong, was never seen: it is unseen for an infinite time.
+    """
     last_seen: float = node.get("last_seen", now)
-    return now - last_seen
+    return now - last_seen if last_seen <= now + MOST_AHEAD else math.inf

@@ -11,7 +11,6 @@ import numpy as np
 from dsr.math3d.boxes import Array, depths_along, stacked
 from simulation_handler.shapes.geometry import Solid
 
-_LEAVING_ROUNDS = 3  # count: what leads out of one may lead into another
 GAP = 5e-5
 """m left between bodies that were moved apart: less than physics lets them overlap"""
 
@@ -19,10 +18,11 @@ GAP = 5e-5
 def depenetrated(solid: Solid, others: Iterable[Solid], direction: Array) -> Solid:
     """The solid, moved along a unit vector (3,) until it reaches into none of the others.
 
-    Of bodies of several pieces these count; round ones as the boxes around them.
+    Of bodies of several pieces these count; round ones as the boxes around them. What leads out of one may lead into
+    another one, but never into one that was left: all are convex.
     """
     obstacles = [part for other in others if other.name != solid.name for part in other.parts]
-    for _ in range(_LEAVING_ROUNDS):
+    for _ in product(solid.parts, obstacles):
         pairs = [pair for pair in product(solid.parts, obstacles) if _are_near(*pair)]
         if not pairs:
             break

@@ -17,14 +17,13 @@ from dsr.math3d.quaternions import Vector3
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import GAP
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import PLACE_FLOOR
+from simulation_handler.scales import PLACE_FLOOR, RESOLUTION, even_spread
 from simulation_handler.shapes.geometry import Solid
 
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
 _ASKEW = 0.003  # rad, from which something leans; the floor of a container seems to be beside what lies on it then
 _SWEEPS = 25  # count of passes over all pairs: piles of ten have come apart by then
-_HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
 
 _Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side
 
@@ -45,7 +44,9 @@ class Placement:
         return bool(self.supports)
 
 
-def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: BeliefConfig) -> Placement:
+def place(
+    percept: Solid, covariance: Array, others: Sequence[Solid], config: BeliefConfig, reach: float | None = None
+) -> Placement:
     """The physically plausible pose nearest to an estimate.
 
     Args:
@@ -53,6 +54,7 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
         covariance: (3, 3) m^2 of its position, longest along the viewing ray.
         others: all other solids at their believed poses.
         config: tolerances.
+        reach: m above a support within which it rests on that; None for all that may be noise.
 
     Tilt within the tolerance is removed and yaw kept. The height is that of the highest support within reach;
     the rest of the position follows by conditioning the Gaussian estimate on this height,
@@ -60,10 +62,10 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
     An object that nothing can carry stays as it is perceived, only not inside what is below it.
     """
     flat, tilt = percept.face_down()
-    upright = tilt <= config.tilt_tolerance
+    upright, reach = tilt <= config.tilt_tolerance, config.hover_tolerance if reach is None else reach
     solid = posed = flat if upright else percept
     for _ in range(2):  # the support is looked for where the object is once its height is right
-        supports, level = find_support(solid, posed.bottom, others, config.hover_tolerance)
+        supports, level = find_support(solid, posed.bottom, others, reach)
         if level is not None:
             solid = posed.moved(given_height(posed.position, covariance, level + posed.half_height))
     if level is None:
@@ -130,7 +132,7 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
 def _reaches_into(solid: Solid, lower: Solid) -> bool:
     """Whether the bottom of `solid` is inside the upper part of `lower`."""
     is_lower = lower.top > solid.bottom and lower.position[2] < solid.position[2]
-    if not is_lower or not _near(solid, (lower,)) or _are_side_by_side(solid, lower):
+    if not is_lower or not _near(solid, (lower,)) or are_side_by_side(solid, lower):
         return False
     return area(intersection(solid.footprint, lower.footprint)) > 0.0
 
@@ -152,10 +154,10 @@ def given_height(position: Vector3, covariance: Array, height: float) -> Vector3
 
 
 def covariance_given_height(covariance: Array) -> Array:
-    """(3, 3) m^2 of a Gaussian position, once its height is known."""
+    """(3, 3) m^2 of a Gaussian position, once its height is known, up to what counts as touching."""
     column = covariance[:, 2]
     rest: Array = covariance - np.outer(column, column) / column[2]
-    rest[2, 2] += _HEIGHT_STD**2
+    rest[2, 2] += even_spread(RESOLUTION) ** 2
     return rest
 
 
@@ -201,7 +203,7 @@ def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:
         (i, j)
         for i, p in enumerate(a.parts)
         for j, q in enumerate(b.parts)
-        if _are_side_by_side(p, q) and not (_is_floor(a, p, b) or _is_floor(b, q, a))
+        if are_side_by_side(p, q) and not (_is_floor(a, p, b) or _is_floor(b, q, a))
     ]
 
 
@@ -214,7 +216,8 @@ def _is_floor(container: Solid, part: Solid, solid: Solid) -> bool:
     )  # fmt: skip
 
 
-def _are_side_by_side(a: Solid, b: Solid) -> bool:
+def are_side_by_side(a: Solid, b: Solid) -> bool:
+    """Whether two bodies share so much of their heights that neither stands on the other."""
     common = min(a.top, b.top) - max(a.bottom, b.bottom)
     return common > _SIDE_BY_SIDE * 2.0 * min(a.half_height, b.half_height)
 

@@ -19,7 +19,7 @@ STEEP = DIAGONAL
 """Vertical part of a contact normal from which one body carries the other."""
 
 
-class Whereabouts(NamedTuple):
+class SupportedPose(NamedTuple):
     """Where a body is, and what carries it there."""
 
     pose: Pose

@@ -18,8 +18,8 @@ from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
-_YAWS = 8
-"""count of directions in half a turn that are tried where a body would be in the way of its neighbours"""
+ANGLES = 8
+"""count of angles that are tried where it is not known how a body is turned, or how far it is tipped"""
 
 
 class Stance(NamedTuple):
@@ -46,12 +46,12 @@ def stances(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) 
 
     def weighed(rotation: Quaternion) -> Stance:
         solid = place(percept.turned(rotation), covariance, others, config).solid
-        return Stance(seen.cost(_beside(solid, others)), solid)
+        return Stance(seen.cost(beside(solid, others)), solid)
 
     def ways(rotation: Quaternion) -> Iterator[Stance]:
         first = weighed(rotation)
         yield first
-        if _beside(first.solid, others) is not first.solid:
+        if beside(first.solid, others) is not first.solid:
             turned = map(weighed, _turned(first.solid.rotation))
             yield from (one._replace(cost=one.cost + nats.AS_GOOD) for one in turned)
 
@@ -84,17 +84,17 @@ def probabilities(found: Sequence[Stance]) -> list[float]:
     return [likelihood / total for likelihood in likelihoods]
 
 
-def _beside(solid: Solid, others: Sequence[Solid]) -> Solid:
-    """The solid, out of the way of those beside it."""
+def beside(solid: Solid, others: Sequence[Solid]) -> Solid:
+    """The solid, out of the way of those beside it; the same one if it is in nobody's way."""
     near = [other for other in others if math.dist(other.position, solid.position) < other.radius + solid.radius]
     pushed = separate([solid, *near], {solid.name: 1.0}) if near else {}
     return solid.moved(pushed[solid.name]) if pushed else solid
 
 
 def _turned(rotation: Quaternion) -> Iterator[Quaternion]:
-    """The rotation, turned about the vertical."""
-    for k in range(1, _YAWS):
-        yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, math.pi * k / _YAWS)), rotation)
+    """The rotation, turned about the vertical by up to half a turn."""
+    for k in range(1, ANGLES):
+        yield quaternions.product(quaternions.from_rotvec((0.0, 0.0, math.pi * k / ANGLES)), rotation)
 
 
 def misfit(solid: Solid, percept: Solid, covariance: Array, turning: Array) -> float:

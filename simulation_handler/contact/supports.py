@@ -17,13 +17,14 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.placement import find_support, given_height
 from simulation_handler.perception.percepts import Array
+from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.geometry import Solid
 
 UNKNOWN = ""
 """Name of a support that is no object of the graph."""
 _MOST_BENEATH = 4  # count of unseen objects that may be beneath one
-_MOST_CANDIDATES = 8  # count of unseen objects that are tried: the orders of more take too long
-_DIGITS = 6  # of heights in m: what differs by less is as high
+MOST_COMBINED = 8
+"""count of objects of which all combinations are tried, those that come first: of more that takes too long"""
 
 
 @dataclass(frozen=True)
@@ -83,14 +84,14 @@ def stacks_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> li
 
     Of more than eight objects, the first ones count.
     """
-    names = list(unseen)[:_MOST_CANDIDATES]
+    names = list(unseen)[:MOST_COMBINED]
     fitting = []
     for count in range(1, min(_MOST_BENEATH, len(names)) + 1):
         misses = [
-            (round(abs(gap - math.fsum(unseen[name][2] for name in chosen)), _DIGITS), chosen)
+            (abs(gap - math.fsum(unseen[name][2] for name in chosen)), chosen)
             for chosen in itertools.combinations(names, count)
         ]
-        misses.sort(key=lambda entry: entry[0])
+        misses.sort(key=lambda entry: round(entry[0] / RESOLUTION))
         fitting += [chosen for miss, chosen in misses if miss <= tolerance]
     return fitting
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from dsr.believing.worlds import MOST_WORLDS
 from dsr.clock import Clock
 from dsr.vocabulary import nats
 from dsr.vocabulary.explained import text_of
@@ -51,14 +52,6 @@ def _kind(hypothesis: Hypothesis) -> Hypothesis:
     """The hypothesis without how things fell."""
     return replace(hypothesis, fallen=tuple((name, 0) for name, _ in hypothesis.fallen))
 
-
-_TOO_LATE = 1.5
-"""s of evidence after which even an incomplete search must do.
-
-A surprise is to be explained within 3 s on a busy machine. The last search and the ticks around it take the other half.
-
-"""
-_ALTERNATIVES = 5  # that are kept on record
 
 
 class ByHypotheses:
@@ -108,9 +101,10 @@ class ByHypotheses:
         return names == set(situation.surprising) and names <= situation.seen.keys() and hypothesis.unseen <= known
 
     def _is_clear(self, situation: Situation, ranking: Sequence[Candidate]) -> bool:
-        if not self._is_complete and situation.evidence < _TOO_LATE:
+        patience = situation.config.explain_patience
+        if not self._is_complete and situation.evidence < 2.0 * patience:  # then even an incomplete search must do
             return False
-        if situation.evidence >= situation.config.explain_patience:
+        if situation.evidence >= patience:
             return True
         best = ranking[0].hypothesis
         if best.camera_moved or not (best.moves or best.unseen):
@@ -159,11 +153,11 @@ class ByHypotheses:
         )
 
     def _alternatives(self, situation: Situation, ranking: Sequence[Candidate]) -> tuple[tuple[float, str], ...]:
-        """The best of what was rejected, each in other words."""
+        """The best of what was rejected, each in other words: as many as there may be worlds of the belief."""
         best: dict[str, float] = {}
         for candidate in ranking:
             best.setdefault(text_of(describe(situation, candidate)), candidate.score.total)
-        return tuple((score, text) for text, score in list(best.items())[1 : 1 + _ALTERNATIVES])
+        return tuple((score, text) for text, score in list(best.items())[1 : 1 + MOST_WORLDS])
 
     def _simulate(self, situation: Situation, drafts: Sequence[Draft]) -> list[Mapping[str, Solid] | None]:
         scenes = [scene_of(situation, drafted) for drafted in drafts]

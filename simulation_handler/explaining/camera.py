@@ -13,20 +13,20 @@ from dsr.math3d import quaternions
 from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
+from simulation_handler.contact.supports import MOST_COMBINED
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import ONE_MOMENT
+from simulation_handler.scales import ONE_MOMENT, PLACE_FLOOR, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import SURE_OF_ROTATION
 
 FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
 
-_ARM = 0.02  # m: an object's rotation counts as much as points that far from its centre
+_ARM = PLACE_FLOOR / TURN_FLOOR  # m: an object's rotation counts as much as points that far from its centre
 _NEARLY = 0.03  # m up to which an object is where a motion guessed from a single object would have it
-_TURNED = 0.3  # rad up to which it is turned as that motion would have it
-_GUESSES = 8  # objects without a rotation, those displaced most, of which any three let a motion be guessed
+_TURNED = _NEARLY / _ARM  # rad up to which it is turned as that motion would have it
 
 
 def explained_by_camera(situation: Situation) -> frozenset[str]:
@@ -86,7 +86,7 @@ def _guesses(situation: Situation, names: Sequence[str]) -> Iterator[tuple[str, 
     yield from ((name,) for name in names)
     turned = [name for name in names if not _tells_rotation(situation, name)]
     far = sorted(turned, key=lambda name: (-_displacement(situation, [name]), name))
-    yield from combinations(far[:_GUESSES], 3)  # count of points that fix a motion
+    yield from combinations(far[:MOST_COMBINED], 3)  # count of points that fix a motion
 
 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:

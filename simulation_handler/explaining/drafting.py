@@ -20,7 +20,8 @@ from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import RESOLUTION, UNSEEN_SLACK, UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 
-_UNSEEN_COVARIANCE: Array = np.diag((RESOLUTION**2, RESOLUTION**2, UNSEEN_SLACK**2))  # m^2: free in height only
+UNSEEN_COVARIANCE: Array = np.diag((RESOLUTION**2, RESOLUTION**2, UNSEEN_SLACK**2))
+"""(3, 3) m^2, of where something unseen is: its height follows from what it is on"""
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,13 @@ def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
         wanted[move.name] = top
         wanted |= {name: situation.carried(move.name, name) for name in move.moved_along}
         wanted |= _piled_under(situation, move, top)
-    wanted |= {name: _tipped(situation, name, fall) for name, fall in hypothesis.fallen if fall > FROM_GLIMPSE}
+    wanted |= {name: _tipped(situation, name, fall) for name, fall in hypothesis.fallen if fall < FROM_GLIMPSE}
     return wanted
 
 
 def _motion(situation: Situation, name: str, direction: int) -> Motion | None:
     """How an object moved that fell from where it was last seen; None if it fell in one of the directions `FALLS`."""
-    return situation.glimpsed[name].motion(FROM_GLIMPSE - direction) if direction <= FROM_GLIMPSE else None
+    return situation.glimpsed[name].motion(direction - FROM_GLIMPSE) if direction >= FROM_GLIMPSE else None
 
 
 def _tipped(situation: Situation, name: str, direction: int) -> Solid:
@@ -103,8 +104,8 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
     falls = dict(hypothesis.fallen)
     for name, solid in sorted(wanted.items(), key=lambda item: (item[0] in falls, item[1].bottom, item[0])):
         seen = situation.seen.get(name)
-        covariance = _UNSEEN_COVARIANCE if seen is None else seen.covariance
-        if name in falls and falls[name] <= FROM_GLIMPSE:
+        covariance = UNSEEN_COVARIANCE if seen is None else seen.covariance
+        if name in falls and falls[name] >= FROM_GLIMPSE:
             glimpse = situation.glimpsed[name]
             clear = depenetrated(solid, scene.values(), -glimpse.ray)
             placements[name] = Placement(clear, (), glimpse.covariance)

@@ -22,16 +22,16 @@ from simulation_handler.explaining.situation import (
     seen_now,
 )
 from simulation_handler.explaining.wording import is_lasting, moved_together
-from simulation_handler.scales import FRAME, PRESENT, TICK_SLACK
+from simulation_handler.scales import FRAME, PRESENT, RESOLUTION, TICK_SLACK
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
-_MOST_NEWS = 64  # count of explanations that wait to be written; older ones are dropped
+KEPT = 20
+"""count of explanations that are remembered, by the graph and until they are written; older ones are dropped"""
 _BENEATH_REMEMBERED = 10.0  # s for which it is known what was beneath an object
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
-_DRAG_STEP = 0.0005  # m that an object must have moved for other objects to go on with it
 
 
 class Explainer:
@@ -129,7 +129,7 @@ class Explainer:
                 if leader not in bodies.sim or not self._may_be_dragged(other, now):
                     continue
                 there = bodies.pose(leader) @ leader_from_other
-                if bodies.pose(other).distance(there)[0] > _DRAG_STEP:
+                if bodies.pose(other).distance(there)[0] > RESOLUTION:
                     bodies.put(bodies.object(other), there.t, there.q)
                     discrepancies.follow([leader], now)
 
@@ -160,7 +160,7 @@ class Explainer:
         told, until = self._told
         is_news = explanation.changes != told or now > until
         if is_news:  # what only goes on is told once
-            self._news = [*self._news, (now, explanation)][-_MOST_NEWS:]
+            self._news = [*self._news, (now, explanation)][-KEPT:]
         camera_moved = any(change.kind == CAMERA_MOVED for change in explanation.changes)
         if is_news or not camera_moved:  # a moved camera is told again until somebody did something about it
             self._told = (explanation.changes, now + 2.0 * self._config.follow_for)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 FALLS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions, in the frame of the object, in which it may have fallen off its support."""
-FROM_GLIMPSE = -1
-"""Stands for a direction: it fell from where it was last seen. So do the numbers below, for other ways of going on."""
+FROM_GLIMPSE = len(FALLS)
+"""Stands for a direction: it fell from where it was last seen. So do the numbers above, for other ways of going on."""
 
 
 @dataclass(frozen=True, order=True)
@@ -33,7 +33,7 @@ class Hypothesis:
     removed: frozenset[str] = frozenset()
     """Objects that were taken away altogether."""
     fallen: tuple[tuple[str, int], ...] = ()
-    """Unseen objects that fell off their support, and in which of the directions `FALLS`, or below those; sorted."""
+    """Unseen objects that fell off their support, and in which of the directions `FALLS`, or above those; sorted."""
     kept: frozenset[str] = frozenset()
     """Objects whose percepts are false: they are where they were believed to be."""
     camera_moved: bool = False

@@ -9,6 +9,7 @@ from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.placement import find_support
 from simulation_handler.contact.supports import stacks_of
 from simulation_handler.explaining.situation import Situation
+from simulation_handler.scales import SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 
 BREADTH = 3
@@ -37,7 +38,7 @@ def piles_beneath(
     if level is None:
         return []
     tolerance = situation.config.explain_sigmas * math.sqrt(seen.covariance[2, 2])
-    tolerance = max(tolerance, situation.config.least_gap_tolerance)
+    tolerance = max(tolerance, SAME_PLACE)
     chain = situation.chain_beneath(name)
 
     def likely(other: str) -> int:

@@ -93,7 +93,7 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     for name, direction in hypothesis.fallen:
         if name not in situation.glimpsed:
             cost += nats.FELL
-        elif direction <= FROM_GLIMPSE:
+        elif direction >= FROM_GLIMPSE:
             cost += nats.FELL_IN_VIEW
         else:
             cost += nats.FELL_ON_FROM_THERE if direction == situation.fall_seen(name) else nats.FELL

@@ -165,7 +165,7 @@ def _falls(situation: Situation, hypothesis: Hypothesis, name: str) -> Iterator[
     """Ways in which an unseen object may have fallen: as it was seen to, or off its support in any direction."""
     direction = situation.fall_seen(name)
     if direction is not None:
-        yield from (hypothesis.with_fall(name, FROM_GLIMPSE - draw) for draw in range(DRAW_COUNT))
+        yield from (hypothesis.with_fall(name, FROM_GLIMPSE + draw) for draw in range(DRAW_COUNT))
         yield hypothesis.with_fall(name, direction)
     elif situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
         yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))

@@ -27,7 +27,6 @@ from simulation_handler.worlds.model import Island, ObjectState
 
 LEAST = 0.02
 """1, probability from which an alternative is told"""
-_SAME_SHARE = 0.5  # standard deviations that an alternative may move before it is written again
 
 
 class AlternativesWriter:
@@ -162,14 +161,18 @@ def _are_close(old: Sequence[float], new: Sequence[float]) -> bool:
 def _is_same_alternative(
     old: Alternative, new: Alternative, best: tuple[Alternative, Alternative], *, follows: bool
 ) -> bool:
-    """Whether an alternative is as it was; what is where the `best` was and is follows the edge, if that one does."""
+    """Whether an alternative is as it was: within a standard deviation of where it was told to be.
+
+    What is where the `best` was and is follows the edge, if that one does.
+    """
     if (old.holders, old.reason, old.worlds, old.is_gone) != (new.holders, new.reason, new.worlds, new.is_gone):
         return False
     if (follows and new is best[1]) or old.pose is None or new.pose is None:
         return True
     before, now = position_deviation(old.pose), position_deviation(new.pose)
-    if abs(before - now) > max(SAME_OUTCOME, _SAME_SHARE * before):
+    same = max(SAME_OUTCOME, before)
+    if abs(before - now) > same:
         return False
     if follows and are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
         return True
-    return math.dist(old.pose.t, new.pose.t) <= max(SAME_OUTCOME, _SAME_SHARE * before)
+    return math.dist(old.pose.t, new.pose.t) <= same

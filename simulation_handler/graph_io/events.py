@@ -12,8 +12,7 @@ from dsr.timeline import EXPLAINED, Chronicle, Retention
 from dsr.vocabulary.explained import ATTRIBUTE, encoded
 from dsr.vocabulary.sentences import rejected_sentences, sentence_of
 from simulation_handler.explaining import Explanation
-
-_KEPT_EVENTS = 20  # events in the graph
+from simulation_handler.explaining.explainer import KEPT
 
 
 class Events:
@@ -27,7 +26,7 @@ class Events:
 
     def __init__(self, memory: Memory, policy: str, log: logging.Logger) -> None:
         self._memory = memory
-        self._chronicle = Chronicle(memory, keep=Retention(count=_KEPT_EVENTS))
+        self._chronicle = Chronicle(memory, keep=Retention(count=KEPT))
         self._policy = policy
         self._log = log
 

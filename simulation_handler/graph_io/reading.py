@@ -24,6 +24,7 @@ from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.contact.depenetration import GAP
+from simulation_handler.graph_io.reach import FARTHEST, near
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
@@ -37,9 +38,6 @@ FIXTURES = (*SURFACES, MODELLED)
 """Node types of static bodies."""
 OBJECTS = THINGS
 """Node types of the objects that the belief follows."""
-FARTHEST = 100.0
-"""m from the world's origin that anything may be: farther is an error, not a tabletop"""
-
 MASSES = (1e-6, 1e6)
 """kg that an object may have: beyond, physics divides by what is as good as zero"""
 
@@ -69,7 +67,7 @@ class GraphReader:
         """Take in the content of the graph at time `now` (s)."""
         self.problems.clear()
         if self._recalling is None:
-            self._recalling = Recalling(self._memory, self._belief)
+            self._recalling = Recalling(self._memory, self._belief, now)
             self._recalling.recall_explanations(now)
         fixtures = {node.name: node for node in nodes_by_name(self._memory, FIXTURES)}
         present = {node.name: node for node in nodes_by_name(self._memory, OBJECTS)}
@@ -108,8 +106,10 @@ class GraphReader:
             gripper = self._memory.get_node(edge.src)
             if edge.dst in self._known and gripper is not None and gripper.type == "gripper":
                 with self._skipping(edge.src):
-                    world_from_gripper = self._memory.transform(WORLD, edge.src)
-                    grasps[edge.dst] = GripperGrasp(edge.src, world_from_gripper, edge.get("held_at"))
+                    world_from_gripper = near(gripper, self._memory.transform(WORLD, edge.src))
+                    held_at = edge.get("held_at")
+                    held_at = None if held_at is None else near(gripper, held_at)
+                    grasps[edge.dst] = GripperGrasp(edge.src, world_from_gripper, held_at)
         return grasps
 
     def _hands(self, now: float) -> dict[str, HandPercept]:
@@ -134,10 +134,7 @@ class GraphReader:
         pose = None if edge is None else edge.get("pose")
         if pose is None or (node.type == "finger" and node.get("perceived") is False):
             return None
-        if math.hypot(*pose.t) > FARTHEST:
-            raise SchemaError(f"{node}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {FARTHEST}")
-        checked: Pose = pose
-        return checked
+        return near(node, pose)
 
     def _note_fixture(self, node: Node) -> None:
         """Put a table where its node says: the frame is at the centre of its top; what has a mesh once that is here."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+from dsr.errors import SchemaError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge, Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, query
 from dsr.vocabulary.explained import changes_of
@@ -13,6 +15,7 @@ from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.relations import is_present
 from simulation_handler.contact.relations import BOUNDS, CONTACT
 from simulation_handler.explaining.explainer import EXPLANATION
+from simulation_handler.graph_io.reach import near
 from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
 
@@ -21,13 +24,22 @@ SOURCES = (CONTACT, EXPLANATION, BOUNDS)
 
 
 class Recalling:
-    """The beliefs that an earlier run left in the graph; make this before the present run writes anything."""
+    """The beliefs that an earlier run left in the graph; make this before the present run writes anything.
 
-    def __init__(self, memory: Memory, belief: Reasoner) -> None:
+    What no belief can be is not recalled: a pose that is too far away, or of a time to come.
+
+    Args:
+        memory: what the earlier run wrote.
+        belief: what recalls it.
+        now: s, beyond which no earlier run has lived.
+    """
+
+    def __init__(self, memory: Memory, belief: Reasoner, now: float) -> None:
         self._memory = memory
         self._belief = belief
-        poses = (edge.get("pose") for edge in memory.edges("Virtual_RT", src=WORLD))
-        self._lived_until = max((pose.stamp for pose in poses if pose is not None), default=-math.inf)
+        poses = [edge.get("pose") for edge in memory.edges("Virtual_RT", src=WORLD)]
+        stamps = (pose.stamp for pose in poses if pose is not None and pose.stamp <= now)
+        self._lived_until = max(stamps, default=-math.inf)
 
     def recall_explanations(self, now: float) -> None:
         """Take over the explanations of an earlier run at time `now` (s), so that a lasting one is not told again."""
@@ -40,12 +52,18 @@ class Recalling:
         Returns:
             Until when (s) its percepts have been taken in, for the belief is what became of them; minus infinity if
             nothing was believed of it.
+
+        Raises:
+            SchemaError: if what was believed cannot be.
         """
         edge = self._memory.get_edge(WORLD, node.name, "Virtual_RT")
-        if edge is not None and edge.get("pose") is not None:
-            self._belief.recall(node.name, edge.pose, held=node.get("plausible") is False)
+        pose: Pose | None = None if edge is None else edge.get("pose")
+        if pose is not None:
+            if pose.stamp > now:
+                raise SchemaError(f"{node}: believed at {pose.stamp:.1f} s, and now it is {now:.1f} s")
+            self._belief.recall(node.name, near(node, pose), held=node.get("plausible") is False)
             self._recall_relations(node, now)
-            return max(self._lived_until, edge.pose.stamp)
+            return max(self._lived_until, pose.stamp)
         if not is_present(node):
             self._belief.recall_gone(node.name)
             return self._lived_until
@@ -55,15 +73,20 @@ class Recalling:
         for edge in self._memory.edges("on", src=node.name):
             source = edge.get("source")
             if source in SOURCES:
-                self._belief.recall_support((edge.src, edge.dst), edge.get("since", now), now, source)
+                self._belief.recall_support((edge.src, edge.dst), _since(edge, now), now, source)
         for edge in self._memory.edges("grasping", dst=node.name):
             held_at, source = edge.get("held_at"), edge.get("source")
             if source in (CONTACT, EXPLANATION) and held_at is not None:
-                since = edge.get("since", now)
-                grasp = HandGrasp(since, held_at, _handling(edge))
+                grasp = HandGrasp(_since(edge, now), near(node, held_at), _handling(edge))
                 self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
         for edge in self._memory.edges("in", src=node.name):
-            self._belief.recall_contents((edge.src, edge.dst), edge.get("since", now), now)
+            self._belief.recall_contents((edge.src, edge.dst), _since(edge, now), now)
+
+
+def _since(edge: Edge, now: float) -> float:
+    """When (s) a relation began; now if that is not told, or yet to come."""
+    since: float = edge.get("since", now)
+    return min(since, now)
 
 
 def _handling(edge: Edge) -> Handling:

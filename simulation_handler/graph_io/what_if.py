@@ -32,10 +32,11 @@ from dsr.vocabulary.what_if import (
     encode_answer,
 )
 from simulation_handler.contact.relations import STEEP
-from simulation_handler.graph_io.reading import FARTHEST
+from simulation_handler.graph_io.reach import FARTHEST
+from simulation_handler.graph_io.reading import MASSES
 from simulation_handler.physics.rollouts.engine import Engine, LateError, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
-from simulation_handler.scales import RESOLUTION
+from simulation_handler.scales import RESOLUTION, SAME_OUTCOME
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
 from simulation_handler.worlds.joint import ONE_OUTCOME, JointWorld, leading
@@ -43,9 +44,7 @@ from simulation_handler.worlds.model import Island
 
 KEY = f"service/{SERVICE}"
 """Key of the service below the graph's root: a secured graph must grant it."""
-_DEEPEST_PLACED = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
 _MOST_QUESTIONS = 16  # count of questions that wait; further ones are refused
-_HEAVIEST = 1e3  # kg
 
 _log = logging.getLogger("simulation_handler.graph_io.what_if")
 
@@ -185,8 +184,10 @@ def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
         raise RefusedError(f"to add {name!r} takes a pose and a size")
     if not (RESOLUTION <= min(size) <= max(size) <= FARTHEST):
         raise RefusedError(f"size of {name!r}: {size}; expected {RESOLUTION} to {FARTHEST} m along each axis")
-    if not (0.0 < change.mass <= _HEAVIEST and 0.0 <= change.friction <= _HEAVIEST):
-        raise RefusedError(f"mass {change.mass} kg, friction {change.friction} of {name!r}: expected 0 to {_HEAVIEST}")
+    if not MASSES[0] <= change.mass <= MASSES[1]:
+        raise RefusedError(f"mass {change.mass} kg of {name!r}: expected {MASSES[0]:g} to {MASSES[1]:g}")
+    if not 0.0 <= change.friction < math.inf:
+        raise RefusedError(f"friction {change.friction} of {name!r}: expected a number of at least 0")
     try:
         shape = from_numbers(change.shape) if change.shape else ()
     except SchemaError as error:
@@ -198,7 +199,8 @@ def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
 def check_room(scene: RolloutScene, placed: Collection[str], is_late: IsLate = lambda: False) -> None:
     """Raise `RefusedError` if one of the objects that were `placed` would be inside another body.
 
-    Raises `LateError` if nobody waits for that any more.
+    It may be so deep in one as outcomes differ anyway: physics pushes it out, but does not throw it. Raises `LateError`
+    if nobody waits for that any more.
     """
     for name in sorted(placed):
         solid = scene[name].solid
@@ -206,7 +208,7 @@ def check_room(scene: RolloutScene, placed: Collection[str], is_late: IsLate = l
             if is_late():
                 raise LateError("nobody waits until it is known whether there is room for all that was placed")
             depth = 0.0 if body.name == name else _depth(solid, body.solid)
-            if depth > _DEEPEST_PLACED:
+            if depth > SAME_OUTCOME:
                 raise RefusedError(f"{name!r} would be {1e3 * depth:.0f} mm inside {body.name!r} there")
 
 

@@ -25,7 +25,6 @@ from simulation_handler.worlds.weighted import LOOK_PERIOD
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SAME = PoseTolerance(5e-5, 5e-4)  # m, rad that a body may move before its pose is written again
-_SAME_GRASP = PoseTolerance(0.005, 0.1)  # m, rad that an object may move in a hand before that is written again
 
 
 class Writing:
@@ -37,8 +36,8 @@ class Writing:
         self._written: dict[str, Pose] = {}
         self._events = Events(memory, belief.config.policy, log)
         config = belief.config
-        near = PoseTolerance(config.surprise_distance, config.surprise_angle)
-        self._alternatives = AlternativesWriter(memory, config.worlds, near)
+        self._near = PoseTolerance(config.surprise_distance, config.surprise_angle)  # differences by noise
+        self._alternatives = AlternativesWriter(memory, config.worlds, self._near)
         self.islands: Sequence[Island] = ()
         """Of the belief when its distributions were looked at last."""
         self._due = -math.inf
@@ -121,7 +120,7 @@ class Writing:
             values["probability"] = self._probability("grasping", (hand, name), written)
             told = () if written is None else tuple(map(written.get, ("handling", "source", "probability")))
             now_told = (values["handling"], values["source"], values["probability"])
-            if told != now_told or (written and _is_regrasped(written, grasp)):
+            if told != now_told or (written and _is_regrasped(written, grasp, self._near)):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
 
@@ -160,9 +159,9 @@ class Writing:
                     self._memory.add_edge(*relation, kind, **values)
 
 
-def _is_regrasped(written: Edge, grasp: HandGrasp) -> bool:
-    """Whether a hand holds an object otherwise than it was written."""
+def _is_regrasped(written: Edge, grasp: HandGrasp, same: PoseTolerance) -> bool:
+    """Whether a hand holds an object otherwise than it was written, by more than the same hold may differ."""
     before = written.get("held_at")
     if before is None:
         return True
-    return not _SAME_GRASP.covers(before, grasp.hand_from_object)
+    return not same.covers(before, grasp.hand_from_object)

@@ -14,8 +14,9 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.covering import is_within_reach
-from simulation_handler.hands.state import FINGERS, PALM_GOES, UNSEEN, Hand
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, UNSEEN, Hand
 from simulation_handler.motion.movers import coasts, may_push
+from simulation_handler.scales import TILTED
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -80,7 +81,7 @@ class Carrying:
         item, objects = self._bodies.objects[name], self._bodies.objects.values()
         seen = self._seen(item)
         others = (other for other in objects if other.driven and other is not item)
-        is_away = item.path.strays_from(Pose.unchecked(start.position, seen.rotation), PALM_GOES)
+        is_away = item.path.strays_from(Pose.unchecked(start.position, seen.rotation), ELSEWHERE)
         return item.driven and is_away and not any(may_push(other, seen) for other in others)
 
     def _seen(self, item: BelievedObject) -> Solid:
@@ -111,7 +112,7 @@ class Carrying:
                 relation, hand_from_object = (name, item.name), palm.inverse() @ there
                 start = self._starts.get(relation, _Start(stamp, there.t, hand_from_object))
                 distance = math.dist(there.t, start.position)
-                if distance >= PALM_GOES:
+                if distance >= ELSEWHERE:
                     if math.dist(hand_from_object.t, start.hand_from_object.t) <= _RIGID * distance:
                         carried[relation] = start.time, hand_from_object
                     start = _Start(stamp, there.t, hand_from_object)
@@ -126,13 +127,13 @@ def _hovers(item: BelievedObject, now: float) -> bool:
     return is_seen and item.hovering_since is not None and not item.holder and not item.path.is_falling
 
 
-_LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
-
-
 def levelled(solid: Solid) -> Quaternion:
-    """Rotation of a solid by its hand, levelled: a small tilt counts as noise of the hand, a large one is kept."""
+    """Rotation of a solid by its hand, levelled: a small tilt counts as noise of the hand, a large one is kept.
+
+    Up to half the tilt that noise alone may give, all is noise. Beyond the whole of that, all is tilt.
+    """
     flat, tilt = solid.face_down()
-    return quaternions.slerp(flat.rotation, solid.rotation, min(max((tilt - _LEVEL) / (_TILTED - _LEVEL), 0.0), 1.0))
+    return quaternions.slerp(flat.rotation, solid.rotation, min(max(2.0 * tilt / TILTED - 1.0, 0.0), 1.0))
 
 
 def without_yaw(rotation: Quaternion) -> Quaternion:

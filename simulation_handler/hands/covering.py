@@ -16,23 +16,20 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
-from simulation_handler.hands.state import ELSEWHERE, HALF, SLOWLY, UNSEEN, Hand
+from simulation_handler.hands.anatomy import HAND
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, SLOWLY, UNSEEN, Hand
 from simulation_handler.perception.paths import Path, between
+from simulation_handler.scales import AT_REST, CONFIRM_FRAMES, CONFIRMED_IN, FRAME, GONE_FROM
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 RESOLVED = 2
 """Number of visible fingertips from which contact tells what a hand touches"""
-_RESTS = 0.8  # s
-_PALM_STILL = 0.02  # m, in half of that
-_GRIPS = tuple((x, 0.0, 0.0) for x in (0.0, 0.03, 0.06, 0.09, 0.12))
+_GRIPS = tuple((k / FINGERS * HAND.reach, 0.0, 0.0) for k in range(FINGERS + 1))
 """m, in the palm's frame: where a hand may have what it holds, from the palm to between the fingertips"""
-_GRIP_REACH = 0.05  # m from there to the surface of the object
-_PALM_AWAY = 0.022  # m that the palm must go away from where it rested, until it has taken something along
+_GRIP_REACH = 0.5 * HAND.palm.size[1]  # m from there to the surface of the object: half the palm's width
 _TURNING = 1.5  # s in which what a hand covers turns with it
-_COVER_SETTLING = 0.3  # s, likewise, before it covers anything
-_PATH_STEP = 1e-3  # s between two places that a way begins with
 
 
 @dataclass
@@ -90,7 +87,7 @@ class Covering:
         self._covers[relation] = Cover(since, hand_from_object, _point(nowhere), nowhere, taken=True)
         if relation[1] in self._bodies.sim:
             begin = self._bodies.pose(relation[1])
-            for stamp in (since - _PATH_STEP, since):
+            for stamp in (since - FRAME, since):
                 self._bodies.object(relation[1]).path.add(begin.with_stamp(stamp))
 
     def update(
@@ -118,7 +115,7 @@ class Covering:
             if thing:
                 there = self._palms[name].inverse() @ self._bodies.pose(thing)
                 self._passed[thing] = (now, name, there)
-                if hand.path.is_still(_RESTS, _PALM_STILL, math.inf):
+                if hand.path.is_still(AT_REST, GONE_FROM, math.inf):
                     self._covers[name, thing] = Cover(now, there, _mean(hand.path), self._bodies.pose(thing).t)
                     taken.add(thing)
 
@@ -132,7 +129,7 @@ class Covering:
             if hand.perceived:
                 last = hand.path.last
                 before = self._palms.get(name, last)
-                share = 1.0 - math.exp(-seconds / (_TURNING if name in covering else _COVER_SETTLING))
+                share = 1.0 - math.exp(-seconds / (_TURNING if name in covering else CONFIRMED_IN))
                 is_lost = last.stamp - before.stamp > 2.0 * UNSEEN
                 turned = last.q if is_lost else quaternions.slerp(before.q, last.q, share)
                 self._palms[name] = Pose.unchecked(last.t, turned, last.stamp)
@@ -143,11 +140,11 @@ class Covering:
             return True
         palm = self._palms[name]
         is_seen = now - item.track.last_stamp <= UNSEEN
-        has_left = hand.path.strays_from(cover.anchor, _PALM_AWAY)
+        has_left = hand.path.strays_from(cover.anchor, GONE_FROM)
         if is_seen and item.path.newest > -math.inf:
             stamp = min(hand.path.newest, item.path.newest)
             there = Pose.unchecked(hand.path.at(stamp).t, palm.q).inverse() @ item.path.at(stamp)
-            cover.taken |= math.dist(item.path.last.t, cover.place) > _PALM_AWAY
+            cover.taken |= math.dist(item.path.last.t, cover.place) > GONE_FROM
             if math.dist(there.t, cover.hand_from_object.t) > ELSEWHERE or (has_left and not cover.taken):
                 return False
             cover.hand_from_object = between(cover.hand_from_object, there, SLOWLY)
@@ -191,8 +188,7 @@ def is_within_reach(palm: Pose, solid: Solid) -> bool:
 
 def _mean(path: Path) -> Pose:
     """Where something was, that rests."""
-    step = 0.2 * _RESTS  # the ends of the time at rest may belong to motions
-    places = [path.at(path.newest - k * step).t for k in range(1, 5)]
+    places = [path.at(path.newest - k * FRAME).t for k in range(1, 2 * CONFIRM_FRAMES)]  # its ends may be motions
     x, y, z = (sum(values) / len(places) for values in zip(*places, strict=True))
     return _point((x, y, z))
 

@@ -13,32 +13,9 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape, bounds, centred
 from dsr.math3d.transforms import Pose
+from simulation_handler.hands.anatomy import HAND
+from simulation_handler.scales import HAND_REACH
 from simulation_handler.shapes.geometry import Solid
-
-_PALM = Part("box", (0.115, 0.095, 0.035), (-0.012, 0.0, 0.0))  # m, size of a palm and its centre in the palm's frame
-_FOREARM = (
-    Part("box", (0.16, 0.08, 0.08), (-0.13, 0.0, -0.01)),
-    Part("box", (0.16, 0.12, 0.12), (-0.27, 0.0, -0.025)),
-)
-"""Where its direction is less and less certain, the wider: wrists bend."""
-# m, in the palm's frame, of the thumb first
-_KNUCKLES: tuple[Vector3, ...] = (
-    (-0.02, 0.04, -0.006),
-    (0.022, 0.03, 0.0),
-    (0.022, 0.006, 0.0),
-    (0.018, -0.016, 0.0),
-    (0.008, -0.034, 0.0),
-)
-_RESTING_FINGERS: tuple[Vector3, ...] = (
-    (0.044, 0.072, -0.02),
-    (0.107, 0.04, -0.009),
-    (0.113, 0.006, -0.01),
-    (0.105, -0.028, -0.009),
-    (0.076, -0.054, -0.007),
-)
-"""Where the fingers of a right hand begin and end, in the palm's frame: x towards the fingers, z out of the back."""
-_THICKNESS = 0.024  # m, of a finger
-_LONGEST = 0.16  # m, of a finger; a tip that is farther away is none of this hand
 
 
 def hand_solid(name: str, world_from_hand: Pose, tips: Mapping[int, Vector3], *, is_left: bool = False) -> Solid:
@@ -53,23 +30,24 @@ def hand_solid(name: str, world_from_hand: Pose, tips: Mapping[int, Vector3], *,
     hand_from_world = world_from_hand.inverse()
     mirror = -1.0 if is_left else 1.0
     fingers = []
-    for finger, ((x, y, z), (u, v, w)) in enumerate(zip(_KNUCKLES, _RESTING_FINGERS, strict=True)):
+    for finger, known in enumerate(HAND.fingers):
+        (x, y, z), (u, v, w) = known.knuckle, known.tip
         start, end = (x, mirror * y, z), (u, mirror * v, w)
         if finger in tips:
             end = (hand_from_world @ Pose.unchecked(tips[finger], (0.0, 0.0, 0.0, 1.0))).t
-        if math.dist(start, end) <= _LONGEST:
+        if math.dist(start, end) <= HAND_REACH:  # else the tip is none of this hand
             fingers.append(_finger(start, end))
-    return _as_solid(name, world_from_hand, (_PALM, *_FOREARM, *fingers))
+    return _as_solid(name, world_from_hand, (*(block.part for block in (HAND.palm, *HAND.forearm)), *fingers))
 
 
 def _finger(start: Vector3, end: Vector3) -> Part:
     """A straight one, round ends and all."""
     x, y, z = (b - a for a, b in zip(start, end, strict=True))
-    length = math.hypot(x, y, z)
+    length, thickness = math.hypot(x, y, z), HAND.finger_thickness
     yaw, pitch = math.atan2(y, x), math.atan2(-z, math.hypot(x, y))
     turn = quaternions.product(quaternions.from_rotvec((0.0, 0.0, yaw)), quaternions.from_rotvec((0.0, pitch, 0.0)))
     mx, my, mz = (0.5 * (a + b) for a, b in zip(start, end, strict=True))
-    return Part("box", (length + _THICKNESS, _THICKNESS, _THICKNESS), (mx, my, mz), turn)
+    return Part("box", (length + thickness, thickness, thickness), (mx, my, mz), turn)
 
 
 def _as_solid(name: str, world_from_hand: Pose, parts: Shape) -> Solid:

@@ -14,22 +14,19 @@ from dataclasses import dataclass, field
 
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.containment import Containment
+from simulation_handler.hands.fingertips import DEEPEST, NEAR
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.driving import HURRY
 from simulation_handler.perception.paths import Path
 from simulation_handler.physics.simulator import FINGER_RADIUS
-from simulation_handler.scales import FRAME
+from simulation_handler.scales import FASTEST_SEEN, FRAME, GONE_FROM, LIKELY_SIGMAS, PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _SPHERE_LAG = FRAME  # s by which a sphere is behind what is seen: the newest place is smoothed with the next image
-_FASTEST_SPHERE = 1.0  # m/s
-_SPHERE_SLACK = 0.004  # m that a fingertip may move without its sphere
-_SPHERE_REACH = 0.012  # m from an object within which a fingertip has a sphere
-_DEEPEST_SPHERE = 0.015  # m into an object, deeper than which a fingertip is in front of it or behind
-_SPHERE_STUCK = 0.03  # m from its place, beyond which a sphere is stuck: what it pushes cannot be where it is believed
+_SPHERE_SLACK = LIKELY_SIGMAS * PLACE_FLOOR  # m that a fingertip may move without its sphere
 
 
 @dataclass
@@ -112,9 +109,9 @@ class Fingers:
     def _go_on(self, name: str, tip: _Tip, path: Path, now: float, seconds: float, count: int) -> None:
         late = now - _SPHERE_LAG - tip.played
         tip.played += min(late, HURRY * seconds) if late > 0.0 else 0.0
-        place = _followed(tip.place, _at(path, tip.played), _FASTEST_SPHERE * seconds)
+        place = _followed(tip.place, _at(path, tip.played), FASTEST_SEEN * seconds)
         fingers = self._bodies.sim.fingers
-        if name in fingers and math.dist(fingers.position(name), tip.centre) > _SPHERE_STUCK:
+        if name in fingers and math.dist(fingers.position(name), tip.centre) > GONE_FROM:  # it is stuck
             fingers.remove(name)
             tip.met, tip.shift = set(), (0.0, 0.0, 0.0)
         near = [thing for thing in self._loose if self._is_near(tip.place, thing) or self._is_near(place, thing)]
@@ -137,9 +134,9 @@ class Fingers:
     def _is_near(self, point: Vector3, thing: str) -> bool:
         """Whether a fingertip there could push an object soon; what is in something seen only from within that."""
         solid = self._loose[thing]
-        if math.dist(point, solid.position) > solid.radius + FINGER_RADIUS + _SPHERE_REACH:
+        if math.dist(point, solid.position) > solid.radius + FINGER_RADIUS + NEAR:
             return False
-        if self._overlap(point, thing)[0] < -_SPHERE_REACH:
+        if self._overlap(point, thing)[0] < -NEAR:
             return False
         hollows = [hollow for inner, hollow in self._containment.current() if inner == thing]
         return all(
@@ -151,7 +148,7 @@ class Fingers:
     def _is_outside(self, tip: _Tip, thing: str) -> bool:
         """Whether a sphere may meet an object from now on; one that is in it by noise is shifted out."""
         overlap, (x, y, z) = self._overlap(tip.centre, thing)
-        if overlap > _DEEPEST_SPHERE:
+        if overlap > DEEPEST:
             return False
         if overlap > 0.0:
             tip.shift = _sum(tip.shift, (overlap * x, overlap * y, overlap * z))

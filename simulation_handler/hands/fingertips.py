@@ -9,21 +9,22 @@ from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.relations import Relation
+from simulation_handler.hands.anatomy import HAND
 from simulation_handler.hands.state import SLOWLY, UNSEEN
+from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 
-TIP_RADIUS = 0.008
-"""m, radius of a fingertip"""
-NEAR = 0.010
+NEAR = SAME_PLACE
 """m between surfaces up to which a touch begins, and by which it may grow: the error of hands and percepts"""
-FAR = 0.018
-"""m between surfaces up to which a touch goes on, at most"""
+FAR = NEAR + HAND.tip_radius
+"""m between surfaces up to which a touch goes on, at most: the finger may touch with its side"""
+DEEPEST = 2.0 * NEAR
+"""m, deeper than which no fingertip is in an object: it is in front of it or behind"""
 
 _OF_THE_NEWEST = 0.4  # weight of the newest gap in what it is now, if its percept is no noisier than usual
 _USUAL_NOISE = 0.5 * NEAR  # m, of percepts for which `NEAR` is 95 % of a Gaussian
-_LEAST_GAP = -0.002  # m, as which less than that counts: fingertips are not in objects
-_TIP_REACH = 0.040  # m, further than which no fingertip is at an object
-_DEEPEST_TIP = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
+_LEAST_GAP = -PLACE_FLOOR  # m, as which less than that counts: fingertips are not in objects
+_TIP_REACH = 2.0 * FAR  # m, further than which no fingertip is at an object
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 
 
@@ -95,10 +96,11 @@ def meet(solid: Solid, points: Mapping[str, Vector3]) -> dict[str, Met]:
 
 def _near(solid: Solid, point: Vector3) -> Met | None:
     """A fingertip at an object; None if it is far from it."""
-    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _TIP_REACH:
+    if math.dist(point, solid.position) > solid.radius + HAND.tip_radius + _TIP_REACH:
         return None
     distance, normal = solid.signed_distance(point)
-    return Met(distance - TIP_RADIUS, normal, point) if _DEEPEST_TIP <= distance - TIP_RADIUS <= _TIP_REACH else None
+    gap = distance - HAND.tip_radius
+    return Met(gap, normal, point) if -DEEPEST <= gap <= _TIP_REACH else None
 
 
 def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:

@@ -17,13 +17,12 @@ from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.relation import LEFT_BEHIND, Sign
 from simulation_handler.hands.state import ELSEWHERE, SLOWLY, UNSEEN, Hand, HandGrasp
 from simulation_handler.perception.paths import between
-from simulation_handler.scales import GONE_FROM
+from simulation_handler.scales import AT_REST, GONE_FROM, HAND_REACH, SAME_PLACE
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_PALM_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
-_DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
-_WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
+_PALM_AT_REST = (AT_REST, GONE_FROM, math.pi)  # s, m, rad: a palm that moved less has not opened, nor drawn back
+_DRAWN_BACK = HAND_REACH  # m that an opening hand may draw back before its fingertips are seen
 
 
 class GoingAlong:
@@ -131,7 +130,7 @@ class GoingAlong:
         solids = [self._bodies.solid(hollow).face_down()[0] for hollow in hollows if hollow in self._bodies.sim]
         solid = item.solid(there.t, there.q).face_down()[0]
         moved = separate([*solids, solid], {item.name: 1.0}).get(item.name, there.t)
-        return math.dist(moved, there.t) > _WALL
+        return math.dist(moved, there.t) > SAME_PLACE
 
     def _left(self, item: BelievedObject) -> Pose | None:
         """Where a hand that is seen to have opened let go of an unseen object, before it drew back; None if unknown."""

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from dsr.believing.absence import missed, most_missed
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.nats import RARE, SURPRISING
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
-from simulation_handler.hands.state import HALF
+from simulation_handler.perception.visibility import ExpectedVisibility
+from simulation_handler.scales import FRAME
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_ABSENT, _ABSENT_IN_PART = 0.4, 1.5
-"""s for which an object should have been seen and was not, after which the hand does not have it.
-
-A hand that was always in sight may hide all of an object too, and not seem to.
-
-"""
-_CLEAR = 0.95  # 1, share of what there is to see of an object, from which nothing hides it
+_NOTHING = ExpectedVisibility(0.0, "")
 
 
 @dataclass
@@ -57,17 +54,20 @@ class LeftBehind:
         """Whether the object, which the hand in sight would have `there`, should have been seen, too, for too long.
 
         None while it need not be seen: it goes with the hand then. If the hand was always in sight, the object surely
-        was at `sure` before; what is not seen there either is in the hand, held in another way than it seems.
+        was at `sure` before; what is not seen there either is in the hand, held in another way than it seems. A hand
+        that hides some of it may, rarely, hide all of it and not seem to.
         """
         unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
-        share = 0.0 if visibility is None else self._share(item, there, visibility)
-        may_hide = not (unseen.was_hidden or share > _CLEAR)
-        if visibility is None or share < HALF or (may_hide and self._share(item, sure, visibility) >= HALF):
+        seen, needed, is_due = self._expected(item, there, visibility), SURPRISING, True
+        if not unseen.was_hidden and seen.hidden_by == relation[0]:
+            needed += RARE
+            is_due = most_missed(self._expected(item, sure, visibility).recognised) < SURPRISING
+        if not is_due or most_missed(seen.recognised) < needed:
             unseen.absent_since = None
             return None
         if unseen.absent_since is None:
             unseen.absent_since, unseen.place = now, unseen.place or sure
-        return now - unseen.absent_since >= (_ABSENT_IN_PART if may_hide else _ABSENT)
+        return missed((now - unseen.absent_since) / FRAME, seen.recognised) >= needed
 
     def place(self, relation: Relation, visibility: VisibilityQuery | None) -> Pose | None:
         """Where an object was left that should be seen where it is believed to be, and is not; None if there is none.
@@ -80,13 +80,17 @@ class LeftBehind:
             return None
         if unseen.absent_since is None:
             item = self._bodies.objects[relation[1]]
-            if visibility is None or not unseen.was_hidden or self._share(item, item.path.last, visibility) < HALF:
+            expected = self._expected(item, item.path.last, visibility)
+            if not unseen.was_hidden or most_missed(expected.recognised) < SURPRISING:
                 return None
         return unseen.place
 
-    def _share(self, item: BelievedObject, there: Pose, visibility: VisibilityQuery) -> float:
-        """Of its image, that a camera should see of an object that is there; of the camera that sees most."""
+    def _expected(self, item: BelievedObject, there: Pose, visibility: VisibilityQuery | None) -> ExpectedVisibility:
+        """How much should be seen of an object that is there, by the camera that sees most."""
+        if visibility is None:
+            return _NOTHING
         bodies = self._bodies
         others = [bodies.solid(name) for name in bodies.objects if name in bodies.sim and name != item.name]
         visibilities = visibility([*others, item.solid(there.t, there.q)])
-        return max((visible.share for (_, name), visible in visibilities.items() if name == item.name), default=0.0)
+        seen = (one for (_, name), one in visibilities.items() if name == item.name)
+        return max(seen, key=lambda one: one.share, default=_NOTHING)

@@ -11,11 +11,8 @@ from dsr.vocabulary.handling import ENDED, Handling
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand
-from simulation_handler.scales import CONTACT_DELAY
+from simulation_handler.scales import ASTRAY, CONTACT_DELAY
 from simulation_handler.state.objects import BelievedObject
-
-FALLEN = 0.015
-"""m that an object must have come down, farther than its hand, to have fallen: five times the noise of percepts"""
 
 _REMEMBERED = 2.0 * CONTACT_DELAY  # s, longer than fingertips that open seem to touch what falls
 
@@ -105,11 +102,11 @@ def _has_fallen(hand: Hand, item: BelievedObject, holds: Sequence[_Hold], now: f
     """
     if not holds or not _is_known(hand, now) or item.path.newest <= holds[-1].time:
         return False
-    low = item.path.last.t[2] + 0.5 * FALLEN
+    low = item.path.last.t[2] + 0.5 * ASTRAY
     down = next(pose for pose in item.path.since(holds[0].time) if pose.t[2] <= low)
     palm = hand.path.at(down.stamp)
     with_hand = median(hold.height_with(palm) for hold in holds)  # palms are noisy, and it may fall already
-    return _is_lower(item, holds) and with_hand > item.path.last.t[2] + FALLEN
+    return _is_lower(item, holds) and with_hand > item.path.last.t[2] + ASTRAY
 
 
 def _is_known(hand: Hand, now: float) -> bool:
@@ -119,4 +116,4 @@ def _is_known(hand: Hand, now: float) -> bool:
 
 def _is_lower(item: BelievedObject, holds: Sequence[_Hold]) -> bool:
     """Whether an object is lower than it was in the hand, by more than noise."""
-    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + FALLEN
+    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + ASTRAY

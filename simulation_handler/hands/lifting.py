@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.hands.letting_go import FALLEN
+from simulation_handler.scales import ASTRAY
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -63,7 +63,7 @@ class Lifting:
 
     def _take_in(self, name: str, height: _Height) -> None:
         rest = self._rests.get(name)
-        if rest is None or height.above(rest) <= FALLEN:
+        if rest is None or height.above(rest) <= ASTRAY:
             return
         before = self._before.get(name, rest)
         rise, earlier = height.above(rest), max(before.above(rest), 0.0)

@@ -11,6 +11,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
+from simulation_handler.hands.anatomy import HAND
 from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
 from simulation_handler.perception.paths import Path
 from simulation_handler.scales import ONE_MOMENT, PRESENT
@@ -18,12 +19,13 @@ from simulation_handler.scales import ONE_MOMENT, PRESENT
 UNSEEN = PRESENT
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 ELSEWHERE = 0.05
-"""m from where its hand would have it, from which an object that is seen is not in that hand as it was"""
-PALM_GOES = 0.04
-"""m, farther than a palm, of which a part is hidden, seems to go by itself, or than it goes while a hand closes"""
+"""m, farther than a palm, of which a part is hidden, seems to go by itself, or than it goes while a hand closes.
+
+An object that is seen so far from where its hand would have it is not in that hand as it was.
+"""
 SLOWLY = 0.1
 """Weight of the newest, by which what changes little is averaged"""
-FINGERS = 5
+FINGERS = len(HAND.fingers)
 """count of fingers: a hand of which so many are measured hides none"""
 HALF = 0.5
 """1, share of what there is to see of an object, below which it counts as hidden"""

@@ -20,16 +20,13 @@ from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
 from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
-from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, PALM_GOES, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
-from simulation_handler.scales import CONTACT_DELAY
+from simulation_handler.scales import CONFIRMED_IN, CONTACT_DELAY, HAND_REACH, UNSEEN_AFTER
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_TIP_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
-_PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
-_ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _GRIP_BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
@@ -111,7 +108,7 @@ class Touching:
         """Whether a fingertip that is hidden goes on touching: what is hidden with it, or anything for a short time."""
         now = hand.path.newest
         touched = [self._bodies.objects[thing] for name, thing in self._contacts.touches if name == tip]
-        is_short = now - hand.tips[tip].newest <= _TIP_HIDDEN
+        is_short = now - hand.tips[tip].newest <= UNSEEN_AFTER
         return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
@@ -269,9 +266,9 @@ class Touching:
             return
         at_rest = Sign.OPEN_ALOFT if item.hovering_since is not None else Sign.OPEN_AT_REST
         yield at_rest if is_seen else Sign.OPEN_UNSEEN
-        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > PALM_GOES:
+        if math.dist(self._hand_from_object(hand, item, now).t, grasp.met) > ELSEWHERE:
             yield Sign.ALONG
-        if not is_seen and since < now - _PRESUMED and self._hides(*relation):
+        if not is_seen and since < now - CONFIRMED_IN and self._hides(*relation):
             yield Sign.HIDDEN
 
     def _drops(self, relation: Relation, now: float) -> bool:
@@ -324,7 +321,7 @@ class Touching:
         """Whether a hand carries an object in the air, or did until that was hidden a moment before the hand."""
         grasp, hand = self._grasps[relation], self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
-        goes_on = now - grasp.aloft <= (CONTACT_DELAY if is_seen else _TIP_HIDDEN)
+        goes_on = now - grasp.aloft <= (CONTACT_DELAY if is_seen else UNSEEN_AFTER)
         if (goes_on and hand is not None and not hand.perceived) or self._carries(relation, now):
             grasp.aloft = now
         return goes_on or grasp.aloft == now
@@ -339,7 +336,7 @@ class Touching:
             return False
         stamp, solid = self._contacts.seen_at(hand, item, now)
         there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object
-        return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < _ALONG
+        return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < HAND_REACH
 
     def _hand_from_object(self, hand: Hand, item: BelievedObject, now: float) -> Pose:
         stamp, solid = self._contacts.seen_at(hand, item, now)
@@ -370,7 +367,7 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
         rests = not item.driven and item.placement is not None and item.placement.rests
-        return (rests and away > ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+        return (rests and away > ELSEWHERE) or (not hand.perceived and away > HAND_REACH and self._pinches(thing, name))
 
     def _pinches(self, thing: str, besides: str) -> bool:
         """Whether a hand in sight pinches an object, besides the one of that name."""

@@ -180,7 +180,7 @@ class Correction:
         return True
 
     def _differs(self, item: BelievedObject, old: Placement, new: Placement) -> bool:
-        """Whether a placement changed by more than the dead band."""
+        """Whether a placement changed by more than noise."""
         return old.supports != new.supports or self._is_apart(item, old.solid, new.solid)
 
     def _confirmed(self, item: BelievedObject, placement: Placement) -> Placement:
@@ -192,15 +192,10 @@ class Correction:
         return placement
 
     def _is_apart(self, item: BelievedObject, old: Solid, new: Solid) -> bool:
-        """Whether two poses differ by more than the dead band, or than the estimate's noise while that is more."""
-        config, estimate = self._config, item.track.estimate
-        assert estimate is not None
-        sideways, yaw = estimate.standard_deviations()
-        dead_band = PoseTolerance(
-            max(config.dead_band, config.dead_sigmas * sideways),
-            max(config.dead_band_angle, config.dead_sigmas * yaw),
-        )
-        return not dead_band.covers(old.pose, new.pose)
+        """Whether two poses differ by more than the estimate's noise."""
+        assert item.track.estimate is not None
+        noise = PoseTolerance(*item.track.estimate.standard_deviations())
+        return not noise.scaled(self._config.dead_sigmas).covers(old.pose, new.pose)
 
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""

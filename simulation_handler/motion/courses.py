@@ -8,7 +8,8 @@ from itertools import combinations
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.relations import Whereabouts, resting
+from simulation_handler.contact.relations import SupportedPose, resting
+from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.movers import coasts
 from simulation_handler.motion.rolling import rolling
@@ -17,9 +18,6 @@ from simulation_handler.physics.rollouts.scene import RolloutBody
 from simulation_handler.physics.simulator import MOST_STEPS, SLEEP_SPEED, TIME_STEP, Simulator
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
-
-COUNT = 12
-"""Courses of one object: quantiles of its speed that are 8 % apart"""
 
 
 class Courses:
@@ -86,7 +84,7 @@ class Courses:
                 return item
         return None
 
-    def of(self, name: str) -> tuple[Whereabouts, ...]:
+    def of(self, name: str) -> tuple[SupportedPose, ...]:
         """Where an object is by each of its courses, each as probable; none if it did not vanish on its way."""
         one = self._running.get(name)
         return () if one is None else one.whereabouts()
@@ -158,13 +156,13 @@ class _Simulated:
         self.sim.step(count)
         self._time += count * TIME_STEP
 
-    def whereabouts(self) -> tuple[Whereabouts, ...]:
+    def whereabouts(self) -> tuple[SupportedPose, ...]:
         """Where the object is by each, and on what."""
         pairs = sorted(resting(self.sim.contacts()))
         supports = {
             name: tuple(lower for upper, lower in pairs if upper == name and lower != FLOOR) for name in self._names
         }
-        return tuple(Whereabouts(Pose.unchecked(*self.sim.pose(name)), supports[name]) for name in self._names)
+        return tuple(SupportedPose(Pose.unchecked(*self.sim.pose(name)), supports[name]) for name in self._names)
 
     def typical(self) -> RolloutBody:
         """The body on the first course, that of the typical velocity, as it is now."""
@@ -179,7 +177,7 @@ class _Simulated:
 
 
 def _starts(item: BelievedObject) -> list[SettingOut]:
-    return starts_of(item.track.trail, COUNT)
+    return starts_of(item.track.trail, DRAW_COUNT)
 
 
 def _is_on_its_way(item: BelievedObject) -> bool:

@@ -14,18 +14,15 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.contact.placement import Placement
 from simulation_handler.motion.supported_objects import HALTED, Twist
 from simulation_handler.perception.paths import Path, between, turn_between
-from simulation_handler.scales import DIAGONAL, FASTEST_SEEN
+from simulation_handler.scales import CONFIRMED_IN, DIAGONAL, FASTEST_SEEN, HAND_REACH, SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
 CATCHING_UP = 0.25
 """m/s by which a body is faster than what it follows at most: what is in it is not thrown up"""
-ASTRAY_BOTH = 0.008
-"""m from where it was, from which an object and the hand that holds it tell that it is on its way"""
 _REACTION = 0.03  # s in which a body makes up for being off its way
-_FASTEST_TURN = 8.0  # rad/s
 _NEARER = 0.015  # m that a stand must be nearer to what is seen than a lean that a hand tells, to be believed
-_LATELY = 0.3  # s in which the speed of what is seen is measured
+_FASTEST_TURN = FASTEST_SEEN / HAND_REACH  # rad/s, of what a hand turns about its wrist
 
 
 @dataclass
@@ -67,7 +64,7 @@ def goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
         return False
     by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
     ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
-    return min(ways) > ASTRAY_BOTH and float(by_hand @ by_itself) > DIAGONAL * math.prod(ways)
+    return min(ways) > SAME_PLACE and float(by_hand @ by_itself) > DIAGONAL * math.prod(ways)
 
 
 def stands_or_leans(seen: Solid, leaning: Placement, stands: Sequence[Placement]) -> Placement:
@@ -87,13 +84,13 @@ def is_lifted(item: BelievedObject, drive: Drive) -> bool:
     if item.place_by_hand is None or item.bias is None:
         return False
     height = min(item.place_by_hand[2], item.path.last.t[2]) - drive.begin.t[2]
-    return not drive.rests or height > ASTRAY_BOTH
+    return not drive.rests or height > SAME_PLACE
 
 
 def seen_speed(path: Path, time: float) -> float:
     """m/s at which something was seen to move up to that time (s), or a moment before."""
-    places = [path.at(time - k * _LATELY).t for k in range(3)]  # count of places: now and twice before
-    return max(math.dist(a, b) for a, b in pairwise(places)) / _LATELY
+    places = [path.at(time - k * CONFIRMED_IN).t for k in range(3)]  # count of places: now and twice before
+    return max(math.dist(a, b) for a, b in pairwise(places)) / CONFIRMED_IN
 
 
 def towards(a: Pose, b: Pose, metres: float) -> Pose:

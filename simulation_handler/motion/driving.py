@@ -10,10 +10,9 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from itertools import combinations
 
-import msgspec
 import numpy as np
 
 from dsr.math3d.quaternions import Vector3
@@ -22,16 +21,16 @@ from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.contact.placement import Placement, place
+from simulation_handler.contact.placement import Placement, are_side_by_side, place
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.contact.stances import likeliest_stance, misfit
+from simulation_handler.contact.stances import beside, likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
+from simulation_handler.explaining.drafting import UNSEEN_COVARIANCE
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
-from simulation_handler.hands.state import UNSEEN, Hand
+from simulation_handler.hands.state import ELSEWHERE, UNSEEN, Hand
 from simulation_handler.motion.bumps import seem_bumped
 from simulation_handler.motion.drives import (
-    ASTRAY_BOTH,
     CATCHING_UP,
     Drive,
     goes_with_hand,
@@ -47,26 +46,30 @@ from simulation_handler.motion.supported_objects import HALTED, SupportedObjects
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.scene import STILL
 from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
-from simulation_handler.scales import GONE_FROM, ONE_MOMENT, PRESENT, SURE_SIGMAS
+from simulation_handler.scales import (
+    ASTRAY,
+    AT_REST,
+    CONFIRMED_IN,
+    FRAME,
+    GONE_FROM,
+    LIKELY_SIGMAS,
+    ONE_MOMENT,
+    PLACE_FLOOR,
+    PRESENT,
+    SAME_PLACE,
+    STEADY,
+    SURE_SIGMAS,
+)
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_BODY_LAG = 0.05  # s by which a body is behind what is seen
+_BODY_LAG = 0.5 * FRAME  # s by which a body is behind what is seen: half of the time until that is known better
 HURRY = 2.0
 """1, how many times as fast as it was seen to a body may move to catch up"""
-_CAUGHT_UP = 0.15  # s in which it catches up what is more than that
-_STILL_SECONDS = 0.6  # s that an object must be seen to stay where it is
-_SHORTEST = 0.3  # s of a drive: what sets out slowly has been seen to stay for a while
-_ASTRAY_METRES = 0.012  # m by which percepts of an object at rest may be apart
-_LIKELY = 1.5  # times the noise, from which three tell that, each of which is farther away
-_ARRIVED = 0.004  # m
-_STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
-_VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
+_ARRIVED = LIKELY_SIGMAS * PLACE_FLOOR  # m from where it is seen: nearer, models may be off
+_SHORTEST = CONFIRMED_IN  # s of a drive: what sets out slowly has been seen to stay for a while
 _OTHER_MOTION = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
-_SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
-_SHARED_HEIGHT = 0.02  # m of height that both bodies share, from which neither stands on the other
-_RIDES_NO_MORE = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
 
 
 class Driving:
@@ -84,7 +87,6 @@ class Driving:
         self._movers = Movers(bodies.objects, hands)
         self._supported = SupportedObjects(bodies, relations, containment)
         self._config = config
-        self._lifted = msgspec.structs.replace(config, hover_tolerance=min(ASTRAY_BOTH, config.hover_tolerance))
         self._drives: dict[str, Drive] = {}
         self._leaders: dict[str, str] = {}  # driven object on or in which each other one is
         self._now = -math.inf
@@ -160,7 +162,7 @@ class Driving:
                 way, other = self._way(item), self._way(load)
                 if float(np.linalg.norm(way - other)) < _OTHER_MOTION * float(np.linalg.norm(other)):
                     self._begin(item, start)
-                elif float(np.linalg.norm(other)) < _SURELY_APART:
+                elif float(np.linalg.norm(other)) < GONE_FROM:
                     self._drives.pop(name, None)
         for name in sorted(self._drives.keys() & beneath.keys()):
             item = self._bodies.objects[name]
@@ -189,9 +191,7 @@ class Driving:
 
     def _beside(self, *pair: str) -> bool:
         """Whether neither of two bodies can be about to stand on the other, or both are driven."""
-        one, other = map(self._bodies.solid, pair)
-        overlap = min(one.top, other.top) - max(one.bottom, other.bottom)
-        return overlap > _SHARED_HEIGHT or self._drives.keys() >= set(pair)
+        return self._drives.keys() >= set(pair) or are_side_by_side(*map(self._bodies.solid, pair))
 
     def step(self, count: int) -> None:
         """Let `count` steps of physics pass."""
@@ -275,12 +275,12 @@ class Driving:
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
         noise = item.noise + (self._config.depth_bias if item.bias is None else 0.0)
-        two, three = max(_ASTRAY_METRES, SURE_SIGMAS * noise), max(_ASTRAY_METRES, _LIKELY * noise)
+        two, three = max(ASTRAY, SURE_SIGMAS * noise), max(ASTRAY, LIKELY_SIGMAS * noise)
         return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_static(item, False)
-        item.was_followed = True
+        item.was_followed, item.aslant = True, None
         here = self._bodies.pose(item.name)
         self._drives[item.name] = Drive(self._now, start, here, here, here)
 
@@ -298,7 +298,7 @@ class Driving:
         drive.speed = seen_speed(item.path, drive.played)
         passed = math.dist(before.t, item.path.at(drive.played).t)
         behind = math.dist(drive.begin.t, drive.end.t)
-        drive.end = towards(drive.begin, drive.end, passed + seconds * max(CATCHING_UP, behind / _CAUGHT_UP))
+        drive.end = towards(drive.begin, drive.end, passed + seconds * max(CATCHING_UP, behind / ONE_MOMENT))
         if item.estimate_at(now) is None:
             if not item.hand:
                 self._end(item, drive)
@@ -307,7 +307,9 @@ class Driving:
         elif now - drive.begun > _SHORTEST and self._is_still(item, drive):
             drive.still_since = now if drive.still_since is None else drive.still_since
             apart = self._bodies.pose(item.name).distance(drive.end)[0]
-            if apart < _ARRIVED or now - drive.still_since > _STUCK:
+            if apart >= _ARRIVED and now - drive.still_since > STEADY:
+                self._free(item, drive)
+            if apart < _ARRIVED or now - drive.still_since > STEADY:
                 self._end(item, drive)
         else:
             drive.still_since = None
@@ -332,36 +334,38 @@ class Driving:
             item.leave_to_physics()
 
     def _is_still(self, item: BelievedObject, drive: Drive) -> bool:
-        was_played = drive.played >= item.path.newest - _STILL_SECONDS
-        return was_played and item.path.is_still(_STILL_SECONDS, _ASTRAY_METRES, self._config.surprise_angle)
+        was_played = drive.played >= item.path.newest - AT_REST
+        return was_played and item.path.is_still(AT_REST, ASTRAY, self._config.surprise_angle)
 
     def _aim(self, item: BelievedObject, drive: Drive) -> None:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
         above = self._bodies.above(item, pose.t)
         scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.supported([item.name])})
-        covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
-        config = self._lifted if is_lifted(item, drive) else self._config
+        covariance = UNSEEN_COVARIANCE if item.track.estimate is None else item.percept_covariance(self._config)
+        config = self._config
+        reach = SAME_PLACE if is_lifted(item, drive) else config.hover_tolerance
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
-        placement = place(seen, covariance, others, config)
-        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, covariance):
+        placement = place(seen, covariance, others, config, reach)
+        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, others):
             there = PerceivedBody(seen, covariance, item.turning_of_one())
             seen = seen.turned(likeliest_stance(there, others, config))
-            placement = place(seen, covariance, others, config)
+            placement = place(seen, covariance, others, config, reach)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
-            as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)
-            fallen = place(seen.face_down()[0], covariance, others, config)
+            as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config, reach)
+            fallen = place(seen.face_down()[0], covariance, others, config, reach)
             is_upright = as_before.solid.face_down()[1] < self._config.tilt_tolerance
             stands = [as_before] * is_upright + [fallen] * fallen.rests
             placement = stands_or_leans(seen, placement, stands)
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
-    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, covariance: Array) -> bool:
-        """Whether an object is seen where it cannot be, turned as it is believed to be."""
+    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, others: Sequence[Solid]) -> bool:
+        """Whether an object is seen where it cannot be, turned as it is believed to be, nor be pushed aside to."""
         if item.track.estimate is None:
             return False
-        return misfit(placement.solid, seen, covariance, item.turning()) > nats.SURPRISING
+        free = beside(placement.solid, others)
+        return misfit(free, seen, item.percept_covariance(self._config), item.turning()) > nats.SURPRISING
 
     def _end(self, item: BelievedObject, drive: Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
@@ -376,9 +380,16 @@ class Driving:
         if not drive.rests and not is_let_go and item.name not in self._supported.supported(self._drives):
             self._bodies.set_static(item, True)
 
+    def _free(self, item: BelievedObject, drive: Drive) -> None:
+        """Put a body that cannot get to where it rests in view there: it got stuck on a way that it did not take."""
+        if drive.rests and not self._supported.supported([item.name]):
+            others = list(self._bodies.scene(leaving_out={item.name}).values())
+            solid = beside(item.solid(drive.end.t, drive.end.q), others)
+            self._bodies.put(item, solid.position, solid.rotation)
+
     def _is_lost(self, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen far from where its container should have taken it."""
         is_seen = now - item.track.last_stamp <= ONE_MOMENT and item.estimate_at(now) is not None
         if not is_seen or item.name not in self._bodies.sim:
             return False
-        return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _RIDES_NO_MORE
+        return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > ELSEWHERE

@@ -16,16 +16,16 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, covariance_given_height, given_height
+from simulation_handler.contact.stances import ANGLES
+from simulation_handler.explaining.piles import BREADTH
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
-from simulation_handler.scales import PLACE_FLOOR, SLOW
+from simulation_handler.scales import PLACE_FLOOR, SLOW, even_spread
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_TIPS = 8  # count of tilts up to lying at which a neighbour may be met, and of halvings between two of them, to 1 mrad
-_MOST_LEANS = 4  # count of leans that are simulated: those that fit best as they begin
 _UP: Array = np.array((0.0, 0.0, 1.0))
 
 
@@ -145,7 +145,7 @@ class Leaning:
             for solid in _touching(seen, rotation, way, flat.solid.bottom, other)
             if not self._is_flat(solid)
         ]
-        return sorted(found, key=lambda solid: seen.cost(solid, PLACE_FLOOR))[:_MOST_LEANS]
+        return sorted(found, key=lambda solid: seen.cost(solid, PLACE_FLOOR))[:BREADTH]
 
     def _settled(self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]) -> Lean | None:
         """How an object leans a short time after it was put there, and on what; None if it does not, or moves."""
@@ -175,7 +175,7 @@ class Leaning:
 
 def _heights(solid: Solid) -> float:
     """M, standard deviation of how high the middle of a body is that leans: all heights that it may have are alike."""
-    return (solid.radius - 0.5 * min(solid.size)) / math.sqrt(12.0)  # 1, of an even distribution
+    return even_spread(solid.radius - 0.5 * min(solid.size))
 
 
 def _is_beside(other: Solid, flat: Placement) -> bool:
@@ -222,13 +222,13 @@ def _touching(seen: PerceivedBody, rotation: Quaternion, way: Vector3, level: fl
         return depenetrated(solid, [other], away) is solid
 
     for sign in (1.0, -1.0):
-        angles = [sign * 0.5 * math.pi * k / _TIPS for k in range(_TIPS + 1)]
+        angles = [sign * 0.5 * math.pi * k / ANGLES for k in range(ANGLES + 1)]
         are_free = [is_free(angle) for angle in angles]
         for (one, two), (is_first_free, is_next_free) in zip(pairwise(angles), pairwise(are_free), strict=True):
             if is_first_free == is_next_free:
                 continue
             free, stopped = (one, two) if is_first_free else (two, one)
-            for _ in range(_TIPS):
+            for _ in range(ANGLES):  # halvings, to 1 mrad
                 middle = 0.5 * (free + stopped)
                 free, stopped = (middle, stopped) if is_free(middle) else (free, middle)
             yield tipped(free)

@@ -23,11 +23,10 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 
 _WAYS = 32  # count of falls that are simulated: their medoid moves little with more
-_TRIES = 96  # count of samples, of which those are no ways that are in other bodies
+_TRIES = _WAYS**2  # count of samples, of which those are no ways that are in other bodies: nearly all may be
 _SPEED = 0.1  # m/s, standard deviation along each axis of how fast what nobody sees rolls in what is poured
 _SECONDS = 1.5  # after which it lies
 _MOST = 0.9  # of all ends
-_AROUND = 0.3  # m
 
 
 class _Fall(NamedTuple):
@@ -93,10 +92,10 @@ class Spilling:
         return max(self._bodies.sim.speed(name)) < SLEEP_SPEED
 
     def _is_as_it_was(self, fall: _Fall) -> bool:
-        """Whether what the object may lie on or beside has not been moved since."""
+        """Whether nothing was moved since, nor taken away: the object may lie on that, or beside it."""
         sim = self._bodies.sim
-        near = [name for name, place in fall.around.items() if math.dist(place, fall.end[0]) < _AROUND]
-        return all(name in sim and math.dist(sim.position(name), fall.around[name]) < SAME_PLACE for name in near)
+        places = fall.around.items()
+        return all(name in sim and math.dist(sim.position(name), place) < SAME_PLACE for name, place in places)
 
     def _moving(self, name: str) -> RolloutBody:
         velocity, spin = self._bodies.sim.velocity(name)

@@ -11,12 +11,12 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.containment import Containment, carried_by
 from simulation_handler.contact.relations import ContactRelations
+from simulation_handler.scales import TILTED
 from simulation_handler.state.bodies import Bodies
 
 Twist = tuple[Vector3, Vector3]
 """Velocity (m/s) and angular velocity (rad/s), in the world"""
 HALTED: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-_UPRIGHT_TILT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
 
 
 class SupportedObjects:
@@ -50,7 +50,7 @@ class SupportedObjects:
             base = only_base(name, beneath, drives)
             if base is None or item is None or item.static or item.holder or name not in self._bodies.sim:
                 continue
-            if self._bodies.solid(base).face_down()[1] < _UPRIGHT_TILT:
+            if self._bodies.solid(base).face_down()[1] < TILTED:
                 found.setdefault(base, []).append(name)
         return found
 
@@ -73,7 +73,7 @@ class SupportedObjects:
         standing = {load for names in loads.values() for load in names}
         found: dict[str, float] = {}
         for name, container in self._containment.current():
-            is_upright = container in speeds and self._bodies.solid(container).face_down()[1] < _UPRIGHT_TILT
+            is_upright = container in speeds and self._bodies.solid(container).face_down()[1] < TILTED
             if is_upright and name not in standing and name not in speeds and name in self._bodies.sim:
                 found[name] = max(found.get(name, 0.0), speeds[container])
         return found

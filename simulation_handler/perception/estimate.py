@@ -15,13 +15,12 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.scales import LIKELY_SIGMAS
+from simulation_handler.scales import LIKELY_SIGMAS, PLACE_FLOOR
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
 
 _EYE = np.eye(3)
-_STEEP_RAY = 0.5  # vertical part of a viewing ray from which a height tells the depth error
 
 
 class Estimate:
@@ -85,10 +84,11 @@ class Estimate:
     def bias_given(self, height: float) -> float | None:
         """Systematic error along the viewing ray, m, if the object is really at `height` (m).
 
-        None where a height says little, for flat rays, or where more than the bias must be wrong.
+        None for flat rays, where no height is known well enough to learn the bias from it, or where more than the bias
+        must be wrong.
         """
         slope = float(self.ray[2])
-        if abs(slope) < _STEEP_RAY:
+        if abs(slope) * self._config.learned_bias < PLACE_FLOOR:
             return None
         bias = float(self.position[2] - height) / slope
         return bias if abs(bias) <= LIKELY_SIGMAS * self._config.depth_bias else None

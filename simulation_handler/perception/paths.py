@@ -10,13 +10,11 @@ from itertools import pairwise
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
-from simulation_handler.scales import FASTEST_SEEN, FRAME, LONGEST_GAP, SLOW
+from dsr.vocabulary.nats import DECIDE
+from simulation_handler.scales import FASTEST_SEEN, FRAME, GONE_FROM, LONGEST_GAP, SLOW
 
 _KEPT_PERCEPTS = 24  # percepts
-_NOISE = 0.03  # m
-_PERIODS = 3  # between percepts, over which the velocity is measured
 _FALLING_SPEED = 0.4  # m/s downwards, faster than what somebody puts down
-_CENTRE = 0.5  # weight of a percept in its mean with the two around it
 
 
 class Path:
@@ -123,12 +121,12 @@ class Path:
     @property
     def velocity(self) -> Vector3:
         """(3,) m/s, as it was seen to move last; 0 if it was not on its way."""
-        return self._velocity(_PERIODS)
+        return self._velocity(DECIDE)
 
     @property
     def steady_velocity(self) -> Vector3:
         """(3,) m/s at which it goes on surely: what jumped, turned or has stopped does not go on as before."""
-        before, last = self._velocity(_PERIODS), self._velocity(1)
+        before, last = self._velocity(DECIDE), self._velocity(1)
         if sum(a * b for a, b in zip(before, last, strict=True)) <= 0.0:
             return 0.0, 0.0, 0.0
         return min(before, last, key=lambda velocity: math.hypot(*velocity))
@@ -151,11 +149,11 @@ class Path:
         return Pose.unchecked((x, y, z), last.q, last.stamp)
 
     def _smooth(self, index: int) -> Pose:
-        """Mean of a percept and those around it; the first and the last are as they are."""
+        """Mean of the middles between a percept and those around it; the first and the last are as they are."""
         pose = self._poses[index]
         if 0 < index < len(self._poses) - 1:
-            around = between(self._poses[index - 1], self._poses[index + 1], 0.5)
-            mean = between(around, pose, _CENTRE)
+            middles = [between(pose, other, 0.5) for other in (self._poses[index - 1], self._poses[index + 1])]
+            mean = between(middles[0], middles[1], 0.5)
             return Pose.unchecked(mean.t, mean.q, pose.stamp)
         return pose
 
@@ -175,4 +173,4 @@ def _is_break(a: Pose, b: Pose) -> bool:
     seconds = b.stamp - a.stamp
     if seconds > LONGEST_GAP:
         return True
-    return math.dist(a.t, b.t) > FASTEST_SEEN * seconds + _NOISE
+    return math.dist(a.t, b.t) > FASTEST_SEEN * seconds + GONE_FROM

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.scales import ROUNDING
+from simulation_handler.scales import DIAGONAL, ROUNDING
 
 Array = NDArray[np.float64]
 
-_LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
-_ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
 _DOWNWARDS = np.array((0.0, 0.0, -1.0))
 
 
@@ -74,11 +72,12 @@ def _without_bias(covariance: Array, ray: Array, bias: float) -> tuple[Array, Ar
     """The part of a position's covariance that changes from frame to frame, and the direction of the rest.
 
     A sensor that knows of its systematic depth error (`bias`, m) reports a covariance that is long along the
-    viewing ray; that part must neither be averaged away nor widen the gate for changes.
+    viewing ray; that part must neither be averaged away nor widen the gate for changes. An axis that is longer by the
+    bias, and nearer to the viewing ray than to what is across, is the direction of the bias.
     """
     variances, axes = np.linalg.eigh(covariance)
     along = float(axes[:, 2] @ ray)
-    if variances[2] > _LONG**2 * variances[1] and abs(along) > _ALIGNED:
+    if variances[2] > variances[1] + bias**2 and abs(along) > DIAGONAL:
         ray = axes[:, 2] * math.copysign(1.0, along)
     if variances[2] > bias**2:
         variances[2] = max(variances[2] - bias**2, variances[1])

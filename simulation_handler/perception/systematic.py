@@ -9,8 +9,6 @@ from typing import NamedTuple
 from dsr.vocabulary import nats
 from simulation_handler.scales import LIKELY_SIGMAS, OWN_ERROR
 
-_PRIOR = 1  # count of objects whose evidence `OWN_ERROR` is
-
 
 class KnownError(NamedTuple):
     """The systematic error of an object, if it rests as believed."""
@@ -49,8 +47,8 @@ def error_of_another(known: Iterable[KnownError], shared: float) -> ErrorOfAnoth
     sets = [ordered[i:j] for i in range(len(ordered)) for j in range(i + 1, len(ordered) + 1)]  # others are no likelier
     best = max(sets, key=lambda chosen: _log_evidence(chosen, ordered, shared))
     _, mean, squares = _summary(best)
-    freedom = _PRIOR + len(best) - 1
-    own = (_PRIOR * OWN_ERROR**2 + squares) / freedom
+    freedom = len(best)
+    own = (OWN_ERROR**2 + squares) / freedom
     left = 1.0 / (1.0 / shared**2 + len(best) / own)
     return ErrorOfAnother(left * len(best) * mean / own, math.sqrt(left + own), freedom)
 
@@ -62,11 +60,11 @@ def _log_evidence(chosen: Sequence[KnownError], known: Sequence[KnownError], sha
     count, mean, squares = _summary(chosen)
     if sum(error.may_lean for error in chosen) + len(known) - count != sum(error.may_lean for error in known):
         return -math.inf
-    prior, freedom = _PRIOR * OWN_ERROR**2, _PRIOR + count - 1
+    prior = OWN_ERROR**2
     anywhere = nats.LEANS + math.log(2.0 * LIKELY_SIGMAS * shared)
     return (
-        math.lgamma(0.5 * freedom) - math.lgamma(0.5 * _PRIOR)
-        + 0.5 * _PRIOR * math.log(prior) - 0.5 * freedom * math.log(prior + squares)
+        math.lgamma(0.5 * count) - math.lgamma(0.5)
+        + 0.5 * math.log(prior) - 0.5 * count * math.log(prior + squares)
         - 0.5 * (count - 1) * math.log(math.pi) - 0.5 * math.log(count)
         - 0.5 * (mean / shared) ** 2 - math.log(math.sqrt(2.0 * math.pi) * shared)
         - anywhere * (len(known) - count)

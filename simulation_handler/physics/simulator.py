@@ -22,20 +22,20 @@ from dsr.errors import DsrError, suggest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import MOST_PARTS, PartKind, Shape
 from simulation_handler.physics.finger_bodies import FingerBodies
-from simulation_handler.scales import RESOLUTION
+from simulation_handler.scales import FASTEST_SEEN, FRAME, RESOLUTION
 from simulation_handler.shapes.hull_shapes import make_hulls
 
 TIME_STEP = 1.0 / 240.0
 """s, of one physics step."""
-MOST_STEPS = 48
-"""Steps of physics in one step of the belief; time beyond is lost"""
+MOST_STEPS = round(2.0 * FRAME / TIME_STEP)
+"""Steps of physics in one step of the belief: time in which cameras have shown several images is lost"""
 GRAVITY = 9.81
 """m/s^2, towards -z."""
 FINGER_RADIUS = 0.005
 """m, of the spheres of fingertips: less than a fingertip's by the error of landmarks."""
-_WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
 _STEP_REACH = 0.0004  # m that a body may move in one step: it gets that far into what it hits
-_MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
+_MOST_PARTS = math.ceil((FASTEST_SEEN + GRAVITY * TIME_STEP) * TIME_STEP / _STEP_REACH)
+"""Parts of a step: enough for what hands move"""
 _RECOVERY = 0.08  # share of an interpenetration that is undone in 1/240 s, as pybullet has it
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
@@ -370,7 +370,7 @@ class Simulator:
             return
         low, high = pybullet.getAABB(body, physicsClientId=self._client)
         near = pybullet.getOverlappingObjects(
-            [edge - _WAKE_REACH for edge in low], [edge + _WAKE_REACH for edge in high], physicsClientId=self._client
+            [edge - TOUCHING for edge in low], [edge + TOUCHING for edge in high], physicsClientId=self._client
         )
         self._wake({body, *(other for other, _ in near or ())})
 

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
-from simulation_handler.scales import ROUNDING
+from simulation_handler.scales import RESOLUTION, ROUNDING
 
 _BEVEL = 0.3  # rad between two sides, of which only the larger one counts: the other is a bevel, or a gap
 ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
 """count 16: corners (x, y) of the regular polygon that stands for a circle of radius 1"""
-_TIPS_BESIDE = 1e-4  # m, beside a side that is below the centre, from which a body on that tips over
 
 Points = NDArray[np.float64]
 
@@ -38,7 +37,7 @@ def faces(shape: Shape) -> tuple[Vector3, ...]:
     areas: dict[Vector3, float] = {}
     for plane, triangle in zip(planes, hull.points[hull.simplices], strict=True):
         below_centre = -plane[3] * plane[:3]
-        if (planes[:, :3] @ below_centre + planes[:, 3]).max() > _TIPS_BESIDE:
+        if (planes[:, :3] @ below_centre + planes[:, 3]).max() > RESOLUTION:
             continue
         edge, other = triangle[1:] - triangle[0]
         x, y, z = (value + 0.0 for value in plane[:3].round(3).tolist())

@@ -16,10 +16,10 @@ from dsr.math3d.polygons import Point, Polygon, hull
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Part, PartKind, Shape, box
 from dsr.math3d.transforms import Pose
+from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.faces import ROUND, depth, dot, faces
 
 _CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
-_LEVEL_SLOPE = 1e-7  # slope of an edge that counts as horizontal
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Solid:
         if not self.shape or self.kind == "box":
             return half_height(self.size, self.rotation)
         x, y, z = quaternions.to_matrix(self.rotation)[2]
-        is_flat = max(abs(x), abs(y), abs(z)) > 1.0 - _LEVEL_SLOPE**2
+        is_flat = max(abs(x), abs(y), abs(z)) > 1.0 - ROUNDING
         if is_flat or not faces(self.shape):
             return half_height(self.size, self.rotation)
         return depth(self.shape, (sign * x, sign * y, sign * z))
@@ -106,14 +106,14 @@ class Solid:
 
     @cached_property
     def footprint(self) -> Polygon:
-        """Outline seen from above, to 1e-7 of the solid's size; of several pieces, that of the bounding box."""
+        """Outline seen from above, but for rounding errors; of several pieces, that of the bounding box."""
         x, y, _ = self.position
         if self.is_round:
             half = 0.5 * self.size[0]
             return [(x + half * dx, y + half * dy) for dx, dy in ROUND]
         rows = quaternions.to_matrix(self.rotation)
         edges = [(rows[0][k] * edge, rows[1][k] * edge) for k, edge in enumerate(self.size)]
-        level = [edge for edge, slope in zip(edges, rows[2], strict=True) if abs(slope) < _LEVEL_SLOPE]
+        level = [edge for edge, slope in zip(edges, rows[2], strict=True) if abs(slope) < ROUNDING]
         if len(level) == 2:
             return _parallelogram((x, y), *level)
         offsets = [_combined(signs, edges) for signs in _CORNERS]
@@ -123,7 +123,7 @@ class Solid:
     def is_round(self) -> bool:
         """Whether the solid is round seen from above: a ball, or a cylinder that stands."""
         if self.kind == "cylinder":
-            return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < _LEVEL_SLOPE
+            return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < ROUNDING
         return self.kind == "sphere"
 
     def signed_distance(self, point: Vector3) -> tuple[float, Vector3]:
@@ -172,7 +172,7 @@ class Solid:
             return ()
         if self.kind == "cylinder":
             radius = math.hypot(x, y)
-            level = (1.0, 0.0, 0.0) if radius < _LEVEL_SLOPE else (-x / radius, -y / radius, 0.0)
+            level = (1.0, 0.0, 0.0) if radius < ROUNDING else (-x / radius, -y / radius, 0.0)
             return ((0.0, 0.0, math.copysign(1.0, -z)), level)
         return (() if self.kind else faces(self.shape)) or (
             (math.copysign(1.0, -x), 0.0, 0.0), (0.0, math.copysign(1.0, -y), 0.0), (0.0, 0.0, math.copysign(1.0, -z))

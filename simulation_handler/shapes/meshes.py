@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -31,9 +32,6 @@ _MOST_CORNERS = 64  # of a hull
 _HOLLOW = 0.15  # of the volume of its hull that may be empty in what counts as convex
 _FILLED = 0.3  # of what is empty that parts may fill
 _ON = 0.002  # of its diagonal that a surface may be inside of the hull that it is on
-_MOST_KEPT = 256  # forms
-_AT_ONCE = 20  # directions
-_MOST_EXACT = 2000  # points whose hull is made of all
 _TRIPLE = 6.0  # 1, triple product of the edges of a tetrahedron over its volume
 
 
@@ -60,6 +58,10 @@ class Form(NamedTuple):
         return x, y, z
 
 
+class _NotHereError(Exception):
+    """A mesh that is not here yet."""
+
+
 class Forms:
     """The forms of nodes with meshes; those that are not here yet are asked for.
 
@@ -69,21 +71,17 @@ class Forms:
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
         self._worker = ThreadPoolExecutor(1, "dsr-forms") if memory.meshes.threaded else None
-        self._known: dict[tuple[str, ...], Future[Form]] = {}
+        self._form = lru_cache(maxsize=256)(self._work_out)
 
     def of(self, node: Mapping[str, Any]) -> Form | None:
         """The form of a node; None without meshes, or until they are here. Raises `SchemaError`."""
         hashes = mesh_hashes(node)
         if not hashes:
             return None
-        if hashes not in self._known:
-            meshes = [mesh for hash in hashes if (mesh := self._memory.get_mesh(hash)) is not None]
-            if len(meshes) < len(hashes):
-                return None
-            if len(self._known) >= _MOST_KEPT:
-                self._known.clear()
-            self._known[hashes] = self._work_out(meshes)
-        known = self._known[hashes]
+        try:
+            known = self._form(hashes)
+        except _NotHereError:
+            return None
         return known.result() if known.done() else None
 
     def close(self) -> None:
@@ -91,7 +89,10 @@ class Forms:
         if self._worker is not None:
             self._worker.shutdown(wait=False, cancel_futures=True)
 
-    def _work_out(self, meshes: list[Mesh]) -> Future[Form]:
+    def _work_out(self, hashes: tuple[str, ...]) -> Future[Form]:
+        meshes = [mesh for hash in hashes if (mesh := self._memory.get_mesh(hash)) is not None]
+        if len(meshes) < len(hashes):
+            raise _NotHereError
         if self._worker is not None:
             return self._worker.submit(form_of, meshes)
         done: Future[Form] = Future()
@@ -195,13 +196,12 @@ def _hull(points: Points) -> Points:
 
 def _outermost(points: Points) -> Points:
     """Those of many points that are farthest in any of 500 directions: their hull is that of all, nearly."""
-    return points if len(points) <= _MOST_EXACT else _farthest(points, _MANY_DIRECTIONS)
+    return points if len(points) <= len(_MANY_DIRECTIONS) else _farthest(points, _MANY_DIRECTIONS)
 
 
 def _farthest(points: Points, directions: Points) -> Points:
     """The points that are farthest in these directions (n, 3)."""
-    parts = [directions[k : k + _AT_ONCE] for k in range(0, len(directions), _AT_ONCE)]
-    return np.asarray(points[np.unique(np.concatenate([(part @ points.T).argmax(axis=1) for part in parts]))])
+    return np.asarray(points[np.unique([int((points @ direction).argmax()) for direction in directions])])
 
 
 def _is_filled(piece: _Piece, outermost: Points, hulls: list[Points]) -> bool:
@@ -228,7 +228,7 @@ def _is_on(piece: _Piece, hull: ConvexHull) -> bool:
     if (sharing != 2).any():
         return False
     surface = piece.points[piece.triangles].mean(axis=1)
-    surface = surface[:: len(surface) // _MOST_EXACT + 1]
+    surface = surface[:: len(surface) // len(_MANY_DIRECTIONS) + 1]
     depth = -(surface @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
     return float(depth.max()) <= _ON * math.dist(piece.points.min(axis=0), piece.points.max(axis=0))
 

@@ -22,13 +22,12 @@ from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.perception.tracking import RECENT_PERCEPTS, PerceptTrack
-from simulation_handler.scales import TURN_FLOOR
+from simulation_handler.scales import LIKELY_SIGMAS, STEADY, TILTED, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
-_STRIKE_MEMORY = 1.0  # s
 SURE_OF_ROTATION = 0.75
 """rad^2, trace of a rotation's covariance up to which a percept tells it"""
-_SURE_OF_TILT = 0.1  # rad^2, likewise, about the horizontal axes alone
+_SURE_OF_TILT = 2.0 * (TILTED / LIKELY_SIGMAS) ** 2  # rad^2, likewise, about the two horizontal axes
 
 
 @dataclass
@@ -232,7 +231,7 @@ class BelievedObject:
 
     def strike(self, now: float) -> None:
         """Physics moved it from where it is seen."""
-        self.strikes = self.strikes + 1 if now - self.last_strike <= _STRIKE_MEMORY else 1
+        self.strikes = self.strikes + 1 if now - self.last_strike <= STEADY else 1
         self.last_strike = now
 
     def notice_restart(self) -> None:

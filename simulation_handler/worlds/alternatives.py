@@ -16,6 +16,7 @@ from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.scales import HAND_REACH, PRESENT, ROUNDING
+from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
 from simulation_handler.worlds.parameters import Rates, WorldParameters
@@ -32,10 +33,6 @@ IN_HAND, INSIDE_OF = "in ", "inside "
 """The modes in which it is in a hand, or in a container: followed by the name of that"""
 COURSE = "course "
 """The modes in which it went on by itself when it vanished on its way, each as fast as it may have been: numbered"""
-
-_BESIDE = 0.05  # m from a container within which what vanishes may be in it
-_WEIGHED = 1e-5  # 1, weight below which it is not worked out what cameras should see there
-
 
 _AS_GOOD_AS_SURE = 1.0 - ROUNDING  # 1, of somebody who was at work: what is sure cannot be doubted later
 
@@ -91,7 +88,8 @@ class Alternatives:
         self.before = before
         self.left = thing.believed
         """world_from_object when it was recognised last"""
-        self.modes: dict[str, Mode] = {FOLLOWED: Mode(1.0, thing.believed, since=now, worked=worked)}
+        mode = Mode(1.0, thing.believed, since=now, supports=thing.supports, worked=worked)
+        self.modes: dict[str, Mode] = {FOLLOWED: mode}
         self.unshown = 0.0
         """nats, how improbable it is that cameras do not show it in this gap, if they do not fail"""
         self._container = thing.container
@@ -188,7 +186,7 @@ class Alternatives:
             if inside is not None:
                 self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
         self._container = thing.container
-        followed.pose = pose
+        followed.pose, followed.supports = pose, thing.supports
         self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
 
     def _flow(self, thing: ObjectEvidence, evidence: Evidence, step: float) -> None:
@@ -244,7 +242,7 @@ class Alternatives:
             for other, solid in ((other, known.solid) for other, known in sorted(evidence.objects.items()))
             if solid is not None and solid.is_hollow and other not in thing.containers and other != name
             if thing.solid is None or thing.solid.radius < solid.radius
-            if _is_over(solid.position, solid.size, self.left.t)
+            if _is_over(solid, self.left.t, 0.0 if thing.solid is None else thing.solid.radius)
         ]
         for other, solid in hollows:
             inside = Mode(0.0, Pose.unchecked(solid.position, self.left.q), container=other)
@@ -298,10 +296,9 @@ class Alternatives:
         if not any(evidence.now - other.seen_at < PRESENT for other in evidence.objects.values()):
             self._miss_all(name, evidence, step)
             return
-        modes = [(key, mode) for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
-        placed = [(key, mode) for key, mode in modes if mode.weight >= _WEIGHED]
-        shares = self._shares(self._with_solid(name, evidence), name, [_placed(mode.pose) for _, mode in placed])
-        for (_, mode), share in zip(placed, shares, strict=True):
+        placed = [mode for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
+        shares = self._shares(self._with_solid(name, evidence), name, [_placed(mode.pose) for mode in placed])
+        for mode, share in zip(placed, shares, strict=True):
             missed = missed_after(mode.missed, share, step, absence)
             mode.weight *= math.exp(mode.missed - missed)
             mode.missed = missed
@@ -364,10 +361,9 @@ def _is_near(palm: Pose, pose: Pose | None) -> bool:
     return pose is not None and math.dist(palm.t, pose.t) <= HAND_REACH
 
 
-def _is_over(position: Vector3, size: Vector3, point: Vector3) -> bool:
-    """Whether a point is beside or over a container."""
-    half = 0.5 * max(size[:2]) + _BESIDE
-    return math.hypot(point[0] - position[0], point[1] - position[1]) <= half
+def _is_over(container: Solid, point: Vector3, radius: float) -> bool:
+    """Whether a thing of that radius (m) there is over a container, or beside it so that they may touch."""
+    return math.dist(point[:2], container.position[:2]) <= 0.5 * max(container.size[:2]) + radius
 
 
 def _placed(pose: Pose | None) -> Pose:

@@ -13,7 +13,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
-from simulation_handler.contact.relations import ContactRelations, Relation, Whereabouts
+from simulation_handler.contact.relations import ContactRelations, Relation, SupportedPose
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.percepts import WeighedPercept
@@ -89,7 +89,7 @@ class ObjectEvidence:
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
     """How it may be turned instead, if its percepts do not tell: probability, and rotation from `believed` to that."""
 
-    courses: tuple[Whereabouts, ...] = ()
+    courses: tuple[SupportedPose, ...] = ()
     """Where it is by each course on which it may be, if it vanished on its way; each is as probable"""
 
     @property
@@ -142,7 +142,7 @@ class EvidenceReader:
         lead: Callable[[str], Vector3],
         in_doubt: Callable[[float], frozenset[str]],
         config: BeliefConfig,
-        courses: Callable[[str], tuple[Whereabouts, ...]] = lambda name: (),
+        courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
     ) -> None:
         self._bodies = bodies
         self._courses = courses

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
-from simulation_handler.scales import SAME_OUTCOME
+from simulation_handler.scales import SAME_OUTCOME, TURN_FLOOR
 from simulation_handler.worlds.model import Island, ObjectState
 
-ONE_OUTCOME = PoseTolerance(SAME_OUTCOME, 0.01)
+ONE_OUTCOME = PoseTolerance(SAME_OUTCOME, TURN_FLOOR)
 """m, rad up to which simulations have the same outcome"""
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dsr.errors import ConfigError
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
-from simulation_handler.scales import ROUNDING
+from simulation_handler.scales import FRAME, ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
     ELSEWHERE,
@@ -62,8 +62,8 @@ ASLANT = "leans on something"
 """Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
 ON_COURSE = "went on unseen"
 """Reason of a world in which what vanished on its way has gone on otherwise than the simulation has it"""
-LOOK_PERIOD = 0.2
-"""s between two times at which it is worked out what cameras should see of an unseen object"""
+LOOK_PERIOD = 2.0 * FRAME
+"""s between two times at which it is worked out what cameras should see of an unseen object: at every second image"""
 
 
 @dataclass
@@ -273,7 +273,9 @@ class WeightedWorlds:
         noise = self._parameters.noise[followed.circumstance]
         placed = _spread(followed, noise)
         x, y, z = followed.velocity.tolist()
-        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, thing.supports)
+        alternatives = self._watched[name].alternatives
+        supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
+        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, supports)
         perceived = _perceived(followed, noise, placed)
         rest = 1.0 if perceived is None else 1.0 - perceived[0]
         parts = [

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.interest.curves import fleet_of, idle, joined, writer
+from benchmarks.interest.fleets import counted, rest_of
 
 
 def test_late_join_follows_what_is_asked_for_and_not_the_building() -> None:
@@ -25,3 +28,14 @@ def test_a_robot_gets_what_concerns_its_rooms() -> None:
 
 def test_a_part_in_which_nothing_happens_costs_a_digest_per_second() -> None:
     assert [idle(parts)["messages"] for parts in (1, 3)] == [2.0, 4.0]
+
+
+def test_of_what_a_robot_gets_only_digests_and_questions_follow_the_fleet() -> None:
+    told: list[str] = []
+    small, large, paper, _ = counted((4, 8), told.append)
+    assert small["digests"][0] == 4.0 and large["digests"][0] == 8.0
+    assert large["questions"][0] > small["questions"][0] > 0.0
+    assert rest_of(large) == pytest.approx(rest_of(small), rel=0.05)
+    assert paper["robots"] == 1000 and paper["digests"][0] == 1000.0
+    assert paper["messages"] == 125.0 * (large["digests"][0] + large["questions"][0]) + rest_of(large)[0]
+    assert len(told) == 4 and "1000 robots" in told[2]

@@ -16,6 +16,8 @@ from tests.dsr.conftest import Net
         ({"perceived": True, "last_seen": 9.5}, True),
         ({"perceived": True, "last_seen": 8.0}, False),
         ({"perceived": True, "last_seen": 10.3}, True),
+        ({"perceived": True, "last_seen": 11.0}, False),
+        ({"perceived": True, "last_seen": 1e12}, False),
     ],
 )
 def test_it_must_have_been_said_lately(net: Net, attributes: dict[str, object], expected: bool) -> None:

@@ -57,8 +57,8 @@ MODULES = {
         "visibility",
     },
     "dsr.vocabulary.what_if": {
-        "Action", "Answer", "MAX_CHANGES", "MAX_SECONDS", "MAX_WORLDS", "Numbers", "Pending", "Question", "SERVICE",
-        "Supposed", "TIMEOUT", "USUAL_WORLDS", "WhatIf", "WorldOutcome", "decode_answer", "decode_question",
+        "Action", "Answer", "LONGEST", "MAX_CHANGES", "MAX_SECONDS", "MAX_WORLDS", "Numbers", "Pending", "Question",
+        "SERVICE", "Supposed", "TIMEOUT", "USUAL_WORLDS", "WhatIf", "WorldOutcome", "decode_answer", "decode_question",
         "encode_answer", "encode_question", "share",
     },
     "dsr.worlds": {

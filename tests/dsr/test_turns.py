@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
+
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Write
-from dsr.crdt.pieces import START, Piece
+from dsr.crdt.pieces import START, Piece, Place
 from dsr.graph.graph import Graph
 from dsr.replication import fetching
 from dsr.replication.outputs import Ask
@@ -125,3 +127,25 @@ def test_additions_that_are_refused_count_too() -> None:
     graph.join(Piece(START, adds=adds[:4]).as_delta(), 0.0)
     fetch.note_joined(Piece(START, adds=adds, whole=[]), graph.store)
     assert fetch._refused == 6 and not fetch.is_useless
+
+
+def test_a_piece_that_was_lost_is_asked_for_again_and_not_all_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 10)
+    mine, holder = Synchroniser(Graph("me-1")), Synchroniser(Graph("holder-1"), joined=True)
+    for number in range(40):
+        holder.graph.add_node(f"n{number}", "cube", {}, 0.0)
+    mine.peer_appeared("holder-1", 0.0)
+    begins: list[Place] = []
+    now = 0.0
+    while not mine.joined and now < 60.0:
+        now += STEP
+        mine.receive_digest("holder-1", holder.digest(now), now, now)
+        for ask in [each for each in mine.tick(now, now) if isinstance(each, Ask)]:
+            begins.append(decode_request(ask.payload).begin)
+            if len(begins) % 2 == 0:  # each other answer is lost
+                continue
+            piece = holder.answer("me-1", ask.payload)
+            assert piece is not None
+            mine.receive_reply("holder-1", ask.number, encode_piece(piece), now)
+    assert mine.joined and len(mine.graph.nodes) == 40
+    assert begins == sorted(begins) and begins.count(START) == 1

@@ -93,10 +93,10 @@ def test_what_is_in_the_way_is_no_failure_of_cameras() -> None:
     assert seen[0] < seen[1], "and there is more that speaks for it if the can is elsewhere"
 
 
-def _gripped(scene: Blackout, name: str) -> None:
+def _gripped(scene: Blackout, held: str) -> None:
     """A gripper holds that thing."""
     thing = Blackout._thing
-    scene._thing = lambda other: replace(thing(scene, other), gripper="gripper" if other == name else "")  # type: ignore[method-assign]
+    scene._thing = lambda name: replace(thing(scene, name), gripper="gripper" if name == held else "")  # type: ignore[method-assign]
 
 
 def test_what_a_gripper_puts_elsewhere_afterwards_tells_nothing() -> None:

@@ -8,7 +8,8 @@ import pytest
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.motion.courses import COUNT, Courses
+from simulation_handler.explaining.glimpses import DRAW_COUNT
+from simulation_handler.motion.courses import Courses
 from simulation_handler.motion.setting_out import starts_of
 from simulation_handler.perception.percepts import WeighedPercept
 from simulation_handler.state.bodies import Bodies
@@ -104,7 +105,7 @@ def test_it_goes_on_in_many_courses_and_the_simulation_in_a_typical_one() -> Non
     table = Table(*MOVES)
     assert len(table.run(0.2)) == 0, "it may be seen again"
     early, late = table.run(0.2), table.run(1.0)
-    assert len(early) == len(late) == COUNT
+    assert len(early) == len(late) == DRAW_COUNT
     assert late[:, 0].std() > early[:, 0].std() > 0.01
     assert np.abs(late[:, 2] - RADIUS).max() < 0.005, "they go through each other, not over each other"
     assert table.bodies.sim.position("ball")[0] == pytest.approx(late[0, 0], rel=0.1)
@@ -163,7 +164,7 @@ def test_a_long_pause_costs_no_more_than_a_short_one() -> None:
     table = Table(*MOVES)
     table.now += 1e4  # s, as after a machine that slept while the ball was on its way
     paused = table.run(0.05)
-    assert len(paused) == COUNT
+    assert len(paused) == DRAW_COUNT
     assert (table.run(0.1)[:, 0] > paused[:, 0] + 0.001).any(), "time beyond is lost, so they are still on their way"
     table.close()
 
@@ -187,6 +188,6 @@ def test_each_tells_what_carries_it_there() -> None:
     table.run(1.1)
     found = table.courses.of("ball")
     fallen = [one for one in found if one.pose.t[0] > 0.5]
-    assert 0 < len(fallen) < COUNT
+    assert 0 < len(fallen) < DRAW_COUNT
     assert all(one.supports == (() if one in fallen else ("table",)) for one in found)
     table.close()

@@ -327,3 +327,15 @@ def test_what_rolls_easily_is_not_thrown_by_the_noise_of_what_pushes_it(seed: in
     for _ in range(50):
         world.tick()
         assert math.dist(world.pose("pearl").t, begin) < 0.035
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_gets_stuck_on_its_way_is_put_where_it_is_seen_at_rest(seed: int) -> None:
+    """It was lifted over an edge between two percepts, as far as is seen it went through."""
+    world = Occlusion({"cup": standing(0.25, 0.0, SMALL)}, seed)
+    world.belief.set_fixture("edge", (0.01, 0.4, 0.05), Pose((0.35, 0.0, 0.025)))
+    world.run(2.0)
+    world.move("cup", standing(0.45, 0.0, SMALL), speed=0.2)
+    world.run(2.5)
+    assert world.error("cup") < 0.005
+    assert not world.belief.evidence().objects["cup"].driven and world.belief.plausible("cup")

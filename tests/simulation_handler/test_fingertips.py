@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from simulation_handler.hands.fingertips import TIP_RADIUS, Gaps, is_opposed, meet
+from simulation_handler.hands.anatomy import HAND
+from simulation_handler.hands.fingertips import Gaps, is_opposed, meet
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import container
 
 CUBE = Solid("cube", (0.04, 0.04, 0.04), (0.0, 0.0, 0.02))
 
+RADIUS = HAND.tip_radius
+
 
 def test_gaps_and_ways_out_are_those_between_surfaces() -> None:
-    reach = 0.02 + TIP_RADIUS
+    reach = 0.02 + RADIUS
     points = {"thumb": (0.0, -reach - 0.005, 0.02), "index": (0.0, reach - 0.001, 0.02), "middle": (0.1, 0.0, 0.02)}
     met = meet(CUBE, points)
     assert met.keys() == {"thumb", "index"}
@@ -65,7 +68,7 @@ def test_what_is_half_covered_is_off_and_its_touch_ends_later(noise: float, fram
         assert bool(known) == (number < frames)
 
 
-@pytest.mark.parametrize(("half", "is_pinch"), [(0.045 + TIP_RADIUS, True), (0.042 - TIP_RADIUS, False)])
+@pytest.mark.parametrize(("half", "is_pinch"), [(0.045 + RADIUS, True), (0.042 - RADIUS, False)])
 def test_fingertips_that_are_spread_in_a_container_do_not_pinch_it(half: float, is_pinch: bool) -> None:
     size = (0.09, 0.09, 0.08)
     cup = Solid("cup", size, (0.0, 0.0, 0.04), shape=container(size))
@@ -77,4 +80,4 @@ def test_fingertips_that_are_spread_in_a_container_do_not_pinch_it(half: float, 
 def test_one_wall_of_a_container_is_pinched_from_both_sides() -> None:
     size = (0.09, 0.09, 0.08)
     cup = Solid("cup", size, (0.0, 0.0, 0.04), shape=container(size))
-    assert is_opposed(meet(cup, {"thumb": (0.0, 0.042 - TIP_RADIUS, 0.06), "index": (0.0, 0.045 + TIP_RADIUS, 0.06)}))
+    assert is_opposed(meet(cup, {"thumb": (0.0, 0.042 - RADIUS, 0.06), "index": (0.0, 0.045 + RADIUS, 0.06)}))

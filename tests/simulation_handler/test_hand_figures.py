@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
+from simulation_handler.hands.anatomy import ADULT, anatomy_of
 from simulation_handler.hands.figures import hand_solid
 from simulation_handler.shapes.geometry import Solid
 
@@ -43,3 +47,10 @@ def test_the_box_around_a_hand_holds_its_fingertips_and_its_forearm() -> None:
     hand = hand_solid("hand", Pose.identity(), {})
     for point in ((0.113, 0.006, -0.01), (0.044, 0.072, -0.02), (-0.345, 0.055, -0.08)):
         assert all(abs(p - q) < 0.5 * side for p, q, side in zip(point, hand.position, hand.size, strict=True))
+
+
+def test_a_wrong_size_in_a_model_of_a_hand_is_told_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "hand.toml"
+    file.write_text(ADULT.read_text().replace("tip_radius = 0.008", "tip_radius = -0.008"))
+    with pytest.raises(ConfigError, match=r"hand\.toml.*:5.*tip_radius"):
+        anatomy_of(file)

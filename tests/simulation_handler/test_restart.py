@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dsr import Pose
 from dsr.clock import WALL_CLOCK
 from dsr.timeline import EXPLAINED, query
 from dsr.vocabulary.explained import ExplainedChange
@@ -159,3 +160,38 @@ def test_what_only_goes_on_is_not_told_anew(table: Table, monkeypatch: pytest.Mo
     restart(table)
     table.run(3.0)
     assert explained(table) == ["nothing_changed()"]
+
+
+FORGED = {
+    "a far pose": Pose((1e12, 0.0, 0.0), stamp=5.0),
+    "a pose to come": Pose((0.4, 0.0, 0.02), stamp=1e12),
+}
+
+
+@pytest.mark.parametrize("forged", FORGED)
+def test_a_belief_that_cannot_be_is_not_recalled(table: Table, forged: str) -> None:
+    """A far one ended the handler at each start; with one of a time to come, no object was seen any more."""
+    for name, place in (("cube_1", cube_at(0.4, 0.1)), ("cube_2", cube_at(0.3, -0.1))):
+        table.add(name, place)
+    table.run(2.0)
+    table.lockstep.kill(NAME)
+    table.memory.add_edge("world", "cube_1", "Virtual_RT", pose=FORGED[forged])
+    table.truths["cube_1"], table.truths["cube_2"] = cube_at(0.4, 0.2), cube_at(0.3, -0.2)
+    table.lockstep.restart(NAME)
+    table.run(3.0)
+    assert table.lockstep.runner(NAME).status().errors == 0
+    assert max(table.error("cube_1"), table.error("cube_2")) < 0.005
+
+
+@pytest.mark.parametrize("what", ["gripper", "held"])
+def test_what_is_held_out_of_reach_is_held_by_nobody(table: Table, what: str) -> None:
+    """Else its pose would be one that no graph takes, and the handler would end again and again."""
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    table.memory.add_node("gripper", "gripper")
+    far, here = Pose((1e12, 0.0, 0.0)), cube_at(0.4, 0.1)
+    table.memory.add_edge("world", "gripper", "RT", pose=far if what == "gripper" else here)
+    table.memory.add_edge("gripper", "cube_1", "grasping", held_at=far if what == "held" else Pose())
+    table.run(2.0)
+    assert table.lockstep.runner(NAME).status().errors == 0
+    assert table.error("cube_1") < 0.005

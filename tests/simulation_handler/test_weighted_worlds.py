@@ -14,7 +14,7 @@ import pytest
 from dsr.errors import ConfigError
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
-from simulation_handler.contact.relations import Whereabouts
+from simulation_handler.contact.relations import SupportedPose
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD_ALOFT, HELD_LYING, HELD_OPENING, RESTLESS
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
@@ -206,7 +206,7 @@ def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> Non
     course = Course(share=0.0)
     course.box = replace(course.box, driven=True, supports=("table",))
     course.run(1.0)
-    there, fallen = Whereabouts(Pose((0.5, 0.0, 0.02)), ("table",)), Whereabouts(Pose((0.9, 0.0, -0.4)))
+    there, fallen = SupportedPose(Pose((0.5, 0.0, 0.02)), ("table",)), SupportedPose(Pose((0.9, 0.0, -0.4)))
     away = Pose((0.4, 0.0, 0.02)).with_covariance(COVARIANCE)
     course.run(0.5)
     course.run(0.3, lambda box: replace(box, believed=away, courses=(there, there, there, fallen)))
@@ -215,6 +215,17 @@ def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> Non
     on_table = sum(world.weight for world in course.worlds.worlds("box") if world.objects["box"].supports == ("table",))
     assert course.weight(ON_COURSE) > 0.1 and course.weight("elsewhere") < 0.02
     assert on_table == pytest.approx(1.0 - course.weight(ON_COURSE) / 4, abs=0.02)
+
+
+def test_what_the_simulation_has_taken_away_may_still_rest_where_it_was() -> None:
+    course = Course(share=0.0)
+    course.box = replace(course.box, supports=("table",))
+    course.run(1.5)
+    course.run(0.5, lambda box: replace(box, gone=True, believed=None, solid=None, supports=()))
+    worlds = course.worlds.worlds("box")
+    on_table = sum(world.weight for world in worlds if world.objects["box"].supports == ("table",))
+    assert course.weight("gone") > 0.0 and on_table == pytest.approx(course.weight("rests unseen"), abs=0.02)
+    assert on_table > 0.1
 
 
 def test_a_hand_holds_what_is_in_the_air_more_probably_than_what_lies_or_what_it_opens_about() -> None:

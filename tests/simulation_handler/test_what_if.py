@@ -228,9 +228,10 @@ def worked() -> Iterator[tuple[WhatIfService, Passing]]:
 
 def crowd(count: int, parts: int) -> tuple[Supposed, ...]:
     """Bodies that fall."""
-    shape = tuple(Part("box", (0.01, 0.01, 0.01), (0.001 * number, 0.0, 0.0)) for number in range(parts))
+    shape = [Part("box", (0.01, 0.01, 0.01), (0.001 * number, 0.0, 0.0)) for number in range(parts)]
     places = [Pose((0.5 + 0.1 * number, 0.0, 50.0)) for number in range(count)]
-    return tuple(Supposed.add(f"n{number}", pose, (0.03,) * 3, shape) for number, pose in enumerate(places))
+    adds = (Supposed.add(f"n{number}", pose, (0.03, 0.03, 0.03), tuple(shape)) for number, pose in enumerate(places))
+    return tuple(adds)
 
 
 @pytest.mark.parametrize(("changes", "said"), [(crowd(50, 16), "there is room"), (crowd(1, 1), "of a simulation")])

@@ -20,7 +20,7 @@ def believe(scene: SurpriseScene, x: float, stamp: float) -> None:
 
 
 def test_a_belief_on_its_way_is_interpolated_and_one_that_rested_is_not(scene: SurpriseScene) -> None:
-    beliefs, node = Beliefs(scene.memory, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
+    beliefs, node = Beliefs(scene.memory, 1.0, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
     for x, stamp in ((0.0, 10.0), (0.1, 10.1), (0.5, 11.1)):
         believe(scene, x, stamp)
         beliefs.update(stamp, [node], set())
@@ -32,7 +32,7 @@ def test_a_belief_on_its_way_is_interpolated_and_one_that_rested_is_not(scene: S
 
 
 def test_a_belief_jumps_unless_it_is_carried(scene: SurpriseScene) -> None:
-    beliefs, node = Beliefs(scene.memory, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
+    beliefs, node = Beliefs(scene.memory, 1.0, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
     found = []
     for x, held in ((0.0, False), (0.004, False), (0.02, False), (0.05, True)):
         believe(scene, x, 10.0 + x)
@@ -44,7 +44,7 @@ def test_a_belief_jumps_unless_it_is_carried(scene: SurpriseScene) -> None:
 
 
 def test_how_a_thing_was_believed_before_is_not_from_before_a_jump(scene: SurpriseScene) -> None:
-    beliefs, node = Beliefs(scene.memory, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
+    beliefs, node = Beliefs(scene.memory, 1.0, PoseTolerance(0.005, 0.1)), scene.memory.node("cube_0")
     assert beliefs.before("cube_0", 10.0) is None
     for x, stamp in ((0.0, 10.0), (0.001, 11.0), (0.1, 12.0), (0.101, 13.0)):
         believe(scene, x, stamp)

@@ -6,7 +6,7 @@ from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
 from surprise.suspicion import Suspicion
 
-CONFIG = SurpriseConfig(calm_after=0.5, text_period=0.5)
+CONFIG = SurpriseConfig(telling=0.5)
 
 
 def reason(extent: float, kind: str = "beside") -> Reason:

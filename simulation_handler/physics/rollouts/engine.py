@@ -59,9 +59,7 @@ class Engine:
         """Free the simulation; harmless when repeated."""
         self._sim.close()
 
-    def run(
-        self, scene: RolloutScene, seconds: float, is_late: Callable[[], bool] = lambda: False
-    ) -> RolloutOutcome:
+    def run(self, scene: RolloutScene, seconds: float, is_late: Callable[[], bool] = lambda: False) -> RolloutOutcome:
         """Let time pass in a scene; stops early when it is at rest.
 
         Args:

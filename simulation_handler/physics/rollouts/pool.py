@@ -18,7 +18,6 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import SimulationError
 
 _log = logging.getLogger("simulation_handler.physics.rollouts")
-_NAP = 0.02  # s between two looks at the clock
 _HELP_AFTER = 0.05  # s without an answer, longer than rollouts take, after which this process simulates, too
 _MOST_DEATHS = 3  # in a row without an answer, after which a worker is given up
 
@@ -148,7 +147,7 @@ class _Run:
             if now >= deadline or not (alive or here is not None):
                 break
             help_at = answered_at + _HELP_AFTER if self._under_way else now
-            wait_until = min(deadline, now + _NAP if here is None else help_at)
+            wait_until = min(deadline, now + _HELP_AFTER if here is None else help_at)
             if answered := _readable(alive, max(wait_until - now, 0.0)):
                 self._take_all(answered)
                 answered_at = self._clock.monotonic()

@@ -72,6 +72,24 @@ def test_an_action_is_no_more_probable_than_the_grasp_that_it_rests_on():
     assert told[0.6] == pytest.approx([0.6 * confidence for confidence in told[1.0]])
 
 
+def test_what_is_probably_not_where_it_is_said_to_lie_was_probably_not_let_go():
+    """A hand goes out of sight, and the belief presumes that the thing fell from it: nobody has seen that."""
+    for probability in (1.0, 0.7):
+        stage = Stage(AttributedPolicy())
+        stage.add("cup", (0.0, 0.0, 0.02))
+        stage.run(1.0)
+        stage.change("cup", grasps=(ObservedGrasp(HAND, stage.now, 0.9),))
+        lift(stage)
+        stage.run(1.0)
+        stage.visible["cup"] = False
+        stage.grasp("cup")
+        stage.run(0.4)
+        stage.change("cup", believed=Pose((0.0, 0.0, 0.02)), plausible=True, on=frozenset({"table"}), lies=probability)
+        stage.run(1.0)
+        assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+        assert stage.confidences == pytest.approx([0.9, 0.9 * 0.7 * probability]), "nobody saw it fall"
+
+
 def test_a_hand_that_opens_has_held_the_thing_as_probably_as_before():
     stage = Stage(AttributedPolicy())
     stage.add("cup", (0.0, 0.0, 0.02))

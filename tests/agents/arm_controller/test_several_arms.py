@@ -145,3 +145,41 @@ def test_a_second_controller_of_one_arm_does_not_start(bench: Bench) -> None:
     bench.memory.update_node("arm", controller="mission")
     with pytest.raises(ConfigError, match="arm 'arm' is moved by 'mission', which runs"):
         bench.start(joining=0.5)
+
+
+@pytest.mark.parametrize("ahead", [3600.0, 1e11])
+def test_a_release_from_the_future_releases_nothing(memory: Memory, ahead: float) -> None:
+    future = memory.clock.now() + ahead
+    memory.add_node("halt_left", "halt", halted=False, halt_id="f", source="eve", since=future, arm="left")
+    halt = HaltOrder("5", True, "anna", "a hand", memory.clock.now())
+    memory.add_node("halt", "halt", halted=True, halt_id="5", source="anna", explanation="a hand", since=halt.stamp)
+    assert order_about(memory, "left") == halt
+
+
+@pytest.mark.parametrize("halted", [True, False])
+@pytest.mark.parametrize(("forged", "arm"), [("halt", "left"), ("halt_left", ""), ("halt_left", "left")])
+def test_whoever_orders_after_an_order_from_the_future_is_obeyed(
+    memory: Memory, halted: bool, forged: str, arm: str
+) -> None:
+    memory.add_node(forged, "halt", halted=not halted, halt_id="f", source="eve", since=1e12)
+    if forged != "halt":
+        memory.update_node(forged, arm="left")
+    order = HaltOrder("5", halted, "anna", "", memory.clock.now(), arm)
+    write_order(memory, order)
+    assert order_about(memory, "left") == order
+
+
+def test_an_older_order_that_is_written_late_overtakes_none(memory: Memory) -> None:
+    memory.add_node("halt_left", "halt", halted=True, halt_id="1", source="ben", since=2.0, arm="left")
+    write_order(memory, HaltOrder("2", False, "anna", "", 1.0))
+    assert order_about(memory, "left") == HaltOrder("1", True, "ben", "", 2.0, "left")
+
+
+@pytest.mark.parametrize("stamp", [1e300, -1e300])
+def test_an_order_with_any_time_is_obeyed_and_kept(left: Bench, stamp: float) -> None:
+    """The controller died when it wrote that time, and after its restart knew of no halt."""
+    send_order(left.memory.transport, Keys("test"), HaltOrder("7", True, "anna", "", stamp))
+    left.run(1.0)
+    assert left.runner.status().errors == 0 and left.memory.node("left")["status"] == "halted"
+    kept = order_about(left.memory, "left")
+    assert kept is not None and kept.halted and 0.0 <= kept.stamp <= left.clock.now()

@@ -220,3 +220,20 @@ def test_the_system_with_hands_is_the_usual_one_and_the_tracker() -> None:
     )
     assert [agent for agent in hands if agent["name"] != "hand_tracker"] == usual
     assert len(hands) == len(usual) + 1
+
+
+def test_a_hand_that_was_seen_at_a_time_to_come_does_not_stay_for_ever(bench: Bench) -> None:
+    for name, kind in ((NAME, "hand"), (finger(1), "finger")):
+        bench.memory.add_node(name, kind, perceived=True, last_seen=1e12)
+        bench.memory.add_edge("world", name, "RT", pose=Pose())
+    bench.memory.add_edge(NAME, finger(1), "has")
+    bench.run(0.5)
+    assert NAME not in bench.memory and finger(1) not in bench.memory
+
+
+def test_a_hand_that_is_nowhere_is_not_adopted(bench: Bench) -> None:
+    """Its edge without a pose made each tick fail, and so ended the tracker at each start."""
+    bench.memory.add_node(NAME, "hand", perceived=True)
+    bench.memory.add_edge("world", NAME, "RT")
+    bench.exchange(0.1)
+    assert NAME in bench.own and bench.agent._nodes.known() == []

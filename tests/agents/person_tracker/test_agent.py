@@ -80,3 +80,9 @@ def test_names_that_cannot_be_used_are_counted(agent: PersonTracker, clock: Manu
     agent.tick(clock.now())
     assert agent.skipped == {"taken": 1, "malformed": 1}
     assert "human_1" in agent.memory
+
+
+def test_who_was_seen_at_a_time_to_come_is_not_perceived_for_ever(agent: PersonTracker, clock: ManualClock) -> None:
+    agent.memory.add_node("human_1", "person", perceived=True, last_seen=1e12)
+    agent.tick(clock.now())
+    assert agent.memory.node("human_1")["perceived"] is False

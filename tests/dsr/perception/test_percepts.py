@@ -6,7 +6,8 @@ import pytest
 
 from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene
 from dsr.math3d.transforms import Pose
-from dsr.perception.percepts import MOST_AHEAD, PerceptReader
+from dsr.perception.percepts import PerceptReader
+from dsr.vocabulary.perceived import MOST_AHEAD
 
 
 @pytest.fixture

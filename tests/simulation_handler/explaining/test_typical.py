@@ -19,7 +19,7 @@ def candidate(hypothesis: Hypothesis, total: float, x: float) -> Candidate:
 
 
 def fell(draw: int, total: float, x: float) -> Candidate:
-    return candidate(Hypothesis().with_fall("a", FROM_GLIMPSE - draw), total, x)
+    return candidate(Hypothesis().with_fall("a", FROM_GLIMPSE + draw), total, x)
 
 
 def test_the_fall_in_the_middle_stands_for_all() -> None:

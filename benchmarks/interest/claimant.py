@@ -1,0 +1,72 @@
+"""An agent that claims to hold parts, and never gives all of them: nobody may wait for it for ever."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from dsr.clock import Clock
+from dsr.crdt.context import CausalContext
+from dsr.crdt.pieces import START, Piece
+from dsr.network.keys import Keys, agent_of, part_rid
+from dsr.network.transport import Qos, Transport
+from dsr.replication.holders import HoldersAnswer, decode_query
+from dsr.replication.piece_wire import decode_request, encode_piece
+from dsr.replication.wire import Digest, encode_digest
+
+Kind = Literal["tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew"]
+KINDS: tuple[Kind, ...] = ("tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew")
+"""What it does: says not even whether it holds a part; says so and does not take part in it; takes part and does not
+answer; answers that it has not joined, whoever insists; gives the first piece and never the next; spoils the next."""
+
+
+class Claimant:
+    """Speaks in the base of a graph whenever `speak` is called, and in some parts; what it has of the base it gives.
+
+    Args:
+        kind: what it does, and does not.
+        transport: its connection.
+        clock: for its digests.
+        graph: name of the graph.
+        rid: its replica id in the base.
+        parts: which it claims to hold.
+    """
+
+    def __init__(
+        self, kind: Kind, transport: Transport, clock: Clock, graph: str, rid: str, parts: tuple[str, ...]
+    ) -> None:
+        self._kind, self._transport, self._clock, self._rid = kind, transport, clock, rid
+        base, agent = Keys(graph), agent_of(rid)
+        self._speaks_as = {base.digest(rid): rid}
+        self._held = {Keys(graph, part=part).place: part_rid(rid, part, 1) for part in parts}
+        transport.announce(base.presence(agent, rid))
+        nothing = encode_piece(Piece(START, whole=[], joined=False))
+        transport.serve(base.sync(rid), lambda key, payload: nothing)
+        if kind != "tells nothing":
+            transport.serve(base.holders(rid), self._claim)
+        if kind in ("tells nothing", "is not there"):
+            return
+        for part in parts:
+            keys, mine = Keys(graph, part=part), part_rid(rid, part, 1)
+            if kind != "is silent":
+                transport.serve(keys.sync(mine), self._answer)
+            transport.announce(keys.presence(agent, mine))
+            self._speaks_as[keys.digest(mine)] = mine
+
+    def _claim(self, key: str, payload: bytes) -> bytes:
+        places = decode_query(payload).places
+        return msgspec.msgpack.encode(HoldersAnswer(1, self._rid, [self._held.get(place, "") for place in places]))
+
+    def _answer(self, key: str, payload: bytes) -> bytes | None:
+        if self._kind == "waits itself":
+            return encode_piece(Piece(START, joined=False, waits_for=["nobody-1"]))
+        if decode_request(payload).begin == START:
+            return encode_piece(Piece(START, (self._rid, 1, ""), whole=[]))
+        return b"nonsense" if self._kind == "begins anew" else None
+
+    def speak(self) -> None:
+        """Send digests, as whoever is there and well does once a second."""
+        for key, rid in self._speaks_as.items():
+            digest = Digest(rid, self._clock.now(), CausalContext().summary(), 0, ())
+            self._transport.publish(key, encode_digest(digest), Qos.STREAM)
