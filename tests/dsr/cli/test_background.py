@@ -18,9 +18,10 @@ from dsr.network.rendezvous import graphs, read_claim
 SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
 
 
-def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:
+def dsr(*arguments: str, beside: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Call the command, in the folder `beside` if that is given."""
     command = [sys.executable, "-m", "dsr.cli", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=beside)
 
 
 @pytest.fixture
@@ -148,13 +149,13 @@ def test_logs_of_a_system_that_has_ended_are_those_of_its_last_run(
 
 
 @pytest.mark.parametrize("command", ["ls", "stop", "logs"])
-def test_what_is_left_of_killed_processes_is_removed(command: str, private_runtime_dir: Path) -> None:
+def test_what_is_left_of_killed_processes_is_removed(command: str, private_runtime_dir: Path, tmp_path: Path) -> None:
     for options in ([], ["-g", "counters"]):
         folder = private_runtime_dir / "dsr" / "counters"
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         (folder / "first-0123.endpoint").write_text("tcp/127.0.0.1:1 memory")
         folder.with_name("counters.launcher").write_text(f"{os.getpid()} {private_runtime_dir / 'run'}")
-        result = dsr(command, *options)
+        result = dsr(command, *options, beside=tmp_path)  # where nothing was run before
         assert result.returncode == 2 and "runs on this machine" in result.stderr
         assert list(folder.parent.iterdir()) == []
 
