@@ -14,7 +14,7 @@ from dsr.errors import TransformError
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.vocabulary.perceived import seconds_unseen
+from dsr.vocabulary.perceived import MOST_AHEAD, seconds_unseen
 
 _NAME = re.compile(r"human_hand_(\d)")
 _FINGER = re.compile(r"human_hand_\d_finger_(\d)")
@@ -55,7 +55,10 @@ class HandNodes:
             if match is None or pose is None or int(match[1]) >= HANDS:
                 continue
             side = node.get("side")
-            palm = pose.with_stamp(float(node.get("last_seen", pose.stamp))).with_covariance(None)
+            stamp = float(node.get("last_seen", pose.stamp))
+            if stamp > self._memory.clock.now() + MOST_AHEAD:  # by a clock that was wrong: any percept is newer
+                stamp = 0.0
+            palm = pose.with_stamp(stamp).with_covariance(None)
             known_side: Side = side if side in ("left", "right") else "unknown"
             found.append(HandTrack(int(match[1]), self._config, palm, known_side, str(node.get("source", ""))))
         return found

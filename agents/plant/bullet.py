@@ -20,6 +20,8 @@ class Bullet:
 
     def __init__(self) -> None:
         self.client: int = pybullet.connect(pybullet.DIRECT)
+        self.changes = 0
+        """How often a body came or went: the number of one that went is given to another one."""
         self.looks: Looks | None = None
         """What its bodies look like. None unless somebody who wants to know puts it there before the first body."""
 
@@ -46,10 +48,12 @@ class Bullet:
     def remove_body(self, body: int) -> None:
         """As `removeBody` of pybullet."""
         self.removeBody(body)
+        self.changes += 1
         if self.looks is not None:
             self.looks.remove(body)
 
     def _noted(self, body: int) -> int:
+        self.changes += 1
         if self.looks is not None:
             self.looks.add(body, self.getVisualShapeData(body))
         return body

@@ -63,14 +63,17 @@ class Looks:
 
     def add(self, body: int, shapes: Iterable[tuple[Any, ...]]) -> None:
         """Take note of a body by what `getVisualShapeData` says of it."""
-        self.bodies[body] = tuple(map(self._look, shapes))
+        self.bodies[body] = tuple(drawn for shape in shapes if (drawn := self._look(shape)) is not None)
 
     def remove(self, body: int) -> None:
         """The body is no more."""
         self.bodies.pop(body, None)
 
-    def _look(self, shape: tuple[Any, ...]) -> Drawable:
+    def _look(self, shape: tuple[Any, ...]) -> Drawable | None:
+        """None for what is invisible, and for a plane without end."""
         _, link, kind, sizes, name, position, rotation, rgba = shape[:8]
+        if rgba[3] <= 0.0 or kind == pybullet.GEOM_PLANE:
+            return None
         scale = (1.0, 1.0, 1.0)
         if kind == pybullet.GEOM_MESH:
             file, scale = name.decode(), sizes

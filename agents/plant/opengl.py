@@ -104,14 +104,15 @@ class OpenGl:
         try:
             options: dict[str, Any] = dict(_LIBRARIES) if sys.platform == "linux" else {}
             self._context = moderngl.create_context(standalone=True, require=330, **options)
+            with self._context as context:
+                self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+                context.enable(moderngl.DEPTH_TEST)
         except Exception as error:  # it raises plain `Exception`
             raise OSError(f"no OpenGL 3.3 without a window: {error}") from error
-        with self._context as context:
-            self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        with self._context:
             self._set("light", np.array(light.towards) / np.linalg.norm(light.towards))
             self._set("ambient", light.ambient)
             self._set("diffuse", light.diffuse)
-            context.enable(moderngl.DEPTH_TEST)
         self._sky = light.sky
         self._looks = looks
         self._shapes: dict[int, tuple[tuple[Drawable, ...], list[_Shape]]] = {}

@@ -100,9 +100,9 @@ class Renderer:
         return self._last.picture
 
     def _state(self, world_from_camera: Pose) -> NDArray[np.float64]:
-        """Where the camera is, the numbers of all bodies, where they are, and how their joints are."""
+        """Which bodies there are, where they and the camera are, and how their joints are."""
         bullet = self._bullet
-        values: list[float] = [*world_from_camera.t, *world_from_camera.q]
+        values: list[float] = [bullet.changes, *world_from_camera.t, *world_from_camera.q]
         for index in range(bullet.getNumBodies()):
             body = bullet.getBodyUniqueId(index)
             position, rotation = bullet.getBasePositionAndOrientation(body)

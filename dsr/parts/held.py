@@ -149,14 +149,14 @@ class HeldParts:
         with self._changing:
             if self._asking.get(part) is not replica:
                 return
-            self._settle(part)
+            self._settle(part, answered=True)
             if not replica.synchroniser.joined:
                 _log.info("nobody else holds part %r: it begins here", part)
                 replica.synchroniser.nobody_there()
 
-    def _settle(self, part: str) -> None:
+    def _settle(self, part: str, *, answered: bool) -> None:
         if self._asking.pop(part, None) is not None:
-            self._holders.settle(self._place(part))
+            self._holders.settle(self._place(part), answered=answered)
 
     def _room_for(self, parts: list[str]) -> list[str]:
         """Those of `parts` that are held if all are asked for; the others are told once."""
@@ -248,7 +248,7 @@ class HeldParts:
         if replica is not None:
             with self._replica.lock:
                 self.graph.leaving.add(part)  # what is written from now on would not be sent
-            self._settle(part)
+            self._settle(part, answered=False)
             replica.close()
             with self._replica.lock:
                 self.graph.leave(part)

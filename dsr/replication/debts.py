@@ -42,6 +42,10 @@ class Debts:
         if place in self._accounts:
             self._accounts[place] = _Account(now := self._clock.monotonic(), now)
 
+    def forget(self, place: str) -> None:
+        """The question is answered: whoever is asked for the place again is waited for anew."""
+        self._accounts.pop(place, None)
+
     def waits_for(self, place: str, process: str) -> bool:
         """Whether a process has not owed for too long, nor come too late."""
         account = self._accounts.get(place)

@@ -122,9 +122,11 @@ class Holders:
             self._debts.open(place)
             self._due, self._pause = -math.inf, FIRST_PAUSE
 
-    def settle(self, place: str) -> None:
-        """Ask no more for a place."""
+    def settle(self, place: str, *, answered: bool) -> None:
+        """Ask no more for a place. What others owe goes on counting if the question is not `answered`."""
         with self._lock:
+            if answered:
+                self._debts.forget(place)
             self._wanted.pop(place, None)
             self._answers.pop(place, None)
 
@@ -194,7 +196,7 @@ class Holders:
         claimants = {rid: processes.get(rid, rid) for rid in sync.joining.claimants}
         owing = {process: base.heard_at(process) for process in self._asked & known if process not in told}
         for rid, process in claimants.items():
-            if sync.joining.owes(rid) and sync.was_asked(rid):
+            if sync.joining.owes(rid) and sync.was_asked(rid) and not sync.keeps_waiting(rid):
                 owing[process] = max(sync.heard_at(rid), base.heard_at(process))
         gave = {claimants.get(rid, rid) for rid in sync.joining.take_went_on()}
         with self._lock:

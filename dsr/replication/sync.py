@@ -112,6 +112,8 @@ class Synchroniser:
     _paused: dict[str, Fetch] = field(default_factory=dict)
     _turn_ends: float = math.inf
     _turn_over: bool = False
+    _turn_brought: bool = False
+    _ready: set[str] = field(default_factory=set)
     _broken_off: set[str] = field(default_factory=set)
     _requests: int = 0
     _pieces_before: int = 0
@@ -151,6 +153,7 @@ class Synchroniser:
         """Expect nothing more of a replica."""
         self.joining.gone(rid)
         self._paused.pop(rid, None)
+        self._ready.discard(rid)
         if self._fetch is not None and self._fetch.peer == rid:
             self._give_up()
 
@@ -247,9 +250,13 @@ class Synchroniser:
                 self._give_up()
             raise
         if fetch is None:
+            if not is_refusal(piece) and sender in self._peers:
+                self.joining.went_on(sender, piece.end)  # late, but who gives it gets on
             return
         self._pace.answered()
-        self.pieces += taken and self.joining.went_on(sender, piece.end)
+        went_on = taken and self.joining.went_on(sender, piece.end)
+        self.pieces += went_on
+        self._turn_brought |= went_on
         if is_refusal(piece):
             self.joining.declined(sender, piece.waits_for)
             self._give_up()
@@ -405,6 +412,8 @@ class Synchroniser:
             self._peers[peer].asked += 1
             self._peers[peer].asked_at = now
             self._fetch, self._turn_ends, self._turn_over = self._begun(peer), now + TURN, False
+            self._turn_brought = False
+            self._ready.discard(peer)
         self._asked_at = now
         return [self._request(self._fetch)]
 
@@ -421,6 +430,8 @@ class Synchroniser:
     def _pause(self, fetch: Fetch) -> None:
         """Let others answer; this answer goes on, with the same piece, when it is the turn of who gives it."""
         self._give_up()
+        if self._turn_brought:
+            self._ready.add(fetch.peer)
         if fetch.begin != START and len(self._paused) < MAX_PAUSED:
             self._paused[fetch.peer] = fetch
 
@@ -484,6 +495,10 @@ class Synchroniser:
         """Whether a replica was asked for what it has, or cannot be, for nobody there goes by that id."""
         peer = self._peers.get(rid)
         return peer is None or peer.asked > 0
+
+    def keeps_waiting(self, rid: str) -> bool:
+        """Whether a replica gave what it was asked for in its last turn, and is not asked now: it is others' turn."""
+        return rid in self._ready
 
     @property
     def heard(self) -> list[str]:

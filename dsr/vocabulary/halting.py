@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Annotated
 
 import msgspec
@@ -133,6 +133,8 @@ def write_order(memory: Memory, order: HaltOrder) -> None:
     node = memory.get_node(name)
     now = memory.clock.now()
     since = min(max(order.stamp, 0.0), now)
+    if order.halted:  # whatever the clock of who ordered it says, it is newer than what was released before
+        since = max([since, *_releases(memory, order.arm, now + MAX_DRIFT)])
     values = {"halted": order.halted, "halt_id": order.id, "source": order.by, "explanation": order.why, "since": since}
     if order.arm:
         values["arm"] = order.arm
@@ -147,6 +149,15 @@ def write_order(memory: Memory, order: HaltOrder) -> None:
             is_about_them = order.arm in ("", other.get("arm", "")) or other.name == HALT_NODE
             if other.name != name and is_about_them and other.get("since", 0.0) > now + MAX_DRIFT:
                 memory.update_node(other.name, since=math.nextafter(since, -math.inf))
+
+
+def _releases(memory: Memory, arm: str, latest: float) -> Iterator[float]:
+    """Times of releases in the graph, up to the latest, about arms that an order about `arm` is about."""
+    for node in memory.nodes(HALT_NODE):
+        since = float(node.get("since", 0.0))
+        is_about_them = arm in ("", node.get("arm", "")) or node.name == HALT_NODE
+        if is_about_them and not node.get("halted", False) and since <= latest:
+            yield since
 
 
 def order_about(memory: Memory, arm: str) -> HaltOrder | None:

@@ -320,12 +320,14 @@ class Worlds(Generic[World]):
 
         holders, place = memory.who_holds, memory.keys.place
         holders.ask(place)
+        answered = False
         try:
-            if holders.gathered(memory.replica, place, None if self.threaded else move, timeout):
+            answered = holders.gathered(memory.replica, place, None if self.threaded else move, timeout)
+            if answered:
                 return
             why = holders.trouble(memory.replica, place)
         finally:
-            holders.settle(place)
+            holders.settle(place, answered=answered)
         if why:
             raise TransportError(f"world {name!r}: not complete after {timeout:.1f} s, {why}")
         raise WorldNotFoundError(f"world {name!r} is listed, but nobody holds it any more")
