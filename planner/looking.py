@@ -105,8 +105,8 @@ def viewpoints(
     """Cameras, and world_from_camera of looks straight down on the table in reach where no fixed camera sees it.
 
     Each tells most of where a thing is that may be at any of those places or at none of them, all as probable, and was
-    not shown by those before it. There is none that would tell less than `config.least_information`, as far as it is
-    probable that those before it show nothing.
+    not shown by those before it. Beside the first there is none that would tell less than `config.least_information`,
+    as far as it is probable that those before it show nothing.
     """
     table = state.solids.get(state.table or "")
     if table is None:
@@ -128,7 +128,8 @@ def viewpoints(
             np.append(unseen, 1.0) / (unseen.sum() + 1.0), np.column_stack([shown, np.zeros(len(shown))])
         )
         best = int(np.round(told, 9).argmax())
-        if (unseen.sum() + 1.0) / sought * told[best] < config.least_information:
+        tells_little = (unseen.sum() + 1.0) / sought * told[best] < config.least_information
+        if not (shown[best] & unseen).any() or (found and tells_little):  # one look is tried, however narrow
             break
         eye, place = views[best]
         found.append((eye, Pose((*places[place].tolist(), height), DOWN)))
@@ -142,4 +143,4 @@ def _radius(intrinsics: Intrinsics, config: PlannerConfig) -> float:
     What is there shows as a whole.
     """
     shown = config.look_height * min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
-    return 0.5 * (shown - APART)
+    return max(0.0, 0.5 * (shown - APART))

@@ -105,7 +105,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     @property
     def hover_tolerance(self) -> float:
         """Metres that a percept may be above or below its support by noise alone; beyond, something else holds it."""
-        return SURE_SIGMAS * self.depth_bias
+        return SURE_SIGMAS * math.hypot(self.depth_bias, self.depth_noise, PLACE_FLOOR)
 
     @property
     def surprise_angle(self) -> float:

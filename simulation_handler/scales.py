@@ -24,7 +24,7 @@ SAME_OUTCOME = 0.5 * SAME_PLACE
 UNSEEN_SLACK = SAME_PLACE
 """m, standard deviation of where what is not seen really is, about where a hypothesis says it is"""
 ASTRAY = math.sqrt(2.0 * SURPRISING) * PerceptNoise().depth_noise
-"""m, from which it is surprising that percepts of the same place are so far apart"""
+"""m from where it is known to be, from which it is surprising that something is seen so far away by noise alone"""
 GONE_FROM = 2.0 * SAME_PLACE
 """m from where it was, from which an object has surely left there: both places may be off"""
 HAND_REACH = 0.15

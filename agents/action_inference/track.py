@@ -6,6 +6,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from agents.action_inference.bumps import FRESH
 from agents.action_inference.heights import KEPT_SAMPLES, Height, Heights
 from agents.action_inference.observation import ObservedEnd, ObservedGrasp
 from dsr.vocabulary.handling import Handling
@@ -60,9 +61,13 @@ class ThingTrack:
             self.holds.append((now, grasp.probability))
 
     def held_at(self, time: float) -> float:
-        """Probability (0 to 1) that who was last known to hold it did so at `time` (s); 1 if nothing was known to.
+        """Probability (0 to 1) that who was last known to hold it did so until `time` (s); 1 if nothing was known to.
 
-        A hand that opens holds it less probably than before, but what it did then is as probable as its hold was.
+        A hand that opens holds it less and less probably, but what it did then is as probable as its hold was. So it is
+        the greatest probability since shortly before.
         """
-        before = [probability for since, probability in self.holds if since <= time]
-        return before[-1] if before else self.holds[0][1] if self.holds else 1.0
+        before = [(since, probability) for since, probability in self.holds if since <= time]
+        if not before:
+            return self.holds[0][1] if self.holds else 1.0
+        ends = [*(since for since, _ in before[1:]), math.inf]
+        return max(probability for (_, probability), end in zip(before, ends, strict=True) if end > time - FRESH)

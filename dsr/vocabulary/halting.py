@@ -148,7 +148,9 @@ def write_order(memory: Memory, order: HaltOrder) -> None:
         for other in memory.nodes(HALT_NODE):
             is_about_them = order.arm in ("", other.get("arm", "")) or other.name == HALT_NODE
             if other.name != name and is_about_them and other.get("since", 0.0) > now + MAX_DRIFT:
-                memory.update_node(other.name, since=math.nextafter(since, -math.inf))
+                # a halt goes on for the arms that this order is not about; a release of a time to come released nobody
+                older = math.nextafter(since, -math.inf) if other.get("halted", False) else 0.0
+                memory.update_node(other.name, since=older)
 
 
 def _releases(memory: Memory, arm: str, latest: float) -> Iterator[float]:

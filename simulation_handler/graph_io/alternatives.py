@@ -170,8 +170,8 @@ def _is_same_alternative(
     if (follows and new is best[1]) or old.pose is None or new.pose is None:
         return True
     before, now = position_deviation(old.pose), position_deviation(new.pose)
-    same = max(SAME_OUTCOME, before)
-    if abs(before - now) > same:
+    same = max(SAME_OUTCOME, min(before, now))
+    if abs(before - now) > max(SAME_OUTCOME, 0.5 * before):  # else a place that gets sure would stay as it was told
         return False
     if follows and are_at_one_place(old, best[0]) and are_at_one_place(new, best[1]):
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 from dsr.errors import SchemaError
@@ -18,6 +19,8 @@ from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.graph_io.reach import near
 from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
+
+log = logging.getLogger("simulation_handler.recalling")
 
 SOURCES = (CONTACT, EXPLANATION, BOUNDS)
 """Sources of the relations that the belief writes."""
@@ -77,7 +80,12 @@ class Recalling:
         for edge in self._memory.edges("grasping", dst=node.name):
             held_at, source = edge.get("held_at"), edge.get("source")
             if source in (CONTACT, EXPLANATION) and held_at is not None:
-                grasp = HandGrasp(_since(edge, now), near(node, held_at), _handling(edge))
+                try:
+                    place = near(node, held_at)
+                except SchemaError as error:  # the other relations are recalled all the same
+                    log.warning("%s is not recalled: %s", edge, error)
+                    continue
+                grasp = HandGrasp(_since(edge, now), place, _handling(edge))
                 self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
         for edge in self._memory.edges("in", src=node.name):
             self._belief.recall_contents((edge.src, edge.dst), _since(edge, now), now)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import NamedTuple
@@ -116,4 +117,4 @@ def _is_known(hand: Hand, now: float) -> bool:
 
 def _is_lower(item: BelievedObject, holds: Sequence[_Hold]) -> bool:
     """Whether an object is lower than it was in the hand, by more than noise."""
-    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + ASTRAY
+    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + math.sqrt(2.0) * ASTRAY  # both are percepts

@@ -344,7 +344,7 @@ class Driving:
         scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.supported([item.name])})
         covariance = UNSEEN_COVARIANCE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._config
-        reach = SAME_PLACE if is_lifted(item, drive) else config.hover_tolerance
+        reach = min(SAME_PLACE, config.hover_tolerance) if is_lifted(item, drive) else config.hover_tolerance
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config, reach)
         if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, others):

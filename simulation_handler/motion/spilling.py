@@ -113,10 +113,14 @@ class Spilling:
         places = np.array([position for position, _ in ends])
         distances = np.linalg.norm(places[:, None] - places, axis=2)
         medoid = int(np.argmin(np.quantile(distances, _MOST, axis=1)))
-        around = {
-            other: sim.position(other) for other in objects if other in sim and other not in (body.name, container)
-        }
+        others = (other for other in objects if other in sim and other not in (body.name, container))
+        around = {other: sim.position(other) for other in others if self._may_touch(other, body, ends[medoid][0])}
         return _Fall(now, ends[medoid], around)
+
+    def _may_touch(self, other: str, body: RolloutBody, place: Vector3) -> bool:
+        """Whether a body at a place is so near another object that they may touch, however both are turned."""
+        reach = 0.5 * (math.hypot(*body.size) + math.hypot(*self._bodies.objects[other].size)) + SAME_PLACE
+        return math.dist(self._bodies.sim.position(other), place) < reach
 
     def _candidates(self, scene: RolloutScene, body: RolloutBody) -> list[RolloutBody]:
         """How the body may be on its way, without being in others."""
