@@ -250,8 +250,8 @@ class Synchroniser:
                 self._give_up()
             raise
         if fetch is None:
-            if not is_refusal(piece) and sender in self._peers:
-                self.joining.went_on(sender, piece.end)  # late, but who gives it gets on
+            if not is_refusal(piece) and sender in self._peers and self.joining.went_on(sender, piece.end):
+                self._ready.add(sender)  # late, but who gives it gets on
             return
         self._pace.answered()
         went_on = taken and self.joining.went_on(sender, piece.end)
@@ -348,6 +348,8 @@ class Synchroniser:
         """Ask for no further piece."""
         if self._fetch is not None and self._fetch.begin != START and len(self._broken_off) < MAX_PEERS:
             self._broken_off.add(self._fetch.peer)  # what it had not sent yet is a gap that somebody can fill
+        if self._fetch is not None and self._turn_brought and self._fetch.peer in self._peers:
+            self._ready.add(self._fetch.peer)
         self._fetch = self._under_way = None
 
     def nobody_there(self) -> None:
@@ -497,7 +499,7 @@ class Synchroniser:
         return peer is None or peer.asked > 0
 
     def keeps_waiting(self, rid: str) -> bool:
-        """Whether a replica gave what it was asked for in its last turn, and is not asked now: it is others' turn."""
+        """Whether a replica gave what it was asked for last, and is not asked now: it is others' turn."""
         return rid in self._ready
 
     @property

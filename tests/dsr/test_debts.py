@@ -155,6 +155,46 @@ def test_a_holder_that_is_stopped_is_not_overtaken_while_it_counts_as_there(net:
     assert joined(b) and "cup" in b and "cup" in a
 
 
+def test_a_part_that_is_taken_again_and_again_waits_for_who_came_to_hold_it(net: Net) -> None:
+    a, b = house(net)
+    a.leave_part("kitchen")
+    for _ in range(5):
+        b._parts("test").take("kitchen")
+        pump(net, 5)
+        b.leave_part("kitchen")
+        pump(net, 5)
+    c = net.join("c", interest=())
+    c._parts("test").take("kitchen")
+    pump(net, 5)
+    c.add_node("spoon", "cube", "kitchen")
+    pump(net, 1)
+    b._parts("test").take("kitchen")
+    pump(net, 10, until=lambda: joined(b))
+    assert joined(b) and "spoon" in b
+
+
+@pytest.mark.parametrize("kind", ["never ends", "is silent"])
+def test_a_slow_holder_is_not_given_up_while_liars_have_their_turns(
+    net: Net, kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 20)
+    a, b = house(net)
+    for k in range(100):
+        a.add_node(f"thing_{k}", "cube", "kitchen")
+    net.pump(2.0)
+    liars = [lie(net, kind, f"liar{k}") for k in range(5)]
+    pump(net, 3, *liars)
+    b._parts("test").take("kitchen")
+    late = Faults(delay=(1.2, 1.2))
+    for _ in range(200):
+        for liar in liars:
+            liar.speak()
+        net.pump(1.0, late)
+        if joined(b):
+            break
+    assert joined(b) and sum(node.name.startswith("thing") for node in b.nodes()) == 100
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("faults", [Faults(delay=(0.0, 3.0)), Faults(0.1, 0.1, (0.0, 0.4))], ids=["slow", "lossy"])
 def test_a_slow_or_lossy_holder_is_not_overtaken(

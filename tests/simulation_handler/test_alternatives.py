@@ -101,6 +101,15 @@ def test_it_is_written_on_change_beyond_the_tolerance_only(memory: Memory) -> No
     assert found is not None and found.alternatives[1].pose is not None and found.alternatives[1].pose.t[0] == 0.9
 
 
+def test_a_place_that_gets_surer_is_written_again(memory: Memory) -> None:
+    writer = AlternativesWriter(memory, 3)
+    writer.update([island(0.7, 0.3)])
+    surer = Pose(THERE.t, covariance=np.diag([4e-6] * 6))
+    writer.update([island(0.7, 0.3, there=surer)])
+    found = memory.belief("ball")
+    assert found is not None and found.alternatives[1].pose == surer
+
+
 def test_it_goes_with_the_worlds_when_all_is_certain_again(memory: Memory) -> None:
     writer = AlternativesWriter(memory, 3)
     writer.update([island(0.6, 0.3, 0.1)])

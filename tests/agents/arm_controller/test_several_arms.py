@@ -183,3 +183,22 @@ def test_an_order_with_any_time_is_obeyed_and_kept(left: Bench, stamp: float) ->
     assert left.runner.status().errors == 0 and left.memory.node("left")["status"] == "halted"
     kept = order_about(left.memory, "left")
     assert kept is not None and kept.halted and 0.0 <= kept.stamp <= left.clock.now()
+
+
+@pytest.mark.parametrize("halted", [True, False])
+def test_an_order_about_one_arm_makes_no_release_of_a_time_to_come_valid_for_another(
+    memory: Memory, halted: bool
+) -> None:
+    memory.add_node("halt", "halt", halted=False, halt_id="f", source="eve", since=1e6)
+    write_order(memory, HaltOrder("5", True, "anna", "a hand", memory.clock.now(), "right"))
+    write_order(memory, HaltOrder("6", halted, "ben", "", memory.clock.now(), "left"))
+    kept = order_about(memory, "right")
+    assert kept is not None and kept.id == "5"
+
+
+@pytest.mark.parametrize("stamp", [-1e300, 1.0])
+def test_a_halt_of_all_arms_is_newer_than_releases_before_it_whatever_its_time(memory: Memory, stamp: float) -> None:
+    memory.add_node("halt_left", "halt", halted=False, halt_id="1", source="ben", since=memory.clock.now(), arm="left")
+    write_order(memory, HaltOrder("2", True, "anna", "a hand", stamp))
+    kept = order_about(memory, "left")
+    assert kept is not None and kept.halted

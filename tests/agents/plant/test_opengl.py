@@ -93,7 +93,7 @@ def test_a_number_that_is_used_again_shows_the_new_body(clients: tuple[Bullet, R
         body = bullet.create_body(0.0, -1, visual, (0.0, 0.3, 0.5))
         shown.append((body, (drawn.render(BEFORE, INTRINSICS, bodies=True).bodies == body).sum()))
         bullet.remove_body(body)
-        assert (drawn.render(BEFORE, INTRINSICS, bodies=True).bodies == -1).all()
+    assert (drawn.render(BEFORE, INTRINSICS, bodies=True).bodies == -1).all()
     assert shown[0][0] == shown[1][0], "the engine gives the number again"
     assert 3.5 * shown[0][1] < shown[1][1]
 
@@ -120,3 +120,21 @@ def test_an_obj_file_without_normals_and_pictures(tmp_path: Path) -> None:
     assert painted.corners.shape == (12, 8) and painted.picture.tolist() == [[[255, 255, 255]]]
     assert painted.corners[:3, 3:6].tolist() == [[0, 0, -1]] * 3
     assert np.linalg.norm(painted.corners[:, 3:6], axis=1) == pytest.approx(1.0)
+
+
+def test_a_number_is_used_again_at_the_same_place_and_what_is_invisible_is_not_drawn(
+    clients: tuple[Bullet, Renderer, Bullet, Renderer],
+) -> None:
+    bullet, drawn, _, _ = clients
+    for color, shown in (((1.0, 0.0, 0.0, 1.0), 0), ((0.0, 1.0, 0.0, 1.0), 1)):
+        visual = bullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=[0.1] * 3, rgbaColor=color)
+        body = bullet.create_body(0.0, -1, visual, (0.0, 0.3, 0.5))
+        picture = drawn.render(BEFORE, INTRINSICS, bodies=True)
+        there = picture.color[picture.bodies == body]
+        assert len(there) > 100 and there[:, shown].all() and not there[:, 1 - shown].any()
+        bullet.remove_body(body)
+    hidden = bullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=[0.1] * 3, rgbaColor=(1.0, 0.0, 0.0, 0.0))
+    bullet.create_body(0.0, -1, hidden, (0.0, 0.3, 0.5))
+    plane = bullet.createVisualShape(pybullet.GEOM_PLANE, planeNormal=(0.0, 0.0, 1.0))
+    bullet.create_body(0.0, -1, plane, (0.0, 0.0, 0.0))
+    assert (drawn.render(BEFORE, INTRINSICS, bodies=True).bodies == -1).all()
