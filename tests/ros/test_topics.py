@@ -28,6 +28,8 @@ FRAMES = 60
 """Two seconds of images"""
 LEASE, LATELY = 20.0, 0.1
 """s after which Fast DDS and Cyclone DDS forget whoever is silent, by default (20 and 10); s between two images"""
+BUSY = 120.0
+"""s after which a test fails where leases end and all find each other again: on a busy machine that takes long"""
 Start = Callable[[str], RealNode]
 
 
@@ -183,18 +185,18 @@ def test_who_stood_still_for_longer_than_any_lease_is_found_again(real_node: Sta
         return bool(got) and len(node.received(topic="/shown")) > heard
 
     heard = 0
-    eventually(both_ways)
+    eventually(both_ways, BUSY)
     node.stand_still()
     try:
         for _ in range(round(LEASE / LATELY)):
             publisher.send(cdr)
             WALL_CLOCK.wait(threading.Event(), LATELY)
-        eventually(lambda: subscription.publishers() == 0 and publisher.subscribers() == 0)
+        eventually(lambda: subscription.publishers() == 0 and publisher.subscribers() == 0, BUSY)
     finally:
         node.go_on()
     got.clear()
     heard = len(node.received(topic="/shown"))
-    eventually(both_ways)
+    eventually(both_ways, BUSY)
 
 
 def test_of_a_flood_what_is_not_taken_is_counted(real_node: Start, link: DdsLink) -> None:
