@@ -145,20 +145,23 @@ def write_order(memory: Memory, order: HaltOrder) -> None:
             memory.add_node(name, HALT_NODE, **values)
         else:
             memory.update_node(name, **values)
-        for other in memory.nodes(HALT_NODE):
-            is_about_them = order.arm in ("", other.get("arm", "")) or other.name == HALT_NODE
-            if other.name != name and is_about_them and other.get("since", 0.0) > now + MAX_DRIFT:
+        for other in _orders_about(memory, order.arm):
+            if other.name != name and other.get("since", 0.0) > now + MAX_DRIFT:
                 # a halt goes on for the arms that this order is not about; a release of a time to come released nobody
                 older = math.nextafter(since, -math.inf) if other.get("halted", False) else 0.0
                 memory.update_node(other.name, since=older)
 
 
+def _orders_about(memory: Memory, arm: str) -> list[Node]:
+    """The orders in the graph that are about an arm which an order about `arm` is about."""
+    return [node for node in memory.nodes(HALT_NODE) if arm in ("", node.get("arm", "")) or node.name == HALT_NODE]
+
+
 def _releases(memory: Memory, arm: str, latest: float) -> Iterator[float]:
     """Times of releases in the graph, up to the latest, about arms that an order about `arm` is about."""
-    for node in memory.nodes(HALT_NODE):
+    for node in _orders_about(memory, arm):
         since = float(node.get("since", 0.0))
-        is_about_them = arm in ("", node.get("arm", "")) or node.name == HALT_NODE
-        if is_about_them and not node.get("halted", False) and since <= latest:
+        if not node.get("halted", False) and since <= latest:
             yield since
 
 
