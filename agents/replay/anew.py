@@ -145,7 +145,7 @@ def _check_drivers(index: RecordingSource, spec: AgentSpec, recorded: Mapping[st
     own = convert(spec.config, spec.kind.Config, f"configuration of {spec.name!r}")
     for driver in sorted(drivers_in(recorded) - drivers_in(msgspec.to_builtins(own))):
         hint = f"if you trust it, give it with --set {spec.name}.FIELD=VALUE, or in a system with --system"
-        raise ConfigError(f"{index.path}: {spec.name!r} had the driver {driver!r}, which the system does not name; {hint}")
+        raise ConfigError(f"{index.path}: {spec.name!r} had the driver {driver!r}, which the system lacks; {hint}")
 
 
 def _recorded_seed(index: RecordingSource) -> int:

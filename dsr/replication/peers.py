@@ -65,14 +65,6 @@ class Peer:
         """Whether the peer's token went, and the peer was not asked since whether it is still there."""
         return self.withdrawn_at is not None and self.asked_at <= self.withdrawn_at
 
-    def answered(self) -> None:
-        """An answer came in time; if it took long, so may the next."""
-        self.patience = max(FIRST_PATIENCE, self.patience / 2)
-
-    def came_late(self) -> None:
-        """Note that no answer came in time: it may be long, so wait longer next time."""
-        self.patience = min(2 * self.patience, LAST_PATIENCE)
-
     @property
     def pause(self) -> float:
         """Time that must pass between two requests to it, s."""
@@ -157,6 +149,16 @@ class Peers(dict[str, Peer]):
         """No answer came, and none will: it is gone if its token is."""
         if rid in self and self[rid].withdrawn_at is not None:
             del self[rid]
+
+    def answered(self, rid: str) -> None:
+        """An answer came in time; if it took long, so may the next."""
+        if rid in self:
+            self[rid].patience = max(FIRST_PATIENCE, self[rid].patience / 2)
+
+    def came_late(self, rid: str) -> None:
+        """Note that no answer came in time: it may be long, so wait longer next time."""
+        if rid in self:
+            self[rid].patience = min(2 * self[rid].patience, LAST_PATIENCE)
 
     def forget_gone(self, now: float) -> Iterator[str]:
         """Drop those of whom nothing is to be expected any more, and name them."""

@@ -249,17 +249,12 @@ class Synchroniser:
             if fetch is not None:
                 self._give_up()
             raise
-        went_on = (
-            (taken if fetch is not None else not is_refusal(piece) and sender in self._peers)
-            and self._brought(piece, before)
-            and self.joining.went_on(sender, piece.end)
-        )
+        counts = taken if fetch is not None else not is_refusal(piece) and sender in self._peers
+        went_on = counts and self._brought(piece, before) and self.joining.went_on(sender, piece.end)
         if fetch is None:
-            if went_on:
-                self._ready.add(sender)  # late, but who gives it gets on
+            self._ready |= {sender} if went_on else set()  # late, but who gives it gets on
             return
-        if sender in self._peers:
-            self._peers[sender].answered()
+        self._peers.answered(sender)
         self.pieces += went_on
         self._turn_brought |= went_on
         if is_refusal(piece):
@@ -412,8 +407,8 @@ class Synchroniser:
         if self._under_way is not None:
             if now - self._asked_at < self._patience():
                 return []
-            if self._fetch is not None and self._fetch.peer in self._peers:
-                self._peers[self._fetch.peer].came_late()
+            if self._fetch is not None:
+                self._peers.came_late(self._fetch.peer)
             self._turn_over = True
         if self._fetch is not None and self._turn_over:
             self._pause(self._fetch)

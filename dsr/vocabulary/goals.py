@@ -57,7 +57,7 @@ class Goal:
 
 def parse_goal(text: str) -> Goal:
     """Read a goal from its text. Raises `GoalError`, which points at the fault."""
-    return _Parser(" ".join(text.splitlines()).expandtabs(1)).goal()
+    return _Parser(" ".join(text.splitlines()).expandtabs(1).rstrip()).goal()  # an end of spaces alone takes long
 
 
 class _Token(NamedTuple):
