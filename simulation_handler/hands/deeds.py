@@ -258,7 +258,10 @@ class Deeds:
             if (moment.hovers and moment.is_seen) or (moment.palm is not None and not moment.opens):
                 hold.last = moment
             return
-        found = _outcome(hold, moment, self._touching.let_go.get((hold.by, name)))
+        end = self._touching.let_go.get((hold.by, name))
+        if end is not None and hold.lifted and end.since < self.of(name)[-1].time:
+            end = None  # of an earlier hold
+        found = _outcome(hold, moment, end)
         if found is None:
             return
         kind, time, sure = found

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Deed
+from simulation_handler.hands.deeds import GUESSED, Deeds, Moment
+from simulation_handler.hands.letting_go import LetGo
+from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.holding import GripperGrasp
 from tests.simulation_handler.occluded import BOX, PERIOD, SMALL, Occlusion, standing
 
@@ -130,17 +136,105 @@ def test_what_falls_was_released_when_the_hand_opened(seed: int) -> None:
     assert len(deeds(world)) == 2
 
 
-@pytest.mark.parametrize(("height", "kind"), [(0.06, PLACE), (0.3, RELEASE)])
-def test_what_came_down_where_nobody_saw_it_was_put_down_unless_that_is_far(height: float, kind: str) -> None:
-    world = lifted(height=height)
-    world.seen.discard("cup")
-    world.hand_seen = False
-    world.run(1.0)
-    world.truths["cup"] = standing(0.3, 0.03, SMALL)
-    world.seen.add("cup")
-    world.run(2.5)
-    assert deeds(world) == [(PICK, "hand"), (kind, "hand")]
-    assert last(world).probability < world.belief.deeds("cup")[0].probability, "nobody saw how"
+class Moments:
+    """What is believed of a cup, at 20 Hz."""
+
+    def __init__(self) -> None:
+        self.touching = SimpleNamespace(let_go={})
+        unused: Any = None
+        self.deeds = Deeds(unused, cast(Touching, self.touching), unused, unused)
+        self.now = 1000.0
+
+    def run(self, seconds: float, bottom: float, **values: Any) -> None:
+        """Let time pass while its bottom is at that height (m)."""
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            place = standing(0.3, 0.0, SMALL, on=bottom)
+            self.deeds.take_in("cup", Moment(time=self.now, pose=place, bottom=bottom, **values))
+
+    def lift(self, height: float, *, lowered: bool = False) -> None:
+        """Let a hand take the cup up."""
+        self.run(1.0, 0.0, rests=True)
+        self.run(1.0, height, holder="hand", held=0.9, hovers=True, palm=0.1 + height, lowered=lowered)
+
+    def let_go(self, state: Handling) -> None:
+        self.touching.let_go["hand", "cup"] = LetGo(state, self.now)
+
+    @property
+    def told(self) -> list[tuple[str, float]]:
+        """Kind and probability of each deed."""
+        return [(deed.kind, deed.probability) for deed in self.deeds.of("cup")]
+
+
+GUESS = round(0.9 * GUESSED, 2)
+
+
+@pytest.mark.parametrize(
+    ("state", "height", "lowered", "palm", "told"),
+    [
+        (Handling.PUT_DOWN, 0.05, False, 0.1, (PLACE, 0.9)),
+        (Handling.DROPPED, 0.02, False, 0.12, (RELEASE, 0.9)),
+        (Handling.LET_GO, 0.1, False, 0.2, (RELEASE, GUESS)),
+        (Handling.LET_GO, 0.1, True, 0.2, (PLACE, GUESS)),
+        (Handling.LET_GO, 0.1, False, 0.1, (PLACE, GUESS)),
+        (Handling.LEFT_BEHIND, 0.1, False, 0.2, (PLACE, GUESS)),
+        (Handling.LEFT_BEHIND, 0.4, False, 0.5, (RELEASE, GUESS)),
+    ],
+)
+def test_how_a_hold_ended_tells_what_was_done_and_else_how_far_it_came_down(
+    state: Handling, height: float, lowered: bool, palm: float, told: tuple[str, float]
+) -> None:
+    cup = Moments()
+    cup.lift(height, lowered=lowered)
+    cup.let_go(state)
+    cup.run(2.0, 0.0, rests=True, is_seen=False, palm=palm)
+    assert cup.told == [(PICK, 0.9), told]
+
+
+def test_what_nobody_sees_may_yet_be_found_missing_before_it_is_told_where_it_was_put() -> None:
+    cup = Moments()
+    cup.lift(0.1)
+    cup.let_go(Handling.LEFT_BEHIND)
+    cup.run(0.9, 0.0, rests=True, is_seen=False)
+    cup.run(0.3, -0.3)
+    cup.run(1.2, -0.7, rests=True, is_seen=False)
+    assert cup.told == [(PICK, 0.9), (RELEASE, GUESS)]
+
+
+def test_what_is_probably_not_where_it_is_said_to_lie_was_probably_not_put_there() -> None:
+    cup = Moments()
+    cup.lift(0.1)
+    cup.let_go(Handling.PUT_DOWN)
+    cup.run(0.5, 0.0, rests=True, carried=0.5)
+    assert cup.told == [(PICK, 0.9), (PLACE, 0.45)]
+
+
+def test_how_an_earlier_hold_ended_does_not_count() -> None:
+    cup = Moments()
+    cup.lift(0.1)
+    cup.let_go(Handling.DROPPED)
+    cup.run(1.0, 0.0, rests=True)
+    cup.run(1.0, 0.2, hovers=True, near="hand")
+    assert [kind for kind, _ in cup.told] == [RELEASE, PICK]
+    cup.run(0.5, 0.2, hovers=True)
+    assert [kind for kind, _ in cup.told] == [RELEASE, PICK]
+    cup.run(0.5, 0.2, rests=True)
+    assert [kind for kind, _ in cup.told] == [PICK, PLACE]
+
+
+@pytest.mark.parametrize("values", [{"follows": True}, {"falls": True}, {"is_seen": False}, {"hovers": False}])
+def test_what_goes_along_or_falls_or_is_not_seen_in_the_air_was_lifted_by_nobody(values: dict[str, bool]) -> None:
+    cup = Moments()
+    cup.run(1.0, 0.0, rests=True)
+    cup.run(1.0, 0.1, **{"hovers": True, **values})
+    assert cup.told == []
+
+
+def test_the_only_hand_that_has_what_hovers_within_reach_lifted_it() -> None:
+    cup = Moments()
+    cup.run(1.0, 0.0, rests=True)
+    cup.run(1.0, 0.1, hovers=True, near="hand")
+    assert [(deed.by, deed.probability) for deed in cup.deeds.of("cup")] == [("hand", 0.95)]
 
 
 @pytest.mark.parametrize("seed", range(3))
