@@ -29,14 +29,15 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
 from simulation_handler.worlds.model import WeightedWorld
+from simulation_handler.worlds.weighted import WRONG
 
-SOMEBODY = 1.0 - math.exp(-RARE)
-"""1, that somebody unknown has an object which hovers: otherwise its percepts are false, which is rare"""
+SEEN_LIFTED = 1.0 - math.exp(-RARE)
+"""1, that somebody unknown has what was seen on its way up: otherwise its percepts are false, which is rare"""
 GUESSED = 1.0 - math.exp(-EXPECTED)
-"""1, that what came down unseen did so in the likelier of two ways: the other one is to be expected, too"""
+"""1, that of two ways in which nobody saw something happen it was the likelier one: the other is to be expected, too"""
 
 
-class Moment(NamedTuple):
+class HoldMoment(NamedTuple):
     """What is believed of an object at one moment."""
 
     time: float
@@ -48,7 +49,7 @@ class Moment(NamedTuple):
     holder: str = ""
     """Hand or gripper that holds it; empty for none that is known"""
     held: float = 1.0
-    """1, probability that the holder does hold it"""
+    """1, probability that the holder does hold it, or, of what hovers, that somebody unknown does"""
     near: str = ""
     """The only hand within reach of it; empty for none, or several"""
     palm: float | None = None
@@ -65,13 +66,15 @@ class Moment(NamedTuple):
     """Whether it was seen to fall when it was seen last."""
     lowered: bool = False
     """Whether it was seen, or was in a hand, on its way down then."""
+    was_followed: bool = True
+    """Whether it was seen on its way to there: otherwise its percepts jumped, as false ones do."""
     follows: bool = False
     """Whether it goes along with something, or only cameras in doubt tell that it moves."""
     is_seen: bool = True
     path: Path | None = None
     """The way on which it was seen, or went with a hand; None of what is in a gripper"""
 
-    def above(self, other: Moment) -> float:
+    def above(self, other: HoldMoment) -> float:
         """How much higher it is than there, m. Bottom and centre must agree: it may be tipped over."""
         return min(self.bottom - other.bottom, self.pose.t[2] - other.pose.t[2])
 
@@ -88,9 +91,9 @@ class _Hold:
     """Whether it was taken up from where it lay."""
     begun: Vector3
     """m, where it was then"""
-    last: Moment
+    last: HoldMoment
     """When it was last known to be held: in sight, or by a hand in sight"""
-    settled: Moment
+    settled: HoldMoment
     """Since when it has been where it is"""
     rests_since: float | None = None
     """s, since when it rests again; None while it does not"""
@@ -113,7 +116,7 @@ class Deeds:
         self._touching = touching
         self._relations = relations
         self._containment = containment
-        self._lay: dict[str, Moment] = {}
+        self._lay: dict[str, HoldMoment] = {}
         self._placed: set[str] = set()  # at the moment before
         self._holds: dict[str, _Hold] = {}
         self._deeds: dict[str, tuple[Deed, ...]] = {}
@@ -167,14 +170,17 @@ class Deeds:
     def _weighed(
         self,
         name: str,
-        moment: Moment,
+        moment: HoldMoment,
         carriers: Mapping[str, Collection[str]],
         worlds: Callable[[str], Sequence[WeightedWorld]],
-    ) -> Moment:
+    ) -> HoldMoment:
         """The moment with how probable it is what decides in it."""
         if moment.holder:
             held = sum(world.weight for world in worlds(name) if world.objects[name].hand == moment.holder)
             return moment._replace(held=held)
+        if moment.hovers:
+            right = sum(world.weight for world in worlds(name) if world.reason != WRONG)
+            return moment._replace(held=right * (SEEN_LIFTED if moment.was_followed else GUESSED))
         if name in self._holds and moment.rests and FLOOR not in carriers[name]:
             carried = sum(
                 world.weight
@@ -184,13 +190,13 @@ class Deeds:
             return moment._replace(carried=carried)
         return moment
 
-    def _moment(self, item: BelievedObject, solid: Solid, carriers: Collection[str], now: float) -> Moment:
+    def _moment(self, item: BelievedObject, solid: Solid, carriers: Collection[str], now: float) -> HoldMoment:
         """What is believed of an object, but for probabilities."""
         holder = item.holder or item.hand
         hovers = item.static or (item.driven and item.hovering_since is not None)
         hold = self._holds.get(item.name)
         hand = self._touching.hands.get(item.hand or ("" if hold is None else hold.by))
-        return Moment(
+        return HoldMoment(
             time=now,
             pose=solid.pose,
             bottom=solid.bottom,
@@ -200,6 +206,7 @@ class Deeds:
             opens=bool(item.hand) and self._touching.opens((item.hand, item.name)),
             hovers=hovers,
             rests=bool(carriers) and not (hovers or holder),
+            was_followed=item.was_followed,
             falls=item.path.is_falling,
             lowered=item.path.velocity[2] < -SLOW,
             is_seen=item.track.is_fresh(now),
@@ -218,7 +225,7 @@ class Deeds:
         near = [name for name, hand in hands if hand.perceived and is_within_reach(hand.path.last, solid)]
         return near[0] if len(near) == 1 else ""
 
-    def take_in(self, name: str, moment: Moment) -> None:
+    def take_in(self, name: str, moment: HoldMoment) -> None:
         """Take in a moment of an object."""
         if name not in self._placed and self.of(name) and self.of(name)[-1].kind == PICK:
             by, sure = self.of(name)[-1].by, self.of(name)[-1].probability
@@ -230,24 +237,23 @@ class Deeds:
             self._go_on(name, hold, moment)
         self._placed.add(name)
 
-    def _begin(self, name: str, moment: Moment) -> None:
+    def _begin(self, name: str, moment: HoldMoment) -> None:
         """It is held from now on if it is higher than it lay, or was never seen to lie, and somebody has it."""
         if moment.rests:
             self._lay[name] = moment
         if not (moment.holder or moment.hovers) or moment.follows:
             return
         by, lay = moment.holder or moment.near or UNKNOWN, self._lay.get(name)
-        sure = moment.held if moment.holder else SOMEBODY
-        hold = _Hold(by, sure, lay is not None, moment.pose.t, moment, moment)
+        hold = _Hold(by, moment.held, lay is not None, moment.pose.t, moment, moment)
         if lay is None:
             if moment.holder and moment.hovers:
                 self._holds[name] = hold
         elif moment.above(lay) > ASTRAY and (moment.holder or (moment.is_seen and not moment.falls)):
             self._holds[name] = hold
             del self._lay[name]
-            self._add(name, Deed(PICK, _left_at(lay, moment), by, sure))
+            self._add(name, Deed(PICK, _left_at(lay, moment), by, hold.sure))
 
-    def _go_on(self, name: str, hold: _Hold, moment: Moment) -> None:
+    def _go_on(self, name: str, hold: _Hold, moment: HoldMoment) -> None:
         """It is held until nobody has it any more, and it falls or rests."""
         if math.dist(moment.pose.t, hold.settled.pose.t) > SAME_PLACE:
             hold.settled = moment
@@ -277,13 +283,13 @@ class Deeds:
         self._deeds[name] = (*before, Deed(deed.kind, time, deed.by, sure))[-KEPT:]
 
 
-def _left_at(lay: Moment, moment: Moment) -> float:
+def _left_at(lay: HoldMoment, moment: HoldMoment) -> float:
     """When (s) an object that is higher than it lay has left there, by its way, if that was seen; else now."""
     start = None if moment.path is None else moment.path.start(lay.pose, GONE_FROM)
     return moment.time if start is None else start
 
 
-def _outcome(hold: _Hold, moment: Moment, end: LetGo | None) -> tuple[str, float, float] | None:
+def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, float, float] | None:
     """What was done with an object that nobody holds any more, when (s), and how surely; None while nobody knows."""
     state, let_go_at = (Handling.FREE, hold.last.time) if end is None else end
     known = DONE.get(state)
@@ -304,7 +310,7 @@ def _outcome(hold: _Hold, moment: Moment, end: LetGo | None) -> tuple[str, float
     return PLACE, hold.settled.time if moment.is_seen else hold.last.time, GUESSED
 
 
-def _has_left_palm(last: Moment, moment: Moment) -> bool:
+def _has_left_palm(last: HoldMoment, moment: HoldMoment) -> bool:
     """Whether an object has come down by more than the palm in sight that had it last, and that did not lower it."""
     if last.palm is None or moment.palm is None or last.lowered:
         return False

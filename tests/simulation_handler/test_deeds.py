@@ -11,7 +11,7 @@ import pytest
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Deed
-from simulation_handler.hands.deeds import GUESSED, Deeds, Moment
+from simulation_handler.hands.deeds import GUESSED, Deeds, HoldMoment
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.holding import GripperGrasp
@@ -150,7 +150,7 @@ class Moments:
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD
             place = standing(0.3, 0.0, SMALL, on=bottom)
-            self.deeds.take_in("cup", Moment(time=self.now, pose=place, bottom=bottom, **values))
+            self.deeds.take_in("cup", HoldMoment(time=self.now, pose=place, bottom=bottom, **values))
 
     def lift(self, height: float, *, lowered: bool = False) -> None:
         """Let a hand take the cup up."""
@@ -233,8 +233,19 @@ def test_what_goes_along_or_falls_or_is_not_seen_in_the_air_was_lifted_by_nobody
 def test_the_only_hand_that_has_what_hovers_within_reach_lifted_it() -> None:
     cup = Moments()
     cup.run(1.0, 0.0, rests=True)
-    cup.run(1.0, 0.1, hovers=True, near="hand")
-    assert [(deed.by, deed.probability) for deed in cup.deeds.of("cup")] == [("hand", 0.95)]
+    cup.run(1.0, 0.1, hovers=True, near="hand", held=0.8)
+    assert [(deed.by, deed.probability) for deed in cup.deeds.of("cup")] == [("hand", 0.8)]
+
+
+def test_what_jumps_into_the_air_was_less_probably_taken_up_than_what_was_seen_on_its_way() -> None:
+    way, jump = (Occlusion({"cup": standing(0.3, 0.0, SMALL)}) for _ in range(2))
+    for world in (way, jump):
+        world.run(2.0)
+    way.move("cup", standing(0.3, 0.0, SMALL, on=0.4))
+    jump.truths["cup"] = standing(0.3, 0.0, SMALL, on=0.4)
+    jump.run(3.0)
+    assert deeds(way) == deeds(jump) == [(PICK, UNKNOWN)]
+    assert last(jump).probability < 0.65 and 0.7 < last(way).probability < 0.95
 
 
 @pytest.mark.parametrize("seed", range(3))
