@@ -10,9 +10,11 @@ from collections.abc import Mapping, Sequence
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
+from dsr.graph.schema import is_within_bounds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.vocabulary.observed_actions import DEEDS, Deed, encoded
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.graph_io.alternatives import LEAST, AlternativesWriter
@@ -42,6 +44,7 @@ class Writing:
         """Of the belief when its distributions were looked at last."""
         self._due = -math.inf
         self._related: set[tuple[str, Relation]] = set()
+        self._told: dict[str, tuple[Deed, ...]] = {}
 
     def close(self) -> None:
         """Delete the worlds of alternatives."""
@@ -52,12 +55,13 @@ class Writing:
         if WORLD not in self._memory:
             return
         self._written = {name: pose for name, pose in self._written.items() if name in self._belief}
+        self._told = {name: deeds for name, deeds in self._told.items() if name in self._belief}
         for name in self._belief.names:
             with contextlib.suppress(GraphError):
                 self._write_pose(name, now)
                 self._write_plausible(name)
                 self._write_present(name)
-                self._write_lifted(name)
+                self._write_deeds(name)
         self._look_at_worlds(now)
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
@@ -77,6 +81,8 @@ class Writing:
 
     def _write_pose(self, name: str, now: float) -> None:
         pose = self._belief.pose(name)
+        if pose is not None and not is_within_bounds(pose):
+            pose = pose.with_covariance(None)  # of a percept that told nothing
         if pose is not None and self._is_news(name, pose, now):
             self._memory.add_edge(WORLD, name, "Virtual_RT", pose=pose)
             self._written[name] = pose
@@ -101,11 +107,12 @@ class Writing:
         if before is not (not gone) and (gone or before is not None):
             self._memory.update_node(name, present=not gone)
 
-    def _write_lifted(self, name: str) -> None:
-        """Tell when something that holds an object took it up."""
-        lifted = self._belief.lifted().get(name)
-        if lifted is not None and self._memory.node(name).get("lifted") != lifted:
-            self._memory.update_node(name, lifted=lifted)
+    def _write_deeds(self, name: str) -> None:
+        """Tell what was done with an object."""
+        deeds = self._belief.deeds(name)
+        if deeds != self._told.get(name, ()):
+            self._memory.update_node(name, **{DEEDS: encoded(deeds)})
+            self._told[name] = deeds
 
     def _write_grasps(self) -> None:
         """Let the edges `grasping` of human hands be what the belief says that they hold."""
