@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
+from dsr.graph.schema import is_within_bounds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -80,6 +81,8 @@ class Writing:
 
     def _write_pose(self, name: str, now: float) -> None:
         pose = self._belief.pose(name)
+        if pose is not None and not is_within_bounds(pose):
+            pose = pose.with_covariance(None)  # of a percept that told nothing
         if pose is not None and self._is_news(name, pose, now):
             self._memory.add_edge(WORLD, name, "Virtual_RT", pose=pose)
             self._written[name] = pose
