@@ -27,8 +27,6 @@ ASTRAY = math.sqrt(2.0 * SURPRISING) * PerceptNoise().depth_noise
 """m from where it is known to be, from which it is surprising that something is seen so far away by noise alone"""
 GONE_FROM = 2.0 * SAME_PLACE
 """m from where it was, from which an object has surely left there: both places may be off"""
-HAND_REACH = 0.15
-"""m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a half-hidden palm"""
 UNSEEN_VARIANCE = SAME_OUTCOME**2
 """m^2, sideways, of an object left to physics: it gives way to what is seen"""
 

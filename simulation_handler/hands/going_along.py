@@ -15,9 +15,9 @@ from simulation_handler.hands.contacts import Contacts
 from simulation_handler.hands.covering import Covering
 from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.relation import LEFT_BEHIND, Sign
-from simulation_handler.hands.state import ELSEWHERE, SLOWLY, UNSEEN, Hand, HandGrasp
+from simulation_handler.hands.state import ELSEWHERE, HAND_REACH, SLOWLY, UNSEEN, Hand, HandGrasp
 from simulation_handler.perception.paths import between
-from simulation_handler.scales import AT_REST, GONE_FROM, HAND_REACH, SAME_PLACE
+from simulation_handler.scales import AT_REST, GONE_FROM, SAME_PLACE
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 

@@ -20,10 +20,19 @@ from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
 from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
-from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.state import (
+    ELSEWHERE,
+    FINGERS,
+    HALF,
+    HAND_REACH,
+    UNSEEN,
+    Hand,
+    HandGrasp,
+    HandPercept,
+)
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
-from simulation_handler.scales import CONFIRMED_IN, CONTACT_DELAY, HAND_REACH, UNSEEN_AFTER
+from simulation_handler.scales import CONFIRMED_IN, CONTACT_DELAY, UNSEEN_AFTER
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
