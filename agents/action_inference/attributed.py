@@ -20,19 +20,15 @@ from agents.action_inference.policy import Inference
 from agents.action_inference.track import ThingTrack
 from dsr.clock import ROUNDING
 from dsr.math3d import quaternions
+from dsr.perception.scales import HAND_REACH, RESOLUTION, SLOW, STANDING, UNSEEN_AFTER
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
 _LIKELY, _GUESSED = 0.85, 0.7
 """Confidences: a hand is near, or it is seen to rest; nothing but its motion tells."""
-_GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
 _FASTER_THAN_PUT = -0.7  # m/s, faster than anybody puts things down
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
-_ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
-_LOWERED = 0.05  # m/s from which it is being lowered
 _LEFT_WITHIN = 0.05  # m from where it rested in the hand, within which it was left there
-_SAME_LENGTH = 0.001  # m by which lengths or heights that are the same may differ
-_UPRIGHT_COSINE = 0.95  # cosine of how far it may lean then
 
 
 class AttributedPolicy:
@@ -85,7 +81,7 @@ class AttributedPolicy:
         track, now = self._track(thing.name), snapshot.now
         if thing.seen is not None:
             last = track.seen.last
-            if last is not None and thing.seen.stamp > last.time + _GONE:
+            if last is not None and thing.seen.stamp > last.time + UNSEEN_AFTER:
                 track.returned, track.returned_at = True, thing.seen.stamp
             track.seen.add(Height.seen(thing.bottom(thing.seen), thing.seen))
         if thing.believed is not None:
@@ -107,7 +103,7 @@ class AttributedPolicy:
         last, rested = track.believed.last, track.rested
         if last is None:
             return
-        if rested is None or last.bottom < rested.bottom + _SAME_LENGTH or now - rested.time > FOUND_OUT:
+        if rested is None or last.bottom < rested.bottom + RESOLUTION or now - rested.time > FOUND_OUT:
             track.rested = last
 
     def _note_hidden(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> None:
@@ -261,7 +257,7 @@ class AttributedPolicy:
             inference = self._let_go(thing, track, PLACE, time, 1.0, f"{track.by} let go of it where it rests")
         else:
             inference = None
-        if inference is None and now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
+        if inference is None and seen is not None and min(now, seen.time) - let_go_at > UNSEEN_AFTER:
             track.last_grasp = None  # the grasp was lost sight of, not ended: motion tells from here
         return inference
 
@@ -301,20 +297,20 @@ class AttributedPolicy:
         hidden = track.hidden
         if hidden is None or hidden.bottom - current.bottom > _PUT_DOWN or not self._stands(thing):
             return None
-        return hidden.time if math.dist(hidden.position[:2], current.position[:2]) < _ABOUT else None
+        return hidden.time if math.dist(hidden.position[:2], current.position[:2]) < HAND_REACH else None
 
     def _lowered_out_of_sight(self, thing: ObservedThing, track: ThingTrack, current: Height) -> float | None:
         """When (s) it came down to where it stands now, if it was being lowered when it was last seen; else None."""
         last, speed = track.seen.last, track.seen.lowering()
-        if last is None or not _LOWERED < speed < -_FASTER_THAN_PUT or last.bottom - current.bottom > _PUT_DOWN:
+        if last is None or not SLOW < speed < -_FASTER_THAN_PUT or last.bottom - current.bottom > _PUT_DOWN:
             return None
         return min(last.time + (last.bottom - current.bottom) / speed, current.time) if self._stands(thing) else None
 
     def _stands(self, thing: ObservedThing) -> bool:
         """Whether it is believed to be upright, or has the same height on every side."""
-        if thing.believed is None or max(thing.size) - min(thing.size) < _SAME_LENGTH:
+        if thing.believed is None or max(thing.size) - min(thing.size) < RESOLUTION:
             return thing.believed is not None
-        return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT_COSINE
+        return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > math.cos(STANDING)
 
     def _palm_lowered(self, track: ThingTrack, snapshot: Snapshot) -> float:
         """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from agents.action_inference.observation import Holder, ObservedThing, Snapshot
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import STEADY
 from dsr.vocabulary.observed_actions import UNKNOWN
 
-REMEMBERED = 1.0
+REMEMBERED = STEADY
 """s for which it is known where a hand was"""
 
 

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from agents.action_inference.observation import FOUND_OUT, ObservedThing, Snapshot
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import AT_REST, CONFIRMED_IN, SAME_PLACE
 
-_STILL_BEFORE = 1.2  # s in which a thing must have lain still before it seemed to move
-_STILL_WITHIN = 0.01  # m within which it did
+_STILL_BEFORE = 2.0 * AT_REST  # s in which a thing must have lain still before it seemed to move
 _JUMP = 0.012  # m from there, from which it seems to have moved
 _FEW, _NEWEST = 3, 2  # percepts in a row that must show each
-FRESH = 0.3
+FRESH = CONFIRMED_IN
 """s up to which a percept is of a thing as it is now"""
 _FEWEST_THINGS = 3  # things that must seem to move, unless there are only two
 
@@ -66,6 +66,6 @@ def _still(places: list[Vector3]) -> Iterator[Vector3]:
     """Where it lay still, in the middle of each few places in a row that are together."""
     for end in range(_FEW, len(places) + 1):
         few = places[end - _FEW : end]
-        if max(math.dist(one, few[0]) for one in few) < _STILL_WITHIN:
+        if max(math.dist(one, few[0]) for one in few) < SAME_PLACE:
             x, y, z = (sum(values) / _FEW for values in zip(*few, strict=True))
             yield (x, y, z)

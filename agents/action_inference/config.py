@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from dsr.config.plugins import ACTION_POLICIES, checked_name
+from dsr.perception.scales import ONE_MOMENT
 
 _Positive = Annotated[float, Meta(gt=0.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -30,7 +31,7 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """Percepts in a row that must show it: a single one may be wrong."""
     steady: _Positive = 0.008
     """m within which percepts of a resting thing stay"""
-    settle: _Positive = 0.15
+    settle: _Positive = ONE_MOMENT
     """s for which a thing must rest on something, untouched, before it has been placed"""
     reach: _Positive = 0.1
     """m between a hand and the surface of a thing up to which the hand may have done it, if no edge `grasping` tells"""

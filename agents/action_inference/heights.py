@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import CONFIRM_FRAMES, RECENT_PERCEPTS, SLOWLY, STEADY, TICK_RATE
 
-_NEWEST_SAMPLES = 3  # count of the newest samples that tell whether a thing is steady, and how fast it comes down
-KEPT_SAMPLES = 40
-"""count of samples that are kept of a thing: of two seconds and more"""
-_ADAPT = 0.1  # share by which where it lies follows a sample
-_ANEW = 5  # samples
+KEPT_SAMPLES = round(2.0 * STEADY * TICK_RATE)
+"""Samples that are kept of a thing: of two seconds and more."""
 _LIFTED_SIGMAS = 3.0  # by which it must be higher to be lifted
 _LOW = 0.4  # of the threshold, up to which it may still lie
 
@@ -83,8 +81,8 @@ class Heights:
             self._rest = self._samples[-1] if self.is_steady() else self._rest
         elif not self.is_rising:
             rest, last = self._rest, self._samples[-1]
-            bottom = rest.bottom + _ADAPT * (last.bottom - rest.bottom)
-            z = rest.position[2] + _ADAPT * (last.position[2] - rest.position[2])
+            bottom = rest.bottom + SLOWLY * (last.bottom - rest.bottom)
+            z = rest.position[2] + SLOWLY * (last.position[2] - rest.position[2])
             self._rest = Height(last.time, bottom, (*last.position[:2], z))
 
     def lie_anew(self, since: float) -> bool:
@@ -93,7 +91,7 @@ class Heights:
         The few percepts before it was hidden may have been of a part of it, and so off.
         """
         samples = [sample for sample in self._samples if sample.time >= since]
-        if len(samples) < _ANEW:
+        if len(samples) < RECENT_PERCEPTS // 2:
             return False
         bottom = sum(sample.bottom for sample in samples) / len(samples)
         x, y, z = (sum(values) / len(samples) for values in zip(*(one.position for one in samples), strict=True))
@@ -127,7 +125,7 @@ class Heights:
         newest = list(self._samples)[-self._frames :]
         return len(newest) == self._frames and all(map(self._is_high, newest))
 
-    def is_steady(self, count: int = _NEWEST_SAMPLES) -> bool:
+    def is_steady(self, count: int = CONFIRM_FRAMES) -> bool:
         """Whether the last samples are at one place."""
         newest = list(self._samples)[-count:]
         return len(newest) == count and self._are_together(newest)
@@ -166,7 +164,7 @@ class Heights:
         before, last = self._samples[-2], self._samples[-1]
         return (last.bottom - before.bottom) / (last.time - before.time)
 
-    def lowering(self, count: int = _NEWEST_SAMPLES) -> float:
+    def lowering(self, count: int = CONFIRM_FRAMES) -> float:
         """How fast (m/s) it came down in so many steps before the last sample; 0 if it did not in one of them."""
         newest = list(self._samples)[-count - 1 :]
         if len(newest) <= count or any(later.bottom >= sample.bottom for sample, later in pairwise(newest)):

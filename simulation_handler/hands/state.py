@@ -10,11 +10,11 @@ from typing import NamedTuple
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import ONE_MOMENT, PRESENT
 from dsr.vocabulary.handling import Handling
 from simulation_handler.hands.anatomy import HAND
 from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
 from simulation_handler.perception.paths import Path
-from simulation_handler.scales import ONE_MOMENT, PRESENT
 
 UNSEEN = PRESENT
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
@@ -23,8 +23,6 @@ ELSEWHERE = 0.05
 
 An object that is seen so far from where its hand would have it is not in that hand as it was.
 """
-SLOWLY = 0.1
-"""Weight of the newest, by which what changes little is averaged"""
 FINGERS = len(HAND.fingers)
 """count of fingers: a hand of which so many are measured hides none"""
 HALF = 0.5

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from dsr.perception.scales import LIKELY_SIGMAS
 from dsr.vocabulary import nats
-from simulation_handler.scales import LIKELY_SIGMAS, OWN_ERROR
+from simulation_handler.scales import OWN_ERROR
 
 
 class KnownError(NamedTuple):
