@@ -184,6 +184,8 @@ class Covering:
 
 def is_within_reach(palm: Pose, solid: Solid) -> bool:
     """Whether a hand, whose palm is there in the world, may have a body in it."""
+    if math.dist(palm.t, solid.position) > HAND.reach + _GRIP_REACH + solid.radius:
+        return False
     return any(solid.signed_distance((palm @ _point(grip)).t)[0] <= _GRIP_REACH for grip in _GRIPS)
 
 

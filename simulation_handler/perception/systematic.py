@@ -6,6 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
 from dsr.perception.scales import LIKELY_SIGMAS
 from dsr.vocabulary import nats
 from simulation_handler.scales import OWN_ERROR
@@ -45,34 +49,42 @@ def error_of_another(known: Iterable[KnownError], shared: float) -> ErrorOfAnoth
     ordered = sorted(known)
     if not ordered:
         return ErrorOfAnother(0.0, math.hypot(shared, OWN_ERROR), math.inf)
-    sets = [ordered[i:j] for i in range(len(ordered)) for j in range(i + 1, len(ordered) + 1)]  # others are no likelier
-    best = max(sets, key=lambda chosen: _log_evidence(chosen, ordered, shared))
-    _, mean, squares = _summary(best)
-    freedom = len(best)
-    own = (OWN_ERROR**2 + squares) / freedom
-    left = 1.0 / (1.0 / shared**2 + len(best) / own)
-    return ErrorOfAnother(left * len(best) * mean / own, math.sqrt(left + own), freedom)
+    metres = _likeliest_set(ordered, shared)
+    own = (OWN_ERROR**2 + float(((metres - metres.mean()) ** 2).sum())) / len(metres)
+    left = 1.0 / (1.0 / shared**2 + len(metres) / own)
+    return ErrorOfAnother(left * float(metres.sum()) / own, math.sqrt(left + own), float(len(metres)))
 
 
-def _log_evidence(chosen: Sequence[KnownError], known: Sequence[KnownError], shared: float) -> float:
-    """Logarithm of how probable all errors are if those of the chosen objects alone rest as believed; -inf if others
-    must.
+def _likeliest_set(ordered: Sequence[KnownError], shared: float) -> NDArray[np.float64]:
+    """The errors (m) of the objects that rest as believed, of all in ascending order.
+
+    Errors of a set follow each other: another one of as many is no likelier. What may not lean is in each set.
     """
-    count, mean, squares = _summary(chosen)
-    if sum(error.may_lean for error in chosen) + len(known) - count != sum(error.may_lean for error in known):
-        return -math.inf
+    count = len(ordered)
+    resting = [i for i, error in enumerate(ordered) if not error.may_lean]
+    first, end = (resting[0], resting[-1] + 1) if resting else (count - 1, 1)
+    begins, ends = np.meshgrid(np.arange(first + 1), np.arange(end, count + 1), indexing="ij")
+    begins, ends = begins[begins < ends], ends[begins < ends]
+    metres = np.array([error.metres for error in ordered])
+    sums, sums_of_squares = np.cumsum([np.zeros(2), *np.column_stack([metres, metres**2])], axis=0).T
+    counts = ends - begins
+    means = (sums[ends] - sums[begins]) / counts
+    squares = np.maximum(sums_of_squares[ends] - sums_of_squares[begins] - counts * means**2, 0.0)
+    best = int(np.argmax(_log_evidence(counts, means, squares, count, shared)))
+    return metres[begins[best] : ends[best]]
+
+
+def _log_evidence(
+    counts: NDArray[np.int_], means: NDArray[np.float64], squares: NDArray[np.float64], known: int, shared: float
+) -> NDArray[np.float64]:
+    """Logarithm of how probable all `known` errors are if those of each set alone rest as believed."""
     prior = OWN_ERROR**2
     anywhere = nats.LEANS + math.log(2.0 * LIKELY_SIGMAS * shared)
-    return (
-        math.lgamma(0.5 * count) - math.lgamma(0.5)
-        + 0.5 * math.log(prior) - 0.5 * count * math.log(prior + squares)
-        - 0.5 * (count - 1) * math.log(math.pi) - 0.5 * math.log(count)
-        - 0.5 * (mean / shared) ** 2 - math.log(math.sqrt(2.0 * math.pi) * shared)
-        - anywhere * (len(known) - count)
+    density: NDArray[np.float64] = (
+        gammaln(0.5 * counts) - math.lgamma(0.5)
+        + 0.5 * math.log(prior) - 0.5 * counts * np.log(prior + squares)
+        - 0.5 * (counts - 1) * math.log(math.pi) - 0.5 * np.log(counts)
+        - 0.5 * (means / shared) ** 2 - math.log(math.sqrt(2.0 * math.pi) * shared)
+        - anywhere * (known - counts)
     )  # fmt: skip
-
-
-def _summary(errors: Sequence[KnownError]) -> tuple[int, float, float]:
-    """Their count, mean (m), and sum of squares about it (m^2)."""
-    mean = sum(error.metres for error in errors) / len(errors)
-    return len(errors), mean, sum((error.metres - mean) ** 2 for error in errors)
+    return density
