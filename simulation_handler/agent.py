@@ -14,6 +14,7 @@ from dsr.perception.scales import TICK_RATE
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.vocabulary.calibration import CALIBRATION
 from dsr.vocabulary.intrinsics import INTRINSICS
+from dsr.vocabulary.observed_actions import DEEDS
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
@@ -47,18 +48,21 @@ class SimulationHandler(Agent):
             *("size", "shape", "mass", "friction", "rolling_friction", "plausible", "source", "since", "bounds"),
             *(*INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at", "handling"),
-            *("perceived", "last_seen", "side", "mount", "mesh", "report"),
+            *("perceived", "last_seen", "side", "mount", "mesh", "report", DEEDS),
         ),
     )
     writes = Access(
         nodes=(*OBJECTS, *WRITTEN_NODES, WORLD_RECORD, WORLD),
         edges=("Virtual_RT", "on", "in", "sees", "grasping", "let_go", *WRITTEN_EDGES),
         attributes=(
-            *("plausible", "source", "since", "handling", "held_at", "lifted", "probability", *SEEN),
-            *(WHEREABOUTS, "weight", "things", "note"),
+            *("plausible", "source", "since", "handling", "held_at", "probability", *SEEN),
+            *(WHEREABOUTS, DEEDS, "weight", "things", "note"),
             *("present", "explanation", "score", "alternatives", "changes", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "in", "let_go", "plausible", "present", "detectable", "covered_by", WHEREABOUTS),
+        exclusive=(
+            *("Virtual_RT", "on", "in", "let_go", "plausible", "present", "detectable", "covered_by"),
+            *(WHEREABOUTS, DEEDS),
+        ),
         worlds=(BASE, f"{PREFIX}{EVERYTHING}"),
     )
     publishes = (KEY,)

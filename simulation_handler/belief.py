@@ -15,14 +15,15 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import ExplainedChange
+from dsr.vocabulary.observed_actions import Deed
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations, Relation, resting
 from simulation_handler.explaining import ExplainingPolicy, Explanation, VisibilityQuery, make_policy
 from simulation_handler.explaining.explainer import Explainer
+from simulation_handler.hands.deeds import Deeds
 from simulation_handler.hands.fingers import Fingers
 from simulation_handler.hands.letting_go import LetGo
-from simulation_handler.hands.lifting import Lifting
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.correction import Correction
@@ -59,7 +60,7 @@ class Belief:
         self._touching = Touching(self._bodies, self._containment)
         self._driving = Driving(self._bodies, self._relations, self._containment, self._touching.hands, self.config)
         self._fingers = Fingers(self._bodies, self._touching, self._containment)
-        self._lifting = Lifting(self._bodies)
+        self._deeds = Deeds(self._bodies, self._touching, self._relations, self._containment)
         self._holding = HeldObjects(self._bodies)
         self._spilling = Spilling(self._bodies)
         self._courses = Courses(self._bodies, self.config)
@@ -159,7 +160,7 @@ class Belief:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
         self._holding.forget(name)
         self._touching.forget(name)
-        self._lifting.forget(name)
+        self._deeds.forget(name)
         self._bodies.remove(name)
         self._relations.forget(name)
         self._containment.forget(name)
@@ -223,9 +224,13 @@ class Belief:
         """How the last hold of each object ended that no human hand holds now, by (hand, object)."""
         return self._touching.let_go
 
-    def lifted(self) -> Mapping[str, float]:
-        """When (s) each object was last taken up from where it lay, by what holds it now or held it last."""
-        return self._lifting.lifted
+    def deeds(self, name: str) -> tuple[Deed, ...]:
+        """What hands and grippers did with an object last, oldest first."""
+        return self._deeds.of(name)
+
+    def recall_deeds(self, name: str, deeds: Sequence[Deed]) -> None:
+        """Take over what an earlier run believed that was done with an object."""
+        self._deeds.recall(name, deeds)
 
     def explanations(self) -> list[tuple[float, Explanation]]:
         """Explanations since the last call, with the time (s) of each."""
@@ -261,7 +266,7 @@ class Belief:
         self._worlds.update(self.evidence())
         self._following.update()
         places = {name: self.pose(name) for name in self._bodies.objects}
-        self._lifting.update({name: pose for name, pose in places.items() if pose is not None}, now)
+        self._deeds.update(places, self._explainer.in_doubt(now), self._worlds.worlds, now)
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""

@@ -9,6 +9,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import ExplainedChange
+from dsr.vocabulary.observed_actions import Deed
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining import Explanation, VisibilityQuery
@@ -102,8 +103,11 @@ class Reasoner(Protocol):
     def let_go(self) -> Mapping[Relation, LetGo]:
         """How the last hold of each object ended that no human hand holds now, by (hand, object)."""
 
-    def lifted(self) -> Mapping[str, float]:
-        """When (s) each object was last taken up from where it lay, by what holds it now or held it last."""
+    def deeds(self, name: str) -> tuple[Deed, ...]:
+        """What hands and grippers did with an object last, oldest first."""
+
+    def recall_deeds(self, name: str, deeds: Sequence[Deed]) -> None:
+        """Believe again what was done with an object."""
 
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""

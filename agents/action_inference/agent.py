@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from agents.action_inference.attributed import AttributedPolicy
+from agents.action_inference.believed import BelievedPolicy
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.policy import Inference, InferencePolicy
-from agents.action_inference.reading import HOLDERS, SnapshotReader
+from agents.action_inference.reading import SnapshotReader
 from dsr.agent import Access, Agent
 from dsr.config.plugins import ACTION_POLICIES, load
 from dsr.perception.scales import TICK_RATE
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
-from dsr.vocabulary.observed_actions import KINDS, Action
-from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.observed_actions import DEEDS, KINDS, Action
+from dsr.vocabulary.relations import THINGS
 
 
 class ActionInference(Agent):
-    """Reads percepts, beliefs and grasps of things; writes events `Pick`, `Place` and `Release`.
+    """Reads what the belief says was done with things; writes events `Pick`, `Place` and `Release`.
 
     Their participants are the thing and the hand or gripper that did it, or `unknown`; `confidence` is 0 to 1, `time`
     when it happened. After a restart it goes on from the events that it finds.
@@ -25,13 +25,9 @@ class ActionInference(Agent):
     rate_hz = TICK_RATE
     shares_process = True
     reads = Access(
-        nodes=(*THINGS, *SURFACES, *HOLDERS, "finger", "camera", "world", *WRITTEN_NODES),
-        edges=("RT", "Virtual_RT", "on", "in", "grasping", "let_go", "has"),
-        attributes=(
-            *("size", "perceived", "last_seen", "plausible", "present", "since", "mount"),
-            *("probability", "handling", "lifted"),
-            *WRITTEN_ATTRIBUTES,
-        ),
+        nodes=(*THINGS, "world", *WRITTEN_NODES),
+        edges=("Virtual_RT",),
+        attributes=("perceived", "plausible", "present", DEEDS, *WRITTEN_ATTRIBUTES),
     )
     writes = Access(nodes=WRITTEN_NODES, edges=WRITTEN_EDGES, attributes=WRITTEN_ATTRIBUTES)
     Config = ActionInferenceConfig
@@ -40,8 +36,8 @@ class ActionInference(Agent):
     def setup(self) -> None:
         """Choose the policy."""
         self._policy: InferencePolicy = (
-            AttributedPolicy(self.config)
-            if self.config.policy == "attributed"
+            BelievedPolicy()
+            if self.config.policy == BelievedPolicy.name
             else load(ACTION_POLICIES, self.config.policy)(self.config.parameters)
         )
         self._reading = SnapshotReader(self.memory)

@@ -97,7 +97,7 @@ class PublishedPolicy:
         self._machine(action.thing).state = _AFTER[action.kind]
 
     def _infer(self, thing: ObservedThing, now: float) -> Inference | None:
-        if thing.believed is None:
+        if not thing.is_placed:
             return None
         sure = self._machine(thing.name).update(thing.perceived, thing.plausible)
         if sure is None:

@@ -7,11 +7,14 @@ and who did it. The actions of a plan are something else: see `dsr.vocabulary.in
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+import msgspec
 
 from dsr.clock import is_time
-from dsr.errors import GoalError, suggest
+from dsr.errors import GoalError, SchemaError, suggest
 from dsr.graph.elements import Node
 
 PICK, PLACE, RELEASE = "Pick", "Place", "Release"
@@ -19,6 +22,11 @@ KINDS = (PICK, PLACE, RELEASE)
 """Taken from where it lay; put down so that it lies; let go of so that it falls, or is gone."""
 UNKNOWN = "unknown"
 """Name of the actor where nobody can tell who acted."""
+
+DEEDS = "deeds"
+"""Attribute of a thing's node: what was done with it last, by the belief, as JSON. See `deeds_of`."""
+KEPT = 2
+"""count of deeds that are kept of a thing: it was taken up before it was put down"""
 
 _PATTERN = re.compile(r"\s*(\w+)\s*(?:\(\s*([\w.\-]+)\s*(?:,\s*([\w.\-]+)\s*)?\)\s*)?")
 
@@ -36,6 +44,19 @@ class Action(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.kind}({self.thing})" if self.by == UNKNOWN else f"{self.kind}({self.thing}, {self.by})"
+
+
+class Deed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What was done with a thing, by the belief."""
+
+    kind: str
+    """One of `KINDS`."""
+    time: float
+    """When it was done, s"""
+    by: str
+    """Node of a hand or gripper, or `UNKNOWN`."""
+    probability: Annotated[float, msgspec.Meta(ge=0, le=1)]
+    """1, that it is so"""
 
 
 @dataclass(frozen=True)
@@ -72,3 +93,19 @@ def read_action(event: Node) -> Action | None:
     if kind not in KINDS or not is_time(time) or not thing:
         return None
     return Action(time, kind, thing.strip(), by.strip() or UNKNOWN)
+
+
+def encoded(deeds: Sequence[Deed]) -> str:
+    """Encode deeds, oldest first, for the attribute `DEEDS`."""
+    return msgspec.json.encode(deeds).decode()
+
+
+def deeds_of(node: Node) -> tuple[Deed, ...]:
+    """What the belief says that was done with a thing lately, oldest first. Raises `SchemaError` if that is no deed."""
+    try:
+        found = msgspec.json.decode(str(node.get(DEEDS, "[]")), type=tuple[Deed, ...])
+    except msgspec.DecodeError as error:  # also of values that do not fit
+        raise SchemaError(f"{node}: {DEEDS} cannot be read: {error}") from error
+    if any(deed.kind not in KINDS or not is_time(deed.time) or not deed.by for deed in found):
+        raise SchemaError(f"{node}: {DEEDS} has a deed without time or actor, or none of {', '.join(KINDS)}")
+    return found

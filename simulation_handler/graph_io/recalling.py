@@ -13,6 +13,7 @@ from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, query
 from dsr.vocabulary.explained import changes_of
 from dsr.vocabulary.handling import Handling
+from dsr.vocabulary.observed_actions import deeds_of
 from dsr.vocabulary.relations import is_present
 from simulation_handler.contact.relations import BOUNDS, CONTACT
 from simulation_handler.explaining.explainer import EXPLANATION
@@ -66,11 +67,20 @@ class Recalling:
                 raise SchemaError(f"{node}: believed at {pose.stamp:.1f} s, and now it is {now:.1f} s")
             self._belief.recall(node.name, near(node, pose), held=node.get("plausible") is False)
             self._recall_relations(node, now)
+            self._recall_deeds(node, now)
             return max(self._lived_until, pose.stamp)
         if not is_present(node):
             self._belief.recall_gone(node.name)
             return self._lived_until
         return -math.inf
+
+    def _recall_deeds(self, node: Node, now: float) -> None:
+        try:
+            deeds = deeds_of(node)
+        except SchemaError as error:  # the rest is recalled all the same
+            log.warning("the deeds are not recalled: %s", error)
+            return
+        self._belief.recall_deeds(node.name, [deed for deed in deeds if deed.time <= now])
 
     def _recall_relations(self, node: Node, now: float) -> None:
         for edge in self._memory.edges("on", src=node.name):

@@ -14,6 +14,7 @@ from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.scales import HAND_REACH, STEADY
+from dsr.vocabulary.observed_actions import DEEDS, Deed, encoded
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.graph_io.alternatives import LEAST, AlternativesWriter
@@ -44,6 +45,7 @@ class Writing:
         """Of the belief when its distributions were looked at last."""
         self._due = -math.inf
         self._related: set[tuple[str, Relation]] = set()
+        self._told: dict[str, tuple[Deed, ...]] = {}
 
     def close(self) -> None:
         """Delete the worlds of alternatives."""
@@ -54,12 +56,13 @@ class Writing:
         if WORLD not in self._memory:
             return
         self._written = {name: pose for name, pose in self._written.items() if name in self._belief}
+        self._told = {name: deeds for name, deeds in self._told.items() if name in self._belief}
         for name in self._belief.names:
             with contextlib.suppress(GraphError):
                 self._write_pose(name, now)
                 self._write_plausible(name)
                 self._write_present(name)
-                self._write_lifted(name)
+                self._write_deeds(name)
         self._look_at_worlds(now)
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
@@ -103,11 +106,12 @@ class Writing:
         if before is not (not gone) and (gone or before is not None):
             self._memory.update_node(name, present=not gone)
 
-    def _write_lifted(self, name: str) -> None:
-        """Tell when something that holds an object took it up."""
-        lifted = self._belief.lifted().get(name)
-        if lifted is not None and self._memory.node(name).get("lifted") != lifted:
-            self._memory.update_node(name, lifted=lifted)
+    def _write_deeds(self, name: str) -> None:
+        """Tell what was done with an object."""
+        deeds = self._belief.deeds(name)
+        if deeds != self._told.get(name, ()):
+            self._memory.update_node(name, **{DEEDS: encoded(deeds)})
+            self._told[name] = deeds
 
     def _write_grasps(self) -> None:
         """Let the edges `grasping` of human hands be what the belief says that they hold."""

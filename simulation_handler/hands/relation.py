@@ -6,6 +6,7 @@ from enum import Enum, auto
 from types import MappingProxyType
 
 from dsr.vocabulary.handling import HOLDING, Handling
+from dsr.vocabulary.observed_actions import PLACE, RELEASE
 
 FREE, TOUCHING, PASSING, PINCHING, HIDING, COVERING, TAKING, PUT_DOWN, DROPPED, LET_GO, LEFT_BEHIND = Handling
 
@@ -74,6 +75,9 @@ TRANSITIONS = MappingProxyType({
 
 Any state ends, and is `FREE` again, once nothing tells that the hand touches the object: `Touching` forgets it then.
 """
+
+DONE = MappingProxyType({DROPPED: RELEASE, PUT_DOWN: PLACE})
+"""What was done with an object, by the state in which its hold ended. After other states its way down tells."""
 
 
 def after(state: Handling, sign: Sign) -> Handling:

@@ -10,6 +10,7 @@ import pytest
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import to_numbers
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import PICK, deeds_of
 from simulation_handler import SimulationHandler
 from tests.simulation_handler.occluded import BOX, standing
 from tests.simulation_handler.test_agent import NAME, Table
@@ -69,6 +70,26 @@ def test_a_grasp_is_written_and_ends(table: Table) -> None:
     assert math.dist(edge["held_at"].t, (0.1, 0.0, -0.06)) < 0.01
     run_with_hand(table, ((0.4, 0.17, 0.02), (0.4, 0.03, 0.02)), 1.0)
     assert table.memory.edges("grasping") == []
+
+
+def test_what_was_done_with_a_thing_is_written_and_recalled(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(2.0)
+    run_with_hand(table, AT_THE_CUBE, 1.0)
+    for k in range(1, 11):
+        table.truths["cube_1"] = cube_at(0.4, 0.1, 0.02 + 0.01 * k)
+        run_with_hand(table, tuple((x, y, z + 0.01 * k) for x, y, z in AT_THE_CUBE), 0.1)
+    (picked,) = deeds_of(table.memory.node("cube_1"))
+    assert (picked.kind, picked.by) == (PICK, "human_hand_0") and picked.probability > 0.7
+    table.lockstep.kill(NAME)
+    table.lockstep.restart(NAME)
+    run_with_hand(table, tuple((x, y, z + 0.1) for x, y, z in AT_THE_CUBE), 1.0)
+    assert deeds_of(table.memory.node("cube_1")) == (picked,)
+    table.memory.update_node("cube_1", deeds="?")
+    table.lockstep.kill(NAME)
+    table.lockstep.restart(NAME)
+    table.run(0.5)
+    assert table.error("cube_1") < 0.02, "the rest is recalled all the same"
 
 
 def test_grasps_of_grippers_are_left_alone(table: Table) -> None:

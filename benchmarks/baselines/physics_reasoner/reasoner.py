@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.baselines.physics_reasoner.boxes import BoxRelations, WorldBox, world_box
@@ -14,6 +14,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import ExplainedChange
+from dsr.vocabulary.observed_actions import Deed
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import BOUNDS, Relation
 from simulation_handler.explaining import Explanation, VisibilityQuery
@@ -168,9 +169,12 @@ class PublishedReasoner:
         """None: it knows nothing of hands."""
         return {}
 
-    def lifted(self) -> Mapping[str, float]:
+    def deeds(self, name: str) -> tuple[Deed, ...]:
         """None: it knows nothing of hands."""
-        return {}
+        return ()
+
+    def recall_deeds(self, name: str, deeds: Sequence[Deed]) -> None:
+        """It knows nothing of hands."""
 
     def step(self, now: float) -> None:
         """One update of the output scene: Algorithm 2."""

@@ -55,7 +55,7 @@ def test_what_was_released_can_be_picked_again():
 
 def test_times_are_those_at_which_it_is_noticed_and_nobody_is_told():
     stage = Stage(PublishedPolicy())
-    stage.add("cup", (0.0, 0.0, 0.02))
+    stage.add("cup")
     stage.run(1.0)
     stage.change("cup", plausible=False)
     stage.run(1.0)
@@ -65,11 +65,10 @@ def test_times_are_those_at_which_it_is_noticed_and_nobody_is_told():
 
 def test_it_takes_what_is_held_out_of_sight_for_released():
     stage = Stage(PublishedPolicy())
-    stage.add("cup", (0.0, 0.0, 0.02))
+    stage.add("cup")
     stage.change("cup", plausible=False)
     stage.run(1.0)
-    stage.grasp("cup", "human_hand_0")
-    stage.visible["cup"] = False
+    stage.change("cup", perceived=False, plausible=True)
     stage.run(2.0)
     assert stage.told == ["Pick(cup)", "Release(cup)"]
 
@@ -78,6 +77,6 @@ def test_an_earlier_run_is_continued():
     policy = PublishedPolicy()
     policy.recall(Action(1.0, PICK, "cup"))
     stage = Stage(policy)
-    stage.add("cup", (0.0, 0.0, 0.02))
+    stage.add("cup")
     stage.run(1.0)
     assert stage.told == ["Place(cup)"]
