@@ -278,6 +278,19 @@ def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any
     return factory(bus, keys, **options)
 
 
+def drivers_in(config: object) -> set[str]:
+    """The names of drivers in a configuration, at any depth."""
+    found, waiting = set(), [config]
+    while waiting:
+        one = waiting.pop()
+        if isinstance(one, Mapping):
+            found |= {one["driver"]} if isinstance(one.get("driver"), str) else set()
+            waiting += one.values()
+        elif isinstance(one, list | tuple):
+            waiting += one
+    return found
+
+
 def has_option(name: str, option: str) -> bool:
     """Whether the driver `module:Class`, or that of an entry, has an option. Raises `ConfigError` if there is none."""
     return option in _options(_factory(name))

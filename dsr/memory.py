@@ -295,6 +295,11 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         """The edge of this type from `src` to `dst`, or None."""
         return self._graph.edges.get((src, dst, type))
 
+    def get_pose(self, src: str, dst: str, type: str) -> Pose | None:
+        """The pose source_from_destination that an edge holds; None without the edge, or if its pose was taken away."""
+        edge = self._graph.edges.get((src, dst, type))
+        return None if edge is None else edge.get("pose")
+
     def edges(self, type: str | None = None, *, src: str | None = None, dst: str | None = None) -> list[Edge]:
         """Edges by type, source and destination, in any combination; at a cost that follows the smallest answer."""
         if type is not None:

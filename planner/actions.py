@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from typing import Any, NamedTuple
 
 from dsr.errors import GraphError
 from dsr.graph.elements import Node
+from dsr.graph.schema import is_name
 from dsr.memory import Memory
 from dsr.vocabulary.arms import arm_of_action
 from dsr.vocabulary.intentions import ENDED, FAILED, MIND, PLANNED, PREFIX, RUN, RUNNING
 from planner.grounding import Skill
+from planner.intentions import read_number
 
 _SOURCE = "planner"
 
@@ -27,6 +30,15 @@ class Progress(NamedTuple):
 GONE = Progress(FAILED, "somebody removed the action")
 
 
+def can_have_actions(intention: str) -> bool:
+    """Whether an intention of that name leaves room for the names of its actions, however many there will be."""
+    return is_name(f"{_stem(intention)}{sys.maxsize}")
+
+
+def _stem(intention: str) -> str:
+    return f"action_{intention.removeprefix(PREFIX)}_"
+
+
 class Actions:
     """The action nodes below one intention.
 
@@ -36,8 +48,9 @@ class Actions:
     def __init__(self, memory: Memory, intention: str) -> None:
         self._memory = memory
         self._intention = intention
-        self._stem = f"action_{intention.removeprefix(PREFIX)}_"
-        numbers = [int(number) for node in own_actions(memory) if (number := node.name[len(self._stem) :]).isdigit()]
+        self._stem = _stem(intention)
+        names = [node.name for node in own_actions(memory) if node.name.startswith(self._stem)]
+        numbers = [number for name in names if (number := read_number(name, self._stem)) is not None]
         self._next = max(numbers, default=-1) + 1
         self._names: list[str] = []
 

@@ -28,6 +28,7 @@ from dsr.vocabulary.intentions import (
     WANTED,
 )
 from dsr.vocabulary.relations import SURFACES, THINGS, Relation, Relations
+from planner.actions import can_have_actions
 from planner.arm import Arm, Script
 from planner.arms import Place
 from planner.assurance import Assurance
@@ -185,6 +186,8 @@ class Execution:
     # ---- what is wanted, and whether it can be
 
     def _read_goal(self) -> Goal:
+        if not can_have_actions(self.intention.name):
+            raise GivingUp(INVALID, "its name is too long, or none: actions could not be named after it")
         try:
             goal = parse_goal(self.intention.goal)
         except GoalError as error:

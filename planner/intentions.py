@@ -12,6 +12,7 @@ from dsr.memory import Memory
 from dsr.vocabulary.intentions import PREFIX, WANTED
 
 _AFTER_ALL = sys.maxsize  # count, as which a name without a number counts
+_MOST_REPLANS = sys.maxsize // 2  # count, with room for more of them; what a node tells may be any number
 _MOST_DIGITS = len(str(_AFTER_ALL))  # count of digits from which the number in a name is not read as one
 
 
@@ -34,9 +35,14 @@ class Intention:
 
 def number_of(name: str) -> int:
     """N of `intention_N`; those of other names come after all numbers."""
-    digits = name.removeprefix(PREFIX)
-    is_number = digits.isascii() and digits.isdigit() and len(digits) < _MOST_DIGITS
-    return int(digits) if is_number else _AFTER_ALL
+    number = read_number(name, PREFIX)
+    return _AFTER_ALL if number is None else number
+
+
+def read_number(name: str, prefix: str) -> int | None:
+    """The number behind the prefix of a name; None if there is none, or one that nobody counts to."""
+    digits = name.removeprefix(prefix)
+    return int(digits) if digits.isascii() and digits.isdigit() and len(digits) < _MOST_DIGITS else None
 
 
 def read_intentions(memory: Memory) -> list[Intention]:
@@ -51,7 +57,7 @@ def _read(node: Node) -> Intention:
         maintain=node.get("maintain", False),
         priority=node.get("priority", 0),
         status=node.get("status", WANTED),
-        replans=node.get("replans", 0),
+        replans=min(max(0, node.get("replans", 0)), _MOST_REPLANS),
     )
 
 

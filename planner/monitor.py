@@ -91,7 +91,7 @@ class RelationMonitor:
 
 def believed_places(memory: Memory) -> dict[str, Vector3]:
     """(3,) m in the world of everything that is believed to be somewhere."""
-    return {edge.dst: edge.pose.t for edge in memory.edges("Virtual_RT") if "pose" in edge}
+    return {edge.dst: pose.t for edge in memory.edges("Virtual_RT") if (pose := edge.get("pose")) is not None}
 
 
 def have_moved(before: Mapping[str, Vector3], now: Mapping[str, Vector3], tolerance: float) -> bool:

@@ -151,8 +151,7 @@ def _views(memory: Memory) -> tuple[TableCamera, ...]:
     """The cameras that hang from the world by one edge."""
     views = []
     for camera in nodes_by_name(memory, "camera"):
-        edge = memory.get_edge(WORLD, camera.name, "RT")
-        intrinsics = read_intrinsics(camera)
-        if edge is not None and intrinsics is not None and "pose" in edge:
-            views.append(TableCamera(camera.name, edge.pose.inverse(), intrinsics))
+        pose, intrinsics = memory.get_pose(WORLD, camera.name, "RT"), read_intrinsics(camera)
+        if pose is not None and intrinsics is not None:
+            views.append(TableCamera(camera.name, pose.inverse(), intrinsics))
     return tuple(views)

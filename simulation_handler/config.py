@@ -49,8 +49,6 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     perceived_max_age: float = UNSEEN_AFTER
     """s without a percept after which an object is unseen and left to physics (Sallami et al., Table I)."""
 
-    dead_sigmas: float = SURE_SIGMAS
-    """Standard deviations that the estimate of a resting object must change before its body is moved."""
     divergence: float = PLACE_FLOOR
     """m that physics may move a body from where perception put it; beyond, they disagree."""
     divergence_angle: float = TURN_FLOOR

@@ -53,6 +53,7 @@ SHARED_BY_AGENTS = (
     "agents.joint_ramp",
     "agents.intrinsics_file",
     "agents.object_models",
+    "agents.packed_images",
     "agents.pairing",
     "agents.recorder",
     "agents.replay.source",

@@ -67,8 +67,8 @@ def calibrate_recorded(
 
 def _check_mount(memory: Memory, views: Views, before: Pose, time: float) -> None:
     """Raises `ConfigError` if the camera was given another pose until then."""
-    edge = memory.get_edge(views.parent, views.camera, "RT")
-    if edge is not None and not SAME_POSE.covers(before, edge["pose"]):
+    pose = memory.get_pose(views.parent, views.camera, "RT")
+    if pose is not None and not SAME_POSE.covers(before, pose):
         raise ConfigError(
             f"{views.camera} was given another pose after {time:.1f} s: what was seen before and after that cannot be "
             f"used together; use --from {math.ceil(10.0 * time) / 10.0:.1f} or --until an earlier time"

@@ -12,7 +12,8 @@ from msgspec.structs import replace
 from agents.cameras.device_clock import RecordingClock
 from agents.cameras.errors import CorruptFrameError, EndOfPicturesError
 from agents.cameras.reader import CameraReader, Wait
-from agents.recorder.images import check_opencv, is_color, unpack
+from agents.packed_images import check_opencv
+from agents.recorder.images import is_color, unpack
 from agents.recorder.index import RecordingIndex, TimedRecord
 from agents.recorder.opening import is_bag
 from dsr.clock import WALL_CLOCK, Clock

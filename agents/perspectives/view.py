@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -69,7 +70,7 @@ class PersonalView:
             if self.name in monitor.perspectives:
                 self._look(monitor, now)
             else:
-                self._lose(node.name for node in self._known())
+                self._lose((node.name for node in self._known()), now)
                 self._see_others(None, now)
             self._timeline.update(now)
 
@@ -77,7 +78,7 @@ class PersonalView:
         picture = monitor.picture(self.name)
         seen = [thing for thing in sorted(monitor.scene.things) if monitor.sees(self.name, thing)]
         lost = [node for node in self._known() if node.name not in seen and node.get("perceived") is True]
-        self._lose(node.name for node in lost)
+        self._lose((node.name for node in lost), now)
         self._carry_along(self._take_in(seen, now), seen, now)
         self._let_fall(picture, lost, now)
         self._relate(seen)
@@ -100,8 +101,7 @@ class PersonalView:
             self._copy(node, {"present": True, "perceived": True})
             self._last_seen[name] = now
             self._empty_since.pop(name, None)
-            if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
-                self.world.update_node(name, last_seen=now)
+            self._tell_seen(name, now)
             before = self._put(name, pose.with_covariance(None).with_stamp(now))
             if before is not None:
                 moved[name] = before, pose
@@ -109,10 +109,9 @@ class PersonalView:
 
     def _put(self, name: str, pose: Pose, least: PoseTolerance = _MOVED) -> Pose | None:
         """Let something be somewhere; returns where it was before if that was somewhere else, by `least` m or rad."""
-        edge = self.world.get_edge(WORLD, name, "RT")
-        if edge is not None and least.covers(edge.pose, pose):
+        before = self._at(name)
+        if before is not None and least.covers(before, pose):
             return None
-        before = None if edge is None else edge.pose
         self.world.add_edge(WORLD, name, "RT", pose=pose)
         return before
 
@@ -142,9 +141,8 @@ class PersonalView:
                     self.world.add_edge(node.name, name, "in", source=self.name)
 
     def _at(self, name: str) -> Pose | None:
-        """Where the person believes something to be."""
-        edge = self.world.get_edge(WORLD, name, "RT")
-        return None if edge is None else edge.pose
+        """Where the person believes something to be; None where somebody took the pose away."""
+        return self.world.get_pose(WORLD, name, "RT")
 
     def _connect(self, name: str, thing: str, share: float) -> None:
         edge = self.world.get_edge(name, thing, "sees")
@@ -156,15 +154,16 @@ class PersonalView:
     def _known(self) -> list[Node]:
         return self.world.nodes(KINDS)
 
-    def _lose(self, names: Iterable[str]) -> None:
-        """Remember what is not seen any more: when and where it was."""
+    def _lose(self, names: Iterable[str], now: float) -> None:
+        """Remember what is not seen any more: when and where it was. Nobody has seen it in times to come."""
         for name in names:
             node = self.world.node(name)
             if node.get("perceived") is not True:
                 continue
-            where = self.world.get_edge(WORLD, name, "RT")
-            told: dict[str, Any] = {} if where is None else {"seen_at": where.pose}
-            self.world.update_node(name, perceived=False, last_seen=self._last_seen.get(name, 0.0), **told)
+            where = self._at(name)
+            told: dict[str, Any] = {} if where is None else {"seen_at": where}
+            last_seen = min(self._last_seen.get(name, 0.0), now)
+            self.world.update_node(name, perceived=False, last_seen=last_seen, **told)
             self.world.remove_edge(self.name, name, "sees")
 
     def _carry_along(self, moved: Mapping[str, tuple[Pose, Pose]], seen: Collection[str], now: float) -> None:
@@ -180,14 +179,14 @@ class PersonalView:
             ]
             level = []
             for name, container in sorted(contents):
-                where = self.world.get_edge(WORLD, name, "RT")
+                where = self._at(name)
                 if where is None or name in shifts:
                     continue
-                goal = carried(self.world.node(container), *shifts[container], where.pose)
+                goal = carried(self.world.node(container), *shifts[container], where)
                 if goal is None:
                     self.world.remove_edge(name, container, "in")
                     continue
-                shifts[name] = where.pose, goal
+                shifts[name] = where, goal
                 self.world.add_edge(WORLD, name, "RT", pose=goal.with_stamp(now))
                 level.append(name)
 
@@ -204,8 +203,8 @@ class PersonalView:
     def _notice_empty_places(self, picture: Picture, seen: Collection[str], now: float) -> None:
         """What is not where it would be seen is nowhere."""
         for node in self._known():
-            where = self.world.get_edge(WORLD, node.name, "RT")
-            if node.name in seen or where is None or not self._is_empty(picture, node, where.pose):
+            where = self._at(node.name)
+            if node.name in seen or where is None or not self._is_empty(picture, node, where):
                 self._empty_since.pop(node.name, None)
                 continue
             since = self._empty_since.setdefault(node.name, now)
@@ -237,11 +236,14 @@ class PersonalView:
             self._miss(self.name)
             return
         self._place(own, now, {key: own[key] for key in ("perceived", "fov") if key in own})
-        here, last_seen = self.world.get_node(self.name), own.get("last_seen")
-        if here is None or last_seen is None or here.get("last_seen") == last_seen:
-            return
-        if now - here.get("last_seen", -now) >= _TELL_EVERY:
-            self.world.update_node(self.name, last_seen=last_seen)
+        last_seen = own.get("last_seen")
+        if last_seen is not None and self.name in self.world:
+            self._tell_seen(self.name, min(last_seen, now))
+
+    def _tell_seen(self, name: str, when: float) -> None:
+        """Write when somebody or something was last seen, unless it was told lately; a time to come is corrected."""
+        if not 0.0 <= when - self.world.node(name).get("last_seen", -math.inf) < _TELL_EVERY:
+            self.world.update_node(name, last_seen=when)
 
     def _see_others(self, picture: Picture | None, now: float) -> None:
         """Other persons and cameras are where they were last seen."""
@@ -250,8 +252,7 @@ class PersonalView:
             node, pose = self._source.get_node(name), self._source.get_transform(WORLD, name, types=BELIEVED)
             if picture is not None and node is not None and pose is not None and _is_shown(node, pose, picture):
                 self._place(node, now, {"perceived": True})
-                if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
-                    self.world.update_node(name, last_seen=now)
+                self._tell_seen(name, now)
             else:
                 self._miss(name)
 

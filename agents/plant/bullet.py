@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.looks import Looks
+from dsr.math3d.batches import skew
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from dsr.runtime.native_output import silenced
 
@@ -22,6 +25,7 @@ class Bullet:
         self.client: int = pybullet.connect(pybullet.DIRECT)
         self.changes = 0
         """How often a body came or went: the number of one that went is given to another one."""
+        self._base_from_inertia: dict[int, Pose] = {}
         self.looks: Looks | None = None
         """What its bodies look like. None unless somebody who wants to know puts it there before the first body."""
 
@@ -49,6 +53,7 @@ class Bullet:
         """As `removeBody` of pybullet."""
         self.removeBody(body)
         self.changes += 1
+        self._base_from_inertia.pop(body, None)
         if self.looks is not None:
             self.looks.remove(body)
 
@@ -68,14 +73,28 @@ class Bullet:
         state = self.getLinkState(body, link, computeForwardKinematics=True)
         return Pose(state[4], state[5])
 
-    def links(self, body: int) -> dict[int, NDArray[np.float64]]:
-        """world_from_link (4, 4) of all links by their numbers, in the frames of the description; -1 is the base."""
-        base_from_inertia = Pose(*self.getDynamicsInfo(body, -1)[3:5])
-        found = {-1: (self.pose(body) @ base_from_inertia.inverse()).matrix}
-        if count := self.getNumJoints(body):
-            states = self.getLinkStates(body, range(count), computeForwardKinematics=True)
-            found.update((link, Pose(*state[4:6]).matrix) for link, state in enumerate(states))
-        return found
+    def links(self, bodies: Iterable[int]) -> dict[tuple[int, int], NDArray[np.float64]]:
+        """world_from_link (4, 4) of all links by body and number, in the frames of the description; -1 is the base."""
+        keys, poses = [], []
+        for body in bodies:
+            keys.append((body, -1))
+            poses.append(self._base(body))
+            if count := self.getNumJoints(body):
+                states = self.getLinkStates(body, range(count), computeForwardKinematics=True)
+                keys += [(body, link) for link in range(count)]
+                poses += [state[4:6] for state in states]
+        return dict(zip(keys, _matrices(poses), strict=True))
+
+    def _base(self, body: int) -> tuple[Vector3, Quaternion]:
+        """world_from_base; the engine tells where the frame of the body's inertia is."""
+        position, rotation = self.getBasePositionAndOrientation(body)
+        if body not in self._base_from_inertia:
+            self._base_from_inertia[body] = Pose(*self.getDynamicsInfo(body, -1)[3:5])
+        base_from_inertia = self._base_from_inertia[body]
+        if base_from_inertia == Pose.identity():
+            return position, rotation
+        base = Pose(position, rotation) @ base_from_inertia.inverse()
+        return base.t, base.q
 
     def set_pose(self, body: int, pose: Pose) -> None:
         """Teleport the body; its velocity stays."""
@@ -87,3 +106,14 @@ class Bullet:
             with silenced():
                 pybullet.disconnect(self.client)
             self.client = -1
+
+
+def _matrices(poses: Sequence[tuple[Vector3, Quaternion]]) -> NDArray[np.float64]:
+    """(n, 4, 4) of positions and unit quaternions."""
+    result = np.tile(np.eye(4), (len(poses), 1, 1))
+    if poses:
+        quaternions = np.array([rotation for _, rotation in poses])
+        turns, w = skew(quaternions[:, :3]), quaternions[:, 3, None, None]
+        result[:, :3, :3] += 2.0 * (w * turns + turns @ turns)
+        result[:, :3, 3] = [position for position, _ in poses]
+    return result

@@ -8,7 +8,10 @@ points along their viewing rays.
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Iterable, Mapping
+from statistics import NormalDist
 
 import cv2
 import numpy as np
@@ -32,6 +35,7 @@ EDGE_DROPOUT = 0.7
 
 _PATCH = 4  # px, over which the disparity's error is alike
 _PATCH_GAIN = 1.25  # undoes what interpolation between patches takes from the standard deviation
+_WIDEST = 6.0  # standard deviations, beyond which a table of noise has nothing
 
 Color = NDArray[np.uint8]
 Depth = NDArray[np.float32]
@@ -68,31 +72,51 @@ class SensorModel:
 
     def color(self, image: Color) -> Color:
         """The image (h, w, 3) with the grey noise of the scenario, equal in all channels."""
-        noise = self._rng.standard_normal(image.shape[:2], dtype=np.float32) * np.float32(self._spec.grey_noise)
-        grey = np.rint(noise).astype(np.int16)
-        return np.asarray(cv2.add(image, cv2.merge([grey, grey, grey]), dtype=cv2.CV_8U), dtype=np.uint8)
+        if self._spec.grey_noise == 0.0:
+            return image
+        drawn = self._rng.integers(0, 1 << 16, image.shape[:2], dtype=np.uint16)
+        brighter, darker = (cv2.LUT(drawn, table) for table in _grey_noise(self._spec.grey_noise))
+        brightened = cv2.add(image, cv2.merge([brighter] * 3))
+        return np.asarray(cv2.subtract(brightened, cv2.merge([darker] * 3)), dtype=np.uint8)
 
     def depth(self, depth: Depth, intrinsics: Intrinsics) -> Depth:
         """The depth (h, w) m as such a sensor measures it, 0 where it cannot."""
-        missing = (depth < NEAREST) | (depth > FARTHEST) | self._dropouts(depth)
-        scale = np.float32(intrinsics.fx * BASELINE)
-        disparity = scale / np.maximum(depth, np.float32(NEAREST)) + self._disparity_error(depth.shape)
-        measured = scale / (np.maximum(np.rint(disparity / DISPARITY_STEP), 1) * DISPARITY_STEP)
-        return np.where(missing, np.float32(0.0), measured).astype(np.float32)
+        missing = np.asarray(cv2.bitwise_not(cv2.inRange(depth, NEAREST, FARTHEST)), np.uint8)
+        self._drop_out(depth, missing)
+        steps_at_1_m = np.float32(intrinsics.fx * BASELINE / DISPARITY_STEP)
+        measured = np.maximum(depth, np.float32(NEAREST))
+        np.divide(steps_at_1_m, measured, out=measured)
+        measured += self._steps_off(depth.shape)
+        np.maximum(np.rint(measured, out=measured), np.float32(1.0), out=measured)
+        np.divide(steps_at_1_m, measured, out=measured)
+        measured[missing > 0] = 0.0
+        return measured
 
-    def _disparity_error(self, shape: tuple[int, ...]) -> Depth:
+    def _steps_off(self, shape: tuple[int, ...]) -> Depth:
+        """The error of the disparity, in steps of that."""
         height, width = shape
         small = self._rng.standard_normal((-(-height // _PATCH), -(-width // _PATCH)), dtype=np.float32)
-        error = cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
-        return np.asarray(error * np.float32(_PATCH_GAIN * DISPARITY_NOISE), dtype=np.float32)
+        small *= np.float32(_PATCH_GAIN * DISPARITY_NOISE / DISPARITY_STEP)
+        return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC), dtype=np.float32)
 
-    def _dropouts(self, depth: Depth) -> NDArray[np.bool_]:
-        """Some of the pixels at jumps of the depth."""
-        kernel = np.ones((3, 3), np.uint8)
-        edges = cv2.dilate(depth, kernel) - cv2.erode(depth, kernel) > EDGE_STEP
-        dropped = np.zeros(depth.shape, bool)
-        dropped[edges] = self._rng.random(int(edges.sum())) < EDGE_DROPOUT
-        return dropped
+    def _drop_out(self, depth: Depth, missing: NDArray[np.uint8]) -> None:
+        """Let some of the pixels at jumps of the depth be missing (255), too."""
+        jumps = cv2.morphologyEx(depth, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
+        edges = np.flatnonzero(jumps > EDGE_STEP)
+        missing.reshape(-1)[edges[self._rng.random(len(edges)) < EDGE_DROPOUT]] = 255
+
+
+@functools.lru_cache(maxsize=8)
+def _grey_noise(deviation: float) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """By how many grey levels each of 65536 equally likely numbers makes a pixel brighter, and by how many darker.
+
+    The difference of both is normal with that standard deviation, rounded to whole levels.
+    """
+    most = min(math.ceil(_WIDEST * deviation), 255)
+    levels, normal = np.arange(-most, most + 1), NormalDist(0.0, deviation)
+    ends = np.rint([65536.0 * normal.cdf(level + 0.5) for level in levels[:-1].tolist()])
+    noise = np.repeat(levels, np.diff(ends, prepend=0.0, append=65536.0).astype(np.int64))
+    return noise.clip(0).astype(np.uint8), (-noise).clip(0).astype(np.uint8)
 
 
 def shift_bodies(depth: Depth, bodies: NDArray[np.int32], errors: Mapping[int, float], intrinsics: Intrinsics) -> Depth:

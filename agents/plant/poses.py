@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
+import pybullet
 from numpy.typing import NDArray
 
 from agents.colors import Color
@@ -40,6 +42,7 @@ SMALLEST = 12.0
 _LOOK = np.array([[0, 0], [-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.95  # points of a tag, in half sides
 _ENOUGH = 0.35  # share of an object's image by which its colour is recognised
 _ENOUGH_FOR_TILT = 0.5  # likewise, by which it is seen how it leans
+_MOST_RAYS: int = pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE
 _REACHED = 0.999  # share of a ray without obstacle that counts as reaching its end; what is behind a thin wall is not
 
 
@@ -50,16 +53,15 @@ def read_tags(camera: SimulatedCamera, world: World, hands: Hands, stamp: float)
     errors = camera.sensor.errors()
     seen = TagReadings(stamp, [], camera.intrinsics, [])
     camera.in_view = []
-    poses = {} if camera.covers else camera.seen_poses(world)
     camera_from_world = camera.pose.inverse()
+    poses = {} if camera.covers else camera.seen_poses(world)
+    poses = {name: camera_from_world @ pose for name, pose in poses.items()}
+    shares = _shares_seen(camera, world, hands, poses)
     for name, spec in world.specs.items():
         noise = camera.sensor.normal(6)
-        if name not in poses:
+        if (share := shares.get(name, 0.0)) < _ENOUGH:
             continue
-        pose = camera_from_world @ poses[name]
-        share = _share_seen(camera, world, hands, spec, pose)
-        if share < _ENOUGH:
-            continue
+        pose = poses[name]
         camera.in_view.append(name)
         if spec.marker_id is not None:
             seen.readings.append(_measured(spec.marker_id, pose, errors[name], noise))
@@ -72,24 +74,27 @@ def read_tags(camera: SimulatedCamera, world: World, hands: Hands, stamp: float)
 
 def recognisable(camera: SimulatedCamera, world: World, hands: Hands) -> list[str]:
     """Names of the objects that `camera` could recognise now, those without tag and known colour by their shape."""
+    if camera.covers:
+        return []
     camera_from_world = camera.pose.inverse()
-    specs = [] if camera.covers else [spec for name, spec in world.specs.items() if name in world]
-    poses = [camera_from_world @ world.pose(spec.name) for spec in specs]
-    found = []
-    for spec, pose in zip(specs, poses, strict=True):
-        share = _share_of_color if spec.by_depth else _share_seen
-        if share(camera, world, hands, spec, pose) >= _ENOUGH:
-            found.append(spec.name)
-    return found
+    poses = {name: camera_from_world @ pose for name, pose in world.poses().items()}
+    shares = _shares_seen(camera, world, hands, poses)
+    for name, pose in poses.items():
+        if world.specs[name].by_depth:
+            shares[name] = _share_of_color(camera, world, hands, world.specs[name], pose)
+    return [name for name in world.specs if shares.get(name, 0.0) >= _ENOUGH]
 
 
-def _share_seen(
-    camera: SimulatedCamera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose
-) -> float:
-    """1 or 0 for a tag; how much there is to see of the image of what is recognised by its colour; else 0."""
-    if spec.marker_id is not None:
-        return float(_sees(camera, world, hands, spec, camera_from_object))
-    return _share_of_color(camera, world, hands, spec, camera_from_object) if spec.by_color else 0.0
+def _shares_seen(camera: SimulatedCamera, world: World, hands: Hands, poses: Mapping[str, Pose]) -> dict[str, float]:
+    """By object at a pose camera_from_object: 1 or 0 for a tag; how much there is to see of the image of what is
+    recognised by its colour; else 0.
+    """
+    tagged = {name: pose for name, pose in poses.items() if world.specs[name].marker_id is not None}
+    shares = dict(zip(tagged, _see(camera, world, hands, tagged).astype(float).tolist(), strict=True))
+    for name in poses.keys() - tagged.keys():
+        spec = world.specs[name]
+        shares[name] = _share_of_color(camera, world, hands, spec, poses[name]) if spec.by_color else 0.0
+    return shares
 
 
 def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDArray[np.float64]) -> TagReading:
@@ -138,39 +143,47 @@ def _share_of_color(
     inside = ((pixels >= 0) & (pixels <= (intrinsics.width - 1, intrinsics.height - 1))).all(axis=1)
     if not inside.any() or np.ptp(pixels[inside], axis=0).min() < SMALLEST:
         return 0.0
-    free = _free(camera.pose, world, hands, spec.name, points[inside])
+    bodies = np.full(int(inside.sum()), world.body(spec.name))
+    free = _free(camera.pose, world, hands, bodies, points[inside])
     return float(weights[inside][free].sum())
 
 
-def _sees(camera: SimulatedCamera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> bool:
-    """Whether the tag faces the camera, is large enough, and wholly in the image and in view."""
-    half = TAG_RATIO * min(spec.size[:2]) / 2
-    tag = np.column_stack([_LOOK * half, np.full(len(_LOOK), spec.size[2] / 2)])
-    points = camera_from_object.apply(tag)
-    normal = camera_from_object.rotation_matrix[:, 2]
-    facing = -float(normal @ points[0]) / float(np.linalg.norm(points[0]))
-    if facing < math.cos(STEEPEST) or points[:, 2].min() <= 0:
-        return False
+def _see(camera: SimulatedCamera, world: World, hands: Hands, poses: Mapping[str, Pose]) -> NDArray[np.bool_]:
+    """(n,) which tags face the camera, are large enough, and wholly in the image and in view.
+
+    `poses` are camera_from_object, by the names of objects with tags.
+    """
+    if not poses:
+        return np.zeros(0, bool)
+    sizes = np.array([world.specs[name].size for name in poses])
+    halves = TAG_RATIO * sizes[:, :2].min(axis=1) / 2
+    heights = np.broadcast_to(sizes[:, 2, None, None] / 2, (len(poses), len(_LOOK), 1))
+    tags = np.concatenate([_LOOK * halves[:, None, None], heights], axis=2)
+    matrices = np.array([pose.matrix for pose in poses.values()])
+    points = tags @ np.swapaxes(matrices[:, :3, :3], 1, 2) + matrices[:, None, :3, 3]
+    facing = -(matrices[:, :3, 2] * points[:, 0]).sum(axis=1) / np.linalg.norm(points[:, 0], axis=1)
+    sees: NDArray[np.bool_] = (facing >= math.cos(STEEPEST)) & (points[..., 2].min(axis=1) > 0)
     intrinsics = camera.intrinsics
-    if 2 * half * intrinsics.fx / points[0, 2] < SMALLEST:
-        return False
-    pixels = intrinsics.project(points)
-    if pixels.min() < 0 or (pixels > (intrinsics.width - 1, intrinsics.height - 1)).any():
-        return False
-    return _in_view(camera.pose, world, hands, spec.name, points)
-
-
-def _in_view(world_from_camera: Pose, world: World, hands: Hands, name: str, points: NDArray[np.float64]) -> bool:
-    """Whether nothing stands between the camera and points (n, 3) m of the object, in the optical frame."""
-    return bool(_free(world_from_camera, world, hands, name, points).all())
+    sees[sees] = 2 * halves[sees] * intrinsics.fx / points[sees, 0, 2] >= SMALLEST
+    pixels = intrinsics.project(points[sees])
+    last = (intrinsics.width - 1, intrinsics.height - 1)
+    sees[sees] = ((pixels >= 0) & (pixels <= last)).all(axis=(1, 2))
+    bodies = np.array([world.body(name) for name in poses])[sees]
+    free = _free(camera.pose, world, hands, np.repeat(bodies, len(_LOOK)), points[sees].reshape(-1, 3))
+    sees[sees] = free.reshape(-1, len(_LOOK)).all(axis=1)
+    return sees
 
 
 def _free(
-    world_from_camera: Pose, world: World, hands: Hands, name: str, points: NDArray[np.float64]
+    world_from_camera: Pose, world: World, hands: Hands, bodies: NDArray[np.int64], points: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """(n,) between which points and the camera nothing stands but the object itself."""
+    """(n,) between which points (n, 3) m in the optical frame and the camera nothing stands but their `bodies` (n,)."""
     targets = world_from_camera.apply(points)
-    eyes = np.broadcast_to(world_from_camera.t, targets.shape)
-    hits = world.bullet.rayTestBatch(eyes.tolist(), targets.tolist())
-    free = np.array([hit[0] in (-1, world.body(name)) or hit[2] > _REACHED for hit in hits])
+    eyes = [world_from_camera.t]
+    found: list[tuple[int, float]] = []
+    for begin in range(0, len(targets), _MOST_RAYS):
+        some = targets[begin : begin + _MOST_RAYS].tolist()
+        found += [(hit[0], hit[2]) for hit in world.bullet.rayTestBatch(eyes * len(some), some)]
+    hits, ways = np.array(found).reshape(-1, 2).T
+    free: NDArray[np.bool_] = (hits == -1) | (hits == bodies) | (ways > _REACHED)
     return free & ~hands.hide(world_from_camera.translation, targets) if hands.present else free

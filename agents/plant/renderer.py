@@ -116,10 +116,10 @@ class Renderer:
         if opengl is None:
             return self._draw_tiny(world_from_camera, intrinsics, bodies)
         clip_from_camera = _UPSIDE_DOWN @ _projection(intrinsics, (0.0, 0.0)) @ _GL_FROM_OPTICAL
-        places = {(body, link): pose for body in opengl.bodies for link, pose in self._bullet.links(body).items()}
-        size = intrinsics.width, intrinsics.height
-        color, depth, numbers = opengl.draw(clip_from_camera @ world_from_camera.inverse().matrix, places, size)
-        return RenderedPicture(_kept(color), _kept(_metric(depth)), _kept(numbers) if bodies else None)
+        places, size = self._bullet.links(opengl.bodies), (intrinsics.width, intrinsics.height)
+        clip_from_world = clip_from_camera @ world_from_camera.inverse().matrix
+        color, depth, numbers = opengl.draw(clip_from_world, places, size, bodies=bodies)
+        return RenderedPicture(_kept(color), _kept(depth), None if numbers is None else _kept(numbers))
 
     def _draw_tiny(self, world_from_camera: Pose, intrinsics: Intrinsics, bodies: bool) -> RenderedPicture:
         _, _, color, depth, segments = self._bullet.getCameraImage(

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import ClassVar
 
 from agents.inbox import Inbox, Message
+from agents.packed_images import check_opencv
 from agents.recorder.blobs import BlobInbox
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.config import RecorderConfig
 from agents.recorder.files import FileLimits, RecordingFiles
-from agents.recorder.images import check_opencv
 from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.meshes import MeshRecorder
 from agents.recorder.selection import DATA, GRAPH, IMAGES, MESHES, RecordSelection

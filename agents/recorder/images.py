@@ -6,38 +6,23 @@ without that library.
 
 from __future__ import annotations
 
-import struct
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.config.extras import MissingExtraError, missing_extra
+from agents.packed_images import unpacked
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
 
 DEPTH_UNIT = 1e-4
 """m, resolution of a packed depth image; 6.55 m and more become unknown (0)"""
-MOST_PIXELS = 1 << 26
-"""Pixels that an image may have to be unpacked: 8192 by 8192."""
-_PNG_SIZE = struct.Struct(">8s4x4sII")
-_PNG = b"\x89PNG\r\n\x1a\n"
-_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of JPEG that are followed by the size of the image: ITU-T T.81, table B.1."""
-_PACKED = frozenset({"color.jpeg", "color.png", "depth.png"})
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 _PNG_LEVEL = 4
 """Of compression, 0 to 9; with one filter for all rows a fifth smaller than the fastest level, in the same time."""
 
 Image = NDArray[Any]
-
-
-def check_opencv() -> None:
-    """Raise `MissingExtraError`, which says how to install it, if there is no OpenCV to pack images with."""
-    try:
-        import cv2  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(f"camera images need OpenCV: {missing_extra(error)}") from error
 
 
 def pack(frame: Frame, quality: int | None) -> Frame:
@@ -68,15 +53,21 @@ def unpack(frame: Frame) -> Frame:
     """
     arrays = dict(frame.arrays)
     meta = dict(frame.meta)
-    if arrays.keys() & _PACKED:
-        check_opencv()
     for name in ("color.jpeg", "color.png"):
         if name in arrays:
-            arrays["color"] = _as_color(_decode(name, arrays.pop(name)))
+            arrays["color"] = _as_color(_decode(name, arrays.pop(name), np.uint8, 3))
     if "depth.png" in arrays:
-        unit = np.float32(meta.pop("depth_unit", DEPTH_UNIT))
-        arrays["depth"] = _decode("depth.png", arrays.pop("depth.png")).astype(np.float32) * unit
+        unit = _unit(meta.pop("depth_unit", DEPTH_UNIT))
+        with np.errstate(over="ignore"):  # a depth beyond all numbers is unknown
+            arrays["depth"] = _decode("depth.png", arrays.pop("depth.png"), np.uint16, 2) * np.float32(unit)
     return Frame(frame.stamp, arrays, meta)
+
+
+def _unit(told: float | str) -> float:
+    """The resolution of a packed depth image, m. Raises `WireError` for what is none."""
+    if isinstance(told, str) or not 0.0 < told < math.inf:
+        raise WireError(f"depth_unit {told!r:.40}: expected a length in m")
+    return told
 
 
 def is_color(array: Image) -> bool:
@@ -119,28 +110,13 @@ def _png(image: Image) -> Image:
     return data.ravel()
 
 
-def _decode(name: str, data: Image) -> Image:
+def _decode(name: str, data: Image, dtype: type, axes: int) -> Image:
+    """The image in `data`. Raises `WireError` for none, and for one of another layout than `pack` makes."""
     packed = np.ascontiguousarray(data) if data.dtype == np.uint8 else np.empty(0, np.uint8)
-    pixels = _pixels(packed.tobytes())
-    if pixels > MOST_PIXELS:
-        raise WireError(f"array {name!r} is an image of {pixels} pixels; at most {MOST_PIXELS} are unpacked")
-    import cv2
-
-    image = cv2.imdecode(packed, cv2.IMREAD_UNCHANGED) if pixels else None
-    if image is None:
-        raise WireError(f"array {name!r} of {data.size} values is no image")
+    try:
+        image = unpacked(packed.tobytes())
+    except WireError as error:
+        raise WireError(f"array {name!r}: {error}") from error
+    if not _is_image(image, dtype, axes):
+        raise WireError(f"array {name!r} is an image of shape {image.shape} and {image.dtype}")
     return image
-
-
-def _pixels(data: bytes) -> int:
-    """How many pixels a PNG or JPEG says that it has; 0 for anything else."""
-    if len(data) >= _PNG_SIZE.size and data.startswith(_PNG):
-        _, kind, width, height = _PNG_SIZE.unpack_from(data)
-        return int(width * height) if kind == b"IHDR" else 0
-    position = 2 if data.startswith(b"\xff\xd8") else len(data)
-    while position + 9 <= len(data) and data[position] == 0xFF:
-        if data[position + 1] in _JPEG_FRAMES:
-            height, width = struct.unpack_from(">HH", data, position + 5)
-            return int(width * height)
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], "big")
-    return 0

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
+from agents.drivers import drivers_in
 from agents.recorder.agent import ABOUT
 from agents.recorder.opening import RecordingSource
 from agents.replay.beginnings import beginnings
@@ -14,13 +16,19 @@ from agents.replay.compare import ReplayOutcome, RunComparison
 from agents.replay.feed import Feed, feeder_for
 from agents.replay.source import ReplayedGraph
 from dsr.clock import ManualClock
-from dsr.errors import ConfigError, suggest
+from dsr.config.toml import convert
+from dsr.errors import ConfigError, WireError, suggest
 from dsr.graph.schema import Schema
+from dsr.network.decoding import decoded
 from dsr.runtime.lockstep import Lockstep
-from dsr.runtime.system import AgentSpec, load_system
+from dsr.runtime.system import AgentSpec, known_systems, load_system
 
 DEFAULT_SYSTEM = "tabletop"
 _ROUNDING = 1e-6  # s; stamps in a file are rounded
+_SILENCE = 3600.0
+"""s without a message in which no agent was at work: each tells its status every second."""
+_MOST_DIGITS = 19  # of a seed, 64 bits
+_configs_decoder = msgspec.json.Decoder(dict[str, dict[str, object]])
 
 OnProgress = Callable[[float, float], None]
 """Called with the time and the duration, s."""
@@ -74,7 +82,7 @@ def run_anew(
     starts = beginnings(index, {spec.name: spec.kind.rate_hz for spec in ordered})
     later = {seat.name: starts[name] for name, pair in pairs.items() for seat in pair if starts[name] > index.begin}
     seats.append(AgentSpec("feeder", feeder_for(fastest.kind, feed)))
-    seed = int(index.metadata.get("seed", 0)) if seed is None else seed
+    seed = _recorded_seed(index) if seed is None else seed
     end = index.begin + (reference.duration if until is None else min(until, reference.duration))
     graph = reference.memory.graph_name
     with Lockstep(seats, graph=graph, clock=clock, seed=seed, later=later) as lockstep:
@@ -85,16 +93,23 @@ def run_anew(
             reference.memory, lockstep.memory, _geometric(specs), index.begin, tolerance, turn_tolerance
         )
 
-        def on_step(now: float) -> None:
+        def on_step(now: float) -> bool:
             reference.forward(now - index.begin + _ROUNDING)
             comparison.sample(now)
             on_progress(now - index.begin, end - index.begin)
+            return _SILENCE < reference.next_time - reference.time < math.inf
+
+        def run_until(time: float) -> None:
+            """All sleep where nothing was recorded: a clock that was set may have left out decades."""
+            while lockstep.run_until(time, on_step):
+                wakes = min(time, index.begin + reference.next_time)
+                lockstep.suspend(max(0.0, wakes - clock.now()))
 
         for name in sorted(later, key=lambda name: later[name]):  # of equal ones, the feeder comes first
             if later[name] < end:
-                lockstep.run_until(later[name], on_step)
+                run_until(later[name])
                 lockstep.restart(name)
-        lockstep.run_until(end + _ROUNDING, on_step)
+        run_until(end + _ROUNDING)
         outcome = comparison.outcome(agents, _notes(reference, feed, agents))
         outcome.failures = _failures(lockstep, [name for name in pairs if starts[name] < end])
         return outcome
@@ -104,12 +119,17 @@ def _specs(
     index: RecordingSource, agents: Collection[str], system: str | None, settings: Mapping[str, Mapping[str, object]]
 ) -> list[AgentSpec]:
     """The agents, configured as they were recorded if the recording tells."""
-    loaded = load_system(system or index.metadata.get("system", DEFAULT_SYSTEM))
-    recorded = _recorded_configs(index) if system is None else {}
+    told = index.metadata.get("system", DEFAULT_SYSTEM)
+    if system is None and told not in known_systems():
+        hint = "its file may run any program, so say that it is to be read: --system FILE"
+        raise ConfigError(f"{index.path}: recorded with the system {told!r}, which is none of this machine; {hint}")
+    loaded = load_system(told if system is None else system)
+    recorded = _recorded_configs(index) if system in (None, told) else {}
     for name in sorted(settings.keys() - set(agents)):
         raise ConfigError(f"agent {name!r} is not run anew, and cannot be configured; {suggest(name, agents)}")
     specs = []
     for name in dict.fromkeys(agents):
+        _check_drivers(index, loaded.agent(name), recorded.get(name, {}))
         loaded = loaded.with_config(name, **{**recorded.get(name, {}), **settings.get(name, {})})
         spec = loaded.agent(name)
         if not spec.kind.uses_memory:
@@ -120,10 +140,26 @@ def _specs(
     return specs
 
 
+def _check_drivers(index: RecordingSource, spec: AgentSpec, recorded: Mapping[str, object]) -> None:
+    """Raise `ConfigError` for a driver that the recording names, and the system does not: drivers are programs."""
+    own = convert(spec.config, spec.kind.Config, f"configuration of {spec.name!r}")
+    for driver in sorted(drivers_in(recorded) - drivers_in(msgspec.to_builtins(own))):
+        hint = f"if you trust it, give it with --set {spec.name}.FIELD=VALUE, or in a system with --system"
+        raise ConfigError(f"{index.path}: {spec.name!r} had the driver {driver!r}, which the system lacks; {hint}")
+
+
+def _recorded_seed(index: RecordingSource) -> int:
+    """The seed of the run; 0 if the recording does not tell it. Raises `ConfigError`."""
+    told = index.metadata.get("seed", "0")
+    if not (told.isascii() and told.isdigit() and len(told) <= _MOST_DIGITS):
+        raise ConfigError(f"{index.path}: the seed {told[:_MOST_DIGITS]!r} is no number; give one with --seed")
+    return int(told)
+
+
 def _recorded_configs(index: RecordingSource) -> dict[str, dict[str, object]]:
     try:
-        return msgspec.json.decode(index.metadata.get(ABOUT, "{}"), type=dict[str, dict[str, object]])
-    except msgspec.DecodeError as error:
+        return decoded(index.metadata.get(ABOUT, "{}"), "configurations", _configs_decoder.decode)
+    except WireError as error:
         raise ConfigError(f"{index.path}: the configurations of its agents cannot be read ({error})") from error
 
 

@@ -133,10 +133,10 @@ class _Side:
     def poses(self, types: Collection[str]) -> dict[EdgeId, Pose]:
         """The geometric edges of these types to objects."""
         return {
-            (edge.type, edge.src, edge.dst): edge.pose
+            (edge.type, edge.src, edge.dst): pose
             for type in types
             for edge in self.memory.edges(type)
-            if "pose" in edge and self.memory.node(edge.dst).type in OBJECTS
+            if (pose := edge.get("pose")) is not None and self.memory.node(edge.dst).type in OBJECTS
         }
 
     def relations(self) -> set[str]:

@@ -142,12 +142,15 @@ class Player:
         passed, self._stepped_at = now - (now if self._stepped_at is None else self._stepped_at), now
         if not self.playing or self.ended:
             return
-        advance = _STEP_AT_ONCE if self.speed == math.inf else passed * self.speed
-        wanted = min(self.time + advance, self.until)
+        wanted = min(self._at_once() if self.speed == math.inf else self.time + passed * self.speed, self.until)
         if self._pause_at is not None and wanted >= self._pause_at:
             wanted, self._pause_at, self.playing = self._pause_at, None, False
         self._source.forward(wanted, self._traffic.publish)
         self._show()
+
+    def _at_once(self) -> float:
+        """The time (s) after one step at greatest speed: nobody waits through a time in which nothing was recorded."""
+        return max(self.time + _STEP_AT_ONCE, min(self._source.next_time, self._source.duration))
 
     def _show(self) -> None:
         """Bring the target into step with the source."""

@@ -6,7 +6,7 @@ Pixel coordinates put integers at pixel centres, so that an ideal camera has cx 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -24,8 +24,13 @@ SUBPIX_STD = 0.4
 _MIN_CONTRAST = 20
 """Grey levels between black and white; OpenCV's default of 5 finds edges in sensor noise, at 25 times the cost."""
 
+_LEAST_PERIMETER = 0.03
+"""Of the image's longer side, as OpenCV has it: what is smaller is not looked at"""
 _MARGIN = 0.25
 """Of the tag's side, both white margins of a tag: one of its eight cells on each side."""
+
+Grey = NDArray[np.uint8]
+"""(h, w) grey levels"""
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,10 @@ class Tag:
     """(4, 2) px, from the top left one as printed, clockwise."""
     corner_std: float
     """px, standard deviation of each coordinate."""
+
+    def moved(self, columns: int, rows: int) -> Tag:
+        """The tag of a part of an image that begins at that column and row, in the whole image."""
+        return replace(self, corners=self.corners + np.array([columns, rows]))
 
 
 class TagDetector:
@@ -51,14 +60,30 @@ class TagDetector:
 
     def detect(self, color: NDArray[np.uint8]) -> list[Tag]:
         """Tags in an RGB image (h, w, 3), by marker id. An id that shows twice says nothing and is left out."""
-        grey = np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), np.uint8)
+        grey = grey_of(color)
+        return unambiguous(self.search(grey, max(grey.shape)))
+
+    def search(self, grey: Grey, longest: int) -> list[Tag]:
+        """All tags in a part (h, w) of an image, whose longer side has `longest` px: that tells what is too small."""
+        settings = self._subpix.getDetectorParameters()
+        settings.minMarkerPerimeterRate = _LEAST_PERIMETER * longest / max(grey.shape)
+        self._subpix.setDetectorParameters(settings)
         fine = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
-        coarse = _tags(self._subpix, _without(grey, fine), 0.0, SUBPIX_STD)
-        tags = {tag.marker_id: tag for tag in [*coarse, *fine]}
-        return [tags[marker_id] for marker_id in sorted(tags.keys() - _repeated([*coarse, *fine]))]
+        return [*_tags(self._subpix, _without(grey, fine), 0.0, SUBPIX_STD), *fine]
 
 
-def _without(grey: NDArray[np.uint8], tags: list[Tag]) -> NDArray[np.uint8]:
+def grey_of(color: NDArray[np.uint8]) -> Grey:
+    """An RGB image (h, w, 3) in grey (h, w)."""
+    return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def unambiguous(found: list[Tag]) -> list[Tag]:
+    """Those whose id shows only once, by id."""
+    times = Counter(tag.marker_id for tag in found)
+    return sorted((tag for tag in found if times[tag.marker_id] == 1), key=lambda tag: tag.marker_id)
+
+
+def _without(grey: Grey, tags: list[Tag]) -> Grey:
     """The image (h, w) with tags painted over, each in the grey of the margin around it."""
     if not tags:
         return grey
@@ -71,11 +96,6 @@ def _without(grey: NDArray[np.uint8], tags: list[Tag]) -> NDArray[np.uint8]:
     for outline, margin in zip(np.rint(inner).astype(np.int32), np.median(painted[v, u], axis=1), strict=True):
         cv2.fillConvexPoly(painted, outline, float(margin))
     return painted
-
-
-def _repeated(tags: list[Tag]) -> set[int]:
-    """Ids of several tags of one image."""
-    return {marker_id for marker_id, times in Counter(tag.marker_id for tag in tags).items() if times > 1}
 
 
 def _detector(refinement: int, **settings: float) -> cv2.aruco.ArucoDetector:

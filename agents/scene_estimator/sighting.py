@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from agents.drivers import TagCorners, TagReading, TagReadings
 from agents.frame_images import images
-from agents.scene_estimator.detection import Tag, TagDetector
+from agents.scene_estimator.detection import Tag
 from agents.scene_estimator.following import TagFollower
 from agents.scene_estimator.pose import NoiseModel
+from agents.scene_estimator.search import TagSearch
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
@@ -54,13 +55,13 @@ class FrameSource:
         self._object_size = object_size
         self._tag_ratio = tag_ratio
         self._noise = noise
-        self._detector = TagDetector()
+        self._search = TagSearch()
         self._follower = TagFollower(noise)
 
     def read(self, frame: Frame) -> tuple[list[Sighting], Outlines]:
         """Sightings in the frame, and the outlines of all tags found. Raises `WireError` for an unusable frame."""
         color, depth, intrinsics = images(frame)
-        tags = [self._seen_through_lens(tag) for tag in self._detector.detect(color)]
+        tags = [self._seen_through_lens(tag) for tag in self._search.find(color, frame.stamp)]
         sightings = self._sightings(tags, depth, intrinsics, frame.stamp)
         ids = np.array([tag.marker_id for tag in tags], dtype=np.int32)
         corners = np.array([tag.corners for tag in tags], dtype=np.float32).reshape(-1, 4, 2)

@@ -17,7 +17,10 @@ from agents.viewer.model import DrawnCamera
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
 from dsr.network.keys import is_key
+from dsr.vocabulary.tags import COUNT
 
+MOST_CAMERAS = 64
+"""More than a graph has: whoever may make nodes of cameras could make any number, each with two subscriptions."""
 _LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 
@@ -52,8 +55,8 @@ class ImageView:
         return sorted(self._last)
 
     def draw(self, cameras: Iterable[DrawnCamera], now: float) -> None:
-        """Log what is new at time `now` (s)."""
-        for camera in cameras:
+        """Log what is new at time `now` (s). Of too many cameras those count first that have sent an image."""
+        for camera in sorted(cameras, key=lambda camera: camera.name not in self._last)[:MOST_CAMERAS]:
             if not is_key(camera.stream):
                 self._skip(camera.name, f"stream {camera.stream!r}", "a name such as 'camera_overhead'")
                 continue
@@ -95,8 +98,8 @@ class ImageView:
 
     def _draw_detections(self, camera: str, frame: Frame) -> None:
         corners, ids = frame.arrays.get("corners"), frame.arrays.get("ids")
-        if corners is None or ids is None or corners.shape != (ids.size, 4, 2) or not np.isfinite(corners).all():
-            self._skip(camera, "corners and ids", "finite (n, 4, 2) px, and (n,)")
+        if corners is None or ids is None or not _are_detections(corners, ids):
+            self._skip(camera, "corners and ids", f"finite (n, 4, 2) px, and (n,), of at most {COUNT} tags")
             return
         entity = f"{camera_entity(camera)}/detections"
         colors = [palette.PERCEPT] * ids.size
@@ -111,6 +114,11 @@ class ImageView:
         self.unusable += 1
         if self.unusable == 1:
             self._log.warning("camera %r: %s cannot be drawn, expected %s (logged once)", camera, arrays, expected)
+
+
+def _are_detections(corners: NDArray[Any], ids: NDArray[Any]) -> bool:
+    """Whether they are corners of tags, no more than there are: each gets a label."""
+    return ids.size <= COUNT and corners.shape == (ids.size, 4, 2) and bool(np.isfinite(corners).all())
 
 
 def _is_image(array: NDArray[Any]) -> bool:

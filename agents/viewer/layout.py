@@ -214,4 +214,4 @@ def _frame(nodes: list[DrawnNode], edges: list[DrawnEdge], labels: list[EdgeLabe
 
 def _natural(name: str) -> list[str | int]:
     """Sorts cube_10 after cube_9."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]

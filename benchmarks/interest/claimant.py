@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 
 from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
-from dsr.crdt.pieces import START, Piece
+from dsr.crdt.delta import Write
+from dsr.crdt.pieces import START, Piece, Place
 from dsr.network.keys import Keys, agent_of, part_rid
 from dsr.network.transport import Qos, Transport
 from dsr.replication.holders import HoldersAnswer, decode_query
 from dsr.replication.piece_wire import decode_request, encode_piece
 from dsr.replication.wire import Digest, encode_digest
 
-Kind = Literal["tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew"]
-KINDS: tuple[Kind, ...] = ("tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew")
+Kind = Literal[
+    "tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew", "makes up"
+]  # fmt: skip
+KINDS: tuple[Kind, ...] = get_args(Kind)
 """What it does: says not even whether it holds a part; says so and does not take part in it; takes part and does not
-answer; answers that it has not joined, whoever insists; gives the first piece and never the next; spoils the next."""
+answer; answers that it has not joined, whoever insists; gives the first piece and never the next; spoils the next;
+gives one after the other, of what never was."""
 
 
 class Claimant:
@@ -61,9 +65,19 @@ class Claimant:
     def _answer(self, key: str, payload: bytes) -> bytes | None:
         if self._kind == "waits itself":
             return encode_piece(Piece(START, joined=False, waits_for=["nobody-1"]))
-        if decode_request(payload).begin == START:
+        begin = decode_request(payload).begin
+        if begin == START:
             return encode_piece(Piece(START, (self._rid, 1, ""), whole=[]))
+        if self._kind == "makes up":
+            return encode_piece(self._made_up(begin))
         return b"nonsense" if self._kind == "begins anew" else None
+
+    def _made_up(self, begin: Place) -> Piece:
+        """A piece with an element that lives, a value of it and a range that was seen, all of which never were."""
+        rid, first, _ = begin
+        owner, counter = (rid, first), first + 1
+        write = Write(owner, "seen", 1, rid, (rid, counter), 1)
+        return Piece(begin, (rid, first + 2, ""), writes=[write], kept=[owner], examined=[(rid, first, counter)])
 
     def speak(self) -> None:
         """Send digests, as whoever is there and well does once a second."""

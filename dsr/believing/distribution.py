@@ -8,11 +8,14 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from dsr.errors import WireError
 from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import MAX_NUMBER, is_within_bounds
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Array, Pose
+from dsr.network.decoding import decoded as decoded_text
 
 ATTRIBUTE = "whereabouts"
 """Of a thing's node: its alternatives as JSON, while there is more than one. See `whereabouts_of`."""
@@ -139,6 +142,9 @@ class _Written(msgspec.Struct, frozen=True):
     alternatives: tuple[_WrittenAlternative, ...]
 
 
+_decoder = msgspec.json.Decoder(_Written)
+
+
 def encoded(whereabouts: Whereabouts, believed: Pose | None = None) -> str:
     """The attribute. It has no place for what is where the edge Virtual_RT says: `believed`, or else the best place."""
     best = whereabouts.best
@@ -153,7 +159,7 @@ def decoded(name: str, text: str, believed: Pose | None) -> Whereabouts | None:
     if len(text) > _MOST_BYTES:
         return None
     try:
-        written = msgspec.json.decode(text, type=_Written)
+        written = decoded_text(text, "whereabouts", _decoder.decode)
         if not 0 < len(written.alternatives) <= _MOST or len(written.island) > _MOST:
             return None
         found = [_read(one, believed) for one in written.alternatives]
@@ -162,7 +168,7 @@ def decoded(name: str, text: str, believed: Pose | None) -> Whereabouts | None:
             return None
         alternatives = tuple(msgspec.structs.replace(one, weight=one.weight / total) for one in found)
         return Whereabouts(name, alternatives, written.island, written.weights)
-    except (msgspec.DecodeError, ValueError):
+    except (WireError, ValueError):
         return None
 
 
@@ -192,6 +198,8 @@ def _read(one: _WrittenAlternative, believed: Pose | None) -> Alternative:
         pose = Pose(one.at, one.turn, 0.0 if believed is None else believed.stamp)
     if one.covariance and pose is not None:
         pose = pose.with_covariance(_whole(one.covariance))
+    if pose is not None and not is_within_bounds(pose):
+        raise ValueError(f"a place beyond {MAX_NUMBER:g} m")
     return Alternative(
         weight=one.weight, pose=pose, reason=one.reason, hand=one.hand, containers=one.containers,
         supports=one.supports, worlds=one.worlds,

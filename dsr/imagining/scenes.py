@@ -47,8 +47,8 @@ def differences(
     """
     changes = []
     for name in sorted({node.name for memory in (base, world) for node in memory.nodes(THINGS)}):
-        believed = base.get_edge(WORLD, name, "Virtual_RT")
-        before = None if believed is None or not is_present(base.node(name)) else believed.pose
+        node = base.get_node(name)
+        before = base.get_pose(WORLD, name, "Virtual_RT") if node is not None and is_present(node) else None
         now = elsewhere.get(name) or place_of(world, name)
         if now is None:
             if before is not None:
@@ -69,8 +69,8 @@ def keep(world: Memory, answer: Answer) -> None:
             if name not in world:
                 continue
             pose = answer.pose(name)
-            edge = world.get_edge(WORLD, name, "Virtual_RT")
-            if edge is None or not _SAME.covers(edge.pose, pose):
+            before = world.get_pose(WORLD, name, "Virtual_RT")
+            if before is None or not _SAME.covers(before, pose):
                 world.add_edge(WORLD, name, "Virtual_RT", pose=pose)
             _rest(world, name, [support for support in answer.rests_on.get(name, ()) if support in world])
 

@@ -155,10 +155,11 @@ def percept_evidence(moment: Moment, name: str) -> dict[str, Any]:
     if node is not None and "last_seen" in node:
         found["last_seen"] = node["last_seen"]
         found["seconds_unseen"] = max(0.0, moment.now - node["last_seen"])
-    percepts = [edge for edge in memory.edges("RT", dst=name) if "pose" in edge]
+    edges = memory.edges("RT", dst=name)
+    percepts = [(pose, edge.src) for edge in edges if (pose := edge.get("pose")) is not None]
     if percepts:
-        newest = max(percepts, key=lambda edge: edge.pose.stamp)
-        found["percept"] = {"from": newest.src, "stamp": newest.pose.stamp}
-        if newest.pose.covariance is not None:
-            found["percept"]["position_deviation_m"] = position_deviation(newest.pose)
+        newest, source = max(percepts, key=lambda percept: percept[0].stamp)
+        found["percept"] = {"from": source, "stamp": newest.stamp}
+        if newest.covariance is not None:
+            found["percept"]["position_deviation_m"] = position_deviation(newest)
     return found

@@ -13,6 +13,7 @@ from dsr.graph.elements import Edge
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.reach import FARTHEST
 from dsr.vocabulary.perceived import MOST_AHEAD
 
 
@@ -98,7 +99,10 @@ class PerceptReader:
         else:
             try:
                 world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
-                return Percept(edge.src, edge.dst, stamp, pose, world_from_camera)
+                if (far := math.hypot(*world_from_camera.t) + math.hypot(*pose.t)) <= FARTHEST:
+                    return Percept(edge.src, edge.dst, stamp, pose, world_from_camera)
+                self._given[edge.src, edge.dst] = stamp
+                self._skip(edge, "too far", f"is up to {far:.3g} m from the world's origin; at most {FARTHEST}")
             except ExtrapolationError as error:
                 self._skip(edge, "camera's place not known then", f"cannot be placed: {error}")
             except DsrError as error:

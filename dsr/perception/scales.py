@@ -51,8 +51,6 @@ LIKELY_SIGMAS = NormalDist().inv_cdf(1.0 - 0.5 * math.exp(-RARE))
 SURE_SIGMAS = math.sqrt(2.0 * RARE)
 """Standard deviations beyond which a value is taken for more than noise: something rare explains it as well."""
 
-HAND_REACH = 0.15
-"""m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a half-hidden palm"""
 FASTEST_SEEN = 1.2
 """m/s at which hands move things, at most"""
 HAND_SPEED = FASTEST_SEEN / LIKELY_SIGMAS

@@ -10,8 +10,10 @@ from typing import Any
 
 import msgspec
 
+from dsr.errors import WireError
 from dsr.graph.schema import Kind, Value
 from dsr.math3d.transforms import Pose
+from dsr.network.decoding import decoded
 
 STRING, INT32, FLOAT, FLOATS, BOOL, BYTES, UINT32, UINT64, DOUBLE, UINT64S = range(10)
 _INTEGERS = (INT32, UINT32, UINT64)
@@ -60,9 +62,12 @@ class Note(msgspec.Struct, frozen=True, omit_defaults=True):
     def decoded(text: object) -> Note:
         """The note in an attribute; an empty one if it is none (any more)."""
         try:
-            return msgspec.json.decode(text, type=Note) if isinstance(text, str) else Note()
-        except msgspec.DecodeError:
+            return decoded(text, "note", _note_decoder.decode) if isinstance(text, str) else Note()
+        except WireError:
             return Note()
+
+
+_note_decoder = msgspec.json.Decoder(Note)
 
 
 def to_ours(code: int, value: Any) -> tuple[Kind, Value | None]:

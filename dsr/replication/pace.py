@@ -1,4 +1,4 @@
-"""When a replica speaks, once a second or more often while the network changes, and how long it waits for answers."""
+"""When a replica speaks, once a second or more often while the network changes."""
 
 from __future__ import annotations
 
@@ -14,18 +14,12 @@ RENEWAL_DELAY = 0.75
 """s after a peer appeared until what is listened to is declared again: then the network has come to rest."""
 ABSENCE = 1.0
 """s without a look at the time: this process was stopped, and knows that it lacks something."""
-FIRST_PATIENCE = 0.5
-"""s until another peer is asked; doubles with each request that is not answered in time."""
-LAST_PATIENCE = 8.0
-"""s; also for one who has begun to answer: with all else busy, the next piece takes its time."""
 
 
 class Pace:
     """Decides by the time alone; all times are of the monotonic clock, in s."""
 
     def __init__(self) -> None:
-        self.patience = FIRST_PATIENCE
-        """How long an answer is waited for now."""
         self._next_digest = -math.inf
         self._next_settling = -math.inf
         self._hurry_until = -math.inf
@@ -64,11 +58,3 @@ class Pace:
             return False
         self._renewal_at = math.inf
         return True
-
-    def answered(self) -> None:
-        """An answer came; if it took long, so may the next."""
-        self.patience = max(FIRST_PATIENCE, self.patience / 2)
-
-    def unanswered(self) -> None:
-        """Note that no answer came in time: it may be long, so wait longer next time."""
-        self.patience = min(2 * self.patience, LAST_PATIENCE)

@@ -26,6 +26,11 @@ FORGET = 30.0
 """s after which a silent peer counts as gone; its next digest brings it back."""
 DEPARTURE = 1.5
 """s without a word of a peer whose token was withdrawn until it counts as gone; more than digests are apart."""
+FIRST_PATIENCE = 0.5
+"""s for which an answer of a peer is waited for until another one is asked; doubles with each that does not come in
+time. Each peer has its own: else those that answer at once would leave none for one that is slow."""
+LAST_PATIENCE = 8.0
+"""s; also for one who has begun to answer: with all else busy, the next piece takes its time."""
 FIRST_PAUSE, LAST_PAUSE = 0.5, 32.0
 """s until a peer is asked again whose answer changed nothing; each such answer doubles it, up to the last."""
 
@@ -46,6 +51,8 @@ class Peer:
     asked: int = 0
     """Number of requests to the peer."""
     asked_at: float = -math.inf
+    patience: float = FIRST_PATIENCE
+    """How long the peer's answer is waited for now, s."""
     in_vain: int = 0
     """Number of the peer's answers that changed nothing, one after the other."""
     acknowledged: int = 0
@@ -142,6 +149,16 @@ class Peers(dict[str, Peer]):
         """No answer came, and none will: it is gone if its token is."""
         if rid in self and self[rid].withdrawn_at is not None:
             del self[rid]
+
+    def answered(self, rid: str) -> None:
+        """An answer came in time; if it took long, so may the next."""
+        if rid in self:
+            self[rid].patience = max(FIRST_PATIENCE, self[rid].patience / 2)
+
+    def came_late(self, rid: str) -> None:
+        """Note that no answer came in time: it may be long, so wait longer next time."""
+        if rid in self:
+            self[rid].patience = min(2 * self[rid].patience, LAST_PATIENCE)
 
     def forget_gone(self, now: float) -> Iterator[str]:
         """Drop those of whom nothing is to be expected any more, and name them."""

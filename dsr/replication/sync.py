@@ -47,8 +47,8 @@ from dsr.replication.fetching import Fetch, is_refusal
 from dsr.replication.impersonation import Impersonation
 from dsr.replication.joining import Joining
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
-from dsr.replication.pace import LAST_PATIENCE, Pace
-from dsr.replication.peers import MAX_PEERS, SILENCE, Peer, Peers
+from dsr.replication.pace import Pace
+from dsr.replication.peers import LAST_PATIENCE, MAX_PEERS, SILENCE, Peer, Peers
 from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.portions import parts_in, portion
 from dsr.replication.wire import Digest, decode_delta, decode_digest, encode_digest
@@ -231,7 +231,7 @@ class Synchroniser:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
         if sender in self._peers and number == self._under_way:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
-        fetch = self._fetch if number == self._under_way else None
+        fetch, before = self._fetch if number == self._under_way else None, self._state
         try:
             with collector_paused():
                 piece = decode_piece(payload)
@@ -249,12 +249,12 @@ class Synchroniser:
             if fetch is not None:
                 self._give_up()
             raise
+        counts = taken if fetch is not None else not is_refusal(piece) and sender in self._peers
+        went_on = counts and self._brought(piece, before) and self.joining.went_on(sender, piece.end)
         if fetch is None:
-            if not is_refusal(piece) and sender in self._peers and self.joining.went_on(sender, piece.end):
-                self._ready.add(sender)  # late, but who gives it gets on
+            self._ready |= {sender} if went_on else set()  # late, but who gives it gets on
             return
-        self._pace.answered()
-        went_on = taken and self.joining.went_on(sender, piece.end)
+        self._peers.answered(sender)
         self.pieces += went_on
         self._turn_brought |= went_on
         if is_refusal(piece):
@@ -272,6 +272,11 @@ class Synchroniser:
                 self.complaints.drop(sender, WireError("too many changes in one answer that cannot be joined"))
                 self._note_answer(sender, useful=False)
                 self._give_up()
+
+    def _brought(self, piece: Piece, before: tuple[int, int]) -> bool:
+        """Whether a joined piece is the last, told something new, or of what is here: made-up ones have no end."""
+        entries = self.graph.store.entries
+        return piece.end is None or self._state != before or any(dot in entries for dot in piece.kept)
 
     def _take(self, fetch: Fetch, piece: Piece) -> bool:
         """Whether it is the piece that was asked for; then the next one is asked for, if there is any."""
@@ -400,10 +405,10 @@ class Synchroniser:
         if self._fetch is not None and now >= self._turn_ends and not self._turn_over:
             self._turn_over = self._others_wait(now)
         if self._under_way is not None:
-            answering = self._fetch is not None and self._fetch.begin != START
-            if now - self._asked_at < (LAST_PATIENCE if answering else self._pace.patience):
+            if now - self._asked_at < self._patience():
                 return []
-            self._pace.unanswered()
+            if self._fetch is not None:
+                self._peers.came_late(self._fetch.peer)
             self._turn_over = True
         if self._fetch is not None and self._turn_over:
             self._pause(self._fetch)
@@ -418,6 +423,11 @@ class Synchroniser:
             self._ready.discard(peer)
         self._asked_at = now
         return [self._request(self._fetch)]
+
+    def _patience(self) -> float:
+        """How long the piece that was asked for is waited for, s; the longest for one who has begun to answer."""
+        peer = self._peers.get(self._fetch.peer) if self._fetch is not None and self._fetch.begin == START else None
+        return LAST_PATIENCE if peer is None else peer.patience
 
     def _begun(self, peer: str) -> Fetch:
         """The answer of a peer that is asked next: a new one, or one that goes on."""

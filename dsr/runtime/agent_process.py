@@ -30,7 +30,7 @@ from dsr.network.transport import Transport
 from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal, said_by
 from dsr.runtime.orders import EXIT_FAILED, EXIT_USAGE
-from dsr.runtime.resources import shortage
+from dsr.runtime.resources import keep_freed_memory, shortage
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
 from dsr.threads import acting_for
@@ -125,6 +125,7 @@ def run_agent(
     Agents may run in threads of one process: each has a connection, a memory and a log of its own. Only of one that is
     `alone` the log also tells what threads say which work for nobody in particular.
     """
+    keep_freed_memory()
     kind = configured_class(kind, config)
     with contextlib.ExitStack() as resources:
         resources.enter_context(acting_for(name))

@@ -22,6 +22,7 @@ from dsr.memory import Memory
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
 from dsr.network.transport import Transport
+from dsr.runtime.resources import keep_freed_memory
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.system import AgentSpec
 
@@ -64,6 +65,7 @@ class Lockstep:
         strict: bool = False,
         later: Collection[str] = (),
     ) -> None:
+        keep_freed_memory()
         self._specs = {spec.name: spec for spec in agents}
         check_writers({name: spec.kind.writes for name, spec in self._specs.items()})
         self.clock = clock or ManualClock()
@@ -189,9 +191,7 @@ class Lockstep:
             raise AgentError(f"agent {self._spec(name).name!r} is not running")
         return self._running[name]
 
-    def _join(
-        self, name: str, rid: str, guard: WriteGuard | None, interest: tuple[str, ...] | None = None
-    ) -> Memory:
+    def _join(self, name: str, rid: str, guard: WriteGuard | None, interest: tuple[str, ...] | None = None) -> Memory:
         """A new replica that holds what the others know, who take in first what they were sent."""
         self.network.deliver()
         for memory in self._memories:

@@ -22,7 +22,7 @@ LAUNCHER = "launcher"
 READER = "dsr"
 """The command line tools: they only read."""
 
-_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "mesh", "live", "status", "log", "world", "part")
+_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "mesh", "holders", "live", "status", "log", "world", "part")
 """First parts of the keys that each agent has for itself."""
 _BUS_KEY = re.compile(r"[A-Za-z0-9_.-]+(/([A-Za-z0-9_.-]+|\*))*(/\*\*)?")
 

@@ -14,11 +14,13 @@ import msgspec
 import numpy as np
 
 from dsr.config.plugins import CALIBRATION_METHODS, checked_name, provided
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, WireError
 from dsr.graph.elements import Node
+from dsr.graph.schema import MAX_NUMBER, is_within_bounds
 from dsr.math3d.tolerance import SAME_POSE
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.network.decoding import decoded
 from dsr.vocabulary.intentions import MIND
 
 CALIBRATION = "calibration"
@@ -87,8 +89,11 @@ class Report(msgspec.Struct, frozen=True):
     """Whether objects that were all moved alike would look the same, so that the pose may yet be taken back."""
 
     def __post_init__(self) -> None:
-        pose_of(self.before)
-        pose_of(self.after, self.covariance)
+        if not (is_within_bounds(pose_of(self.before)) and is_within_bounds(pose_of(self.after, self.covariance))):
+            raise ValueError(f"expected numbers up to {MAX_NUMBER:g}")
+
+
+_report_decoder = msgspec.json.Decoder(Report)
 
 
 def request_calibration(
@@ -146,8 +151,8 @@ def read_report(memory: Memory, name: str) -> Report | None:
     node: Node | None = memory.get_node(name)
     text = None if node is None else node.get("report")
     try:
-        return None if not text else msgspec.json.decode(text, type=Report)
-    except msgspec.MsgspecError:
+        return None if not text else decoded(text, "report", _report_decoder.decode)
+    except WireError:
         return None
 
 

@@ -8,6 +8,9 @@ from typing import Any
 
 import msgspec
 
+from dsr.errors import WireError
+from dsr.network.decoding import decoded
+
 # Kinds of changes. Programs tell changes by these words, and so do recordings: they never change.
 CAMERA_MOVED = "camera_moved"
 """Not the objects but a camera moved. The calibrator looks into that."""
@@ -48,7 +51,7 @@ KINDS = (CAMERA_MOVED, MOVED, TURNED, WITH_SUPPORTS, WITH_CONTENTS, SWAPPED, PUT
 ATTRIBUTE = "changes"
 """Of the event: the changes as JSON, for `changes_of`."""
 
-_WRITTEN = re.compile(r"(\w+)\(([^()]*)\)")
+_WRITTEN = re.compile(r"\b(\w++)\(([^()]*)\)")  # begins at words only, so that no text takes long
 
 
 class ExplainedChange(msgspec.Struct, frozen=True, array_like=True):
@@ -61,6 +64,9 @@ class ExplainedChange(msgspec.Struct, frozen=True, array_like=True):
 
     def __str__(self) -> str:
         return f"{self.kind}({'; '.join(', '.join(group) for group in self.groups)})"
+
+
+_decoder = msgspec.json.Decoder(tuple[ExplainedChange, ...])
 
 
 def text_of(changes: Iterable[ExplainedChange]) -> str:
@@ -84,8 +90,8 @@ def changes_of(attributes: Mapping[str, Any], text: str = "") -> tuple[Explained
     if not isinstance(written, str):
         return tuple(_as_written(kind, names) for kind, names in _WRITTEN.findall(text))
     try:
-        return msgspec.json.decode(written, type=tuple[ExplainedChange, ...])
-    except msgspec.DecodeError:
+        return decoded(written, "changes", _decoder.decode)
+    except WireError:
         return ()
 
 

@@ -19,6 +19,8 @@ from dsr.vocabulary.relations import ARITY, Relation, Relations
 _TOKEN = re.compile(r"\s*(?:(?P<name>[A-Za-z0-9_.\-]+)|(?P<mark>[(),&])|(?P<other>\S))")
 _EXAMPLE = "on(cube_3,cube_4) & clear(cube_3)"
 _LONGEST_NAME = 128
+_LONGEST = 10_000
+"""Characters of a goal: hundreds of relations, for which no plan is found. A longer one takes its readers' time."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,9 @@ class Goal:
 
 def parse_goal(text: str) -> Goal:
     """Read a goal from its text. Raises `GoalError`, which points at the fault."""
-    return _Parser(" ".join(text.splitlines()).expandtabs(1)).goal()
+    if len(text) > _LONGEST:
+        raise GoalError(text[:_LONGEST], 0, f"a goal may have at most {_LONGEST} characters, not {len(text)}")
+    return _Parser(" ".join(text.splitlines()).expandtabs(1).rstrip()).goal()  # an end of spaces alone takes long
 
 
 class _Token(NamedTuple):

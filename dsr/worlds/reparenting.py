@@ -94,7 +94,8 @@ class Reparenting:
 
     def _write(self, key: EdgeKey, place: _Place) -> None:
         here = self._target.get_edge(*key)
-        if here is not None and here.get("pose") is not None and _is_same(here.pose, place.pose):
+        pose = None if here is None else here.get("pose")
+        if pose is not None and _is_same(pose, place.pose):
             return
         try:
             self._target.add_edge(*key, pose=place.pose, **({VIA: place.via} if here is None else {}))
@@ -163,7 +164,7 @@ def _ancestors(memory: Memory, name: str, types: tuple[str, ...]) -> Iterator[st
 
 def _newest(edges: list[Edge]) -> Edge:
     """The one with the newest sample, which is the one that counts."""
-    return max(edges, key=lambda edge: edge.pose.stamp if "pose" in edge else 0.0)
+    return max(edges, key=lambda edge: 0.0 if (pose := edge.get("pose")) is None else pose.stamp)
 
 
 def _is_same(a: Pose, b: Pose) -> bool:

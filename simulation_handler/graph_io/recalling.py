@@ -10,6 +10,7 @@ from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge, Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.reach import near
 from dsr.timeline import EXPLAINED, query
 from dsr.vocabulary.explained import changes_of
 from dsr.vocabulary.handling import Handling
@@ -17,7 +18,6 @@ from dsr.vocabulary.observed_actions import deeds_of
 from dsr.vocabulary.relations import is_present
 from simulation_handler.contact.relations import BOUNDS, CONTACT
 from simulation_handler.explaining.explainer import EXPLANATION
-from simulation_handler.graph_io.reach import near
 from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
 

@@ -20,6 +20,7 @@ from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
+from dsr.perception.reach import FARTHEST
 from dsr.perception.scales import RESOLUTION, SAME_OUTCOME
 from dsr.vocabulary.what_if import (
     LONGEST,
@@ -33,7 +34,6 @@ from dsr.vocabulary.what_if import (
     encode_answer,
 )
 from simulation_handler.contact.relations import STEEP
-from simulation_handler.graph_io.reach import FARTHEST
 from simulation_handler.graph_io.reading import MASSES
 from simulation_handler.physics.rollouts.engine import Engine, LateError, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene

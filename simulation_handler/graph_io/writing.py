@@ -10,17 +10,18 @@ from collections.abc import Mapping, Sequence
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
+from dsr.graph.schema import is_within_bounds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.perception.scales import HAND_REACH, STEADY
+from dsr.perception.scales import STEADY
 from dsr.vocabulary.observed_actions import DEEDS, Deed, encoded
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.graph_io.alternatives import LEAST, AlternativesWriter
 from simulation_handler.graph_io.events import Events
 from simulation_handler.graph_io.recalling import SOURCES
-from simulation_handler.hands.state import HandGrasp
+from simulation_handler.hands.state import HAND_REACH, HandGrasp
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.scales import GAP
 from simulation_handler.worlds.model import Island, probability
@@ -82,6 +83,8 @@ class Writing:
 
     def _write_pose(self, name: str, now: float) -> None:
         pose = self._belief.pose(name)
+        if pose is not None and not is_within_bounds(pose):
+            pose = pose.with_covariance(None)  # of a percept that told nothing
         if pose is not None and self._is_news(name, pose, now):
             self._memory.add_edge(WORLD, name, "Virtual_RT", pose=pose)
             self._written[name] = pose

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import HAND_REACH, SAME_PLACE, SLOW, STEADY
+from dsr.perception.scales import SAME_PLACE, SLOW, STEADY
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.nats import EXPECTED, RARE
 from dsr.vocabulary.observed_actions import KEPT, PICK, PLACE, RELEASE, UNKNOWN, Deed
@@ -22,14 +22,14 @@ from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.relation import DONE, LET_GO
-from simulation_handler.hands.state import Hand
+from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
 from simulation_handler.scales import ASTRAY, GONE_FROM
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
-from simulation_handler.worlds.model import WeightedWorld
+from simulation_handler.worlds.model import ObjectState, WeightedWorld
 from simulation_handler.worlds.weighted import WRONG
 
 SEEN_LIFTED = 1.0 - math.exp(-RARE)
@@ -72,6 +72,7 @@ class HoldMoment(NamedTuple):
     follows: bool = False
     """Whether it goes along with something, or only cameras in doubt tell that it moves."""
     is_seen: bool = True
+    """Whether a camera has seen it lately."""
     path: Path | None = None
     """The way on which it was seen, or went with a hand; None of what is in a gripper"""
 
@@ -176,19 +177,19 @@ class Deeds:
         worlds: Callable[[str], Sequence[WeightedWorld]],
     ) -> HoldMoment:
         """The moment with how probable it is what decides in it."""
+
+        def weight(fits: Callable[[WeightedWorld], bool]) -> float:
+            """Weight of the worlds that fit; 1 if there are none, as of what was never seen since a restart."""
+            every = worlds(name)
+            return sum(world.weight for world in every if fits(world)) if every else 1.0
+
         if moment.holder:
-            held = sum(world.weight for world in worlds(name) if world.objects[name].hand == moment.holder)
-            return moment._replace(held=held)
+            return moment._replace(held=weight(lambda world: world.objects[name].hand == moment.holder))
         if moment.hovers:
-            right = sum(world.weight for world in worlds(name) if world.reason != WRONG)
-            return moment._replace(held=right * (SEEN_LIFTED if moment.was_followed else GUESSED))
+            chance = SEEN_LIFTED if moment.was_followed else GUESSED
+            return moment._replace(held=chance * weight(lambda world: world.reason != WRONG))
         if name in self._holds and moment.rests and FLOOR not in carriers[name]:
-            carried = sum(
-                world.weight
-                for world in worlds(name)
-                if not set(carriers[name]).isdisjoint((*world.objects[name].supports, *world.objects[name].containers))
-            )
-            return moment._replace(carried=carried)
+            return moment._replace(carried=weight(lambda world: _is_carried(world.objects[name], carriers[name])))
         return moment
 
     def _moment(self, item: BelievedObject, solid: Solid, carriers: Collection[str], now: float) -> HoldMoment:
@@ -282,6 +283,11 @@ class Deeds:
         time = max(deed.time, math.nextafter(before[-1].time, math.inf)) if before else deed.time
         sure = min(round(deed.probability, 2), 1.0)
         self._deeds[name] = (*before, Deed(deed.kind, time, deed.by, sure))[-KEPT:]
+
+
+def _is_carried(state: ObjectState, carriers: Collection[str]) -> bool:
+    """Whether an object is on or in one of these in some world."""
+    return not set(carriers).isdisjoint((*state.supports, *state.containers))
 
 
 def _left_at(lay: HoldMoment, moment: HoldMoment) -> float:

@@ -13,8 +13,8 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape, bounds, centred
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import HAND_REACH
 from simulation_handler.hands.anatomy import HAND
+from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.shapes.geometry import Solid
 
 

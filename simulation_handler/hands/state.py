@@ -23,6 +23,8 @@ ELSEWHERE = 0.05
 
 An object that is seen so far from where its hand would have it is not in that hand as it was.
 """
+HAND_REACH = HAND.reach + ELSEWHERE
+"""m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a half-hidden palm"""
 FINGERS = len(HAND.fingers)
 """count of fingers: a hand of which so many are measured hides none"""
 HALF = 0.5

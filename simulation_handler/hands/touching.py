@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import CONFIRMED_IN, CONTACT_DELAY, HAND_REACH, UNSEEN_AFTER
+from dsr.perception.scales import CONFIRMED_IN, CONTACT_DELAY, UNSEEN_AFTER
 from dsr.vocabulary.handling import ENDED, HOLDING, Handling
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation
@@ -21,7 +21,16 @@ from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
 from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
-from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.state import (
+    ELSEWHERE,
+    FINGERS,
+    HALF,
+    HAND_REACH,
+    UNSEEN,
+    Hand,
+    HandGrasp,
+    HandPercept,
+)
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies

@@ -106,6 +106,7 @@ class Correction:
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
             item.adopt(self._confirmed(item, placement))
+        item.know(placement)
         if item.leans:  # how high it leans is not known so well
             item.bias = self._bodies.error_by_others(item).mean
         else:
@@ -192,10 +193,9 @@ class Correction:
         return placement
 
     def _is_apart(self, item: BelievedObject, old: Solid, new: Solid) -> bool:
-        """Whether two poses differ by more than the estimate's noise."""
+        """Whether two poses differ by more than the estimate's noise: a body is not moved by what nobody knows."""
         assert item.track.estimate is not None
-        noise = PoseTolerance(*item.track.estimate.standard_deviations())
-        return not noise.scaled(self._config.dead_sigmas).covers(old.pose, new.pose)
+        return not PoseTolerance(*item.track.estimate.standard_deviations()).covers(old.pose, new.pose)
 
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""

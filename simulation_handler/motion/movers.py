@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 
-from dsr.perception.scales import HAND_REACH
-from simulation_handler.hands.state import Hand
+from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 

@@ -207,6 +207,15 @@ class BelievedObject:
         if UNKNOWN not in placement.supports:
             self.prop = None
 
+    def know(self, placement: Placement) -> None:
+        """Take in how well perception knows by now where the object is, whose body stays at its placement.
+
+        The covariance is about that: it has the noise of all percepts so far, and how far they are from there.
+        """
+        assert self.placement is not None
+        off = np.subtract(placement.solid.position, self.placement.solid.position)
+        self.placement = replace(self.placement, covariance=placement.covariance + np.outer(off, off))
+
     def rest(self, placement: Placement, solid: Solid, now: float) -> None:
         """Take over the placement of an explanation, put at `solid` at time `now` (s).
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from itertools import cycle
+
+import numpy as np
 
 from agents.plant.messages import arm_command_key, arm_state_key, decode_arm_state, decode_command, readings_key
 from agents.plant.messages import decode_tag_readings as decode_readings
@@ -12,7 +15,9 @@ from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Mutator
 from dsr.crdt.delta import Delta, Write
 from dsr.errors import WireError
+from dsr.graph.schema import MAX_NUMBER
 from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
 from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.logs import decode_log
@@ -23,6 +28,13 @@ SECONDS = 4.0
 ODD = ("text", "", (), (1.0,), -1e308, 1e308, (1e308,) * 3, True, 7, -(1 << 62), b"\xff", Pose((1e308, 0.0, 0.0)))
 """Values, each of which is none of most attributes."""
 PER_STEP = 3
+ENDS = (
+    *(Pose((far, 0.0, -far)) for far in (1e3, 1e8, MAX_NUMBER)),
+    Pose((0.0, 0.0, 0.0), stamp=-MAX_NUMBER),
+    Pose((0.1, 0.0, 0.5)).with_covariance(MAX_NUMBER * np.eye(6)),
+    Pose((1e8, 0.0, 0.0)).with_covariance(np.zeros((6, 6))),
+)
+"""Poses that each replica takes"""
 
 
 def test_nobody_minds_nonsense() -> None:
@@ -82,3 +94,29 @@ def test_nobody_minds_values_that_no_such_attribute_has() -> None:
 
         lockstep.run_for(SECONDS, disturb)
         assert told > 100 and not lockstep.memory.dropped
+
+
+def test_nobody_minds_poses_at_the_ends_of_what_a_pose_may_be() -> None:
+    """A percept that is 1e8 m away came into the belief before, and its covariance ended the simulation handler."""
+    system = staged_system(make_run("hovering_1", sensor="poses"))
+    with Lockstep(system.agents, graph=system.graph, seed=1, strict=True) as lockstep:
+        memory, stranger = lockstep.memory, Memory(
+            system.graph, "stranger", transport=lockstep.network.connect("stranger"), clock=lockstep.clock
+        )
+        lockstep.run_for(1.0)
+        stranger.poll()
+        poses, told = cycle(ENDS), 0
+
+        def disturb(now: float) -> None:
+            nonlocal told
+            stranger.poll()
+            for edge in [*stranger.edges("RT"), *stranger.edges("Virtual_RT")][told % 3 :: 3]:
+                pose = next(poses)
+                stranger.update_edge(*edge.key, pose=pose.with_stamp(now) if told % 2 else pose)
+                told += 1
+            stranger.flush()
+
+        lockstep.run_for(1.0, disturb)
+        lockstep.run_for(2.0)
+        assert told > 100
+        assert all(math.hypot(*edge.pose.t) < 1000.0 for edge in memory.edges("Virtual_RT") if "pose" in edge)

@@ -173,7 +173,7 @@ def test_a_part_that_is_taken_again_and_again_waits_for_who_came_to_hold_it(net:
     assert joined(b) and "spoon" in b
 
 
-@pytest.mark.parametrize("kind", ["never ends", "is silent"])
+@pytest.mark.parametrize("kind", ["never ends", "is silent", "begins anew", "makes up"])
 def test_a_slow_holder_is_not_given_up_while_liars_have_their_turns(
     net: Net, kind: Kind, monkeypatch: pytest.MonkeyPatch
 ) -> None:

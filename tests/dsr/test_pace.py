@@ -1,8 +1,9 @@
-"""Digests once a second, more while the network changes; patience that grows with what is not answered."""
+"""Digests once a second, more while the network changes; patience that grows with what a peer leaves unanswered."""
 
 from __future__ import annotations
 
-from dsr.replication.pace import FIRST_PATIENCE, LAST_PATIENCE, Pace
+from dsr.replication.pace import Pace
+from dsr.replication.peers import FIRST_PATIENCE, LAST_PATIENCE, Peers
 
 
 def digests(pace: Pace, begin: float, end: float) -> list[float]:
@@ -44,12 +45,15 @@ def test_what_is_listened_to_is_declared_again_once_the_network_is_at_rest() -> 
 
 
 def test_patience_doubles_with_each_request_in_vain_and_halves_with_each_answer() -> None:
-    pace = Pace()
+    peers = Peers()
+    for rid in ("slow-1", "other-1"):
+        peers.appeared(rid, 0.0)
     waits = []
     for _ in range(6):
-        waits.append(pace.patience)
-        pace.unanswered()
+        waits.append(peers["slow-1"].patience)
+        peers.came_late("slow-1")
     assert waits == [FIRST_PATIENCE, 1.0, 2.0, 4.0, LAST_PATIENCE, LAST_PATIENCE]
     for expected in (4.0, 2.0, 1.0, FIRST_PATIENCE, FIRST_PATIENCE):
-        pace.answered()
-        assert pace.patience == expected
+        peers.answered("slow-1")
+        assert peers["slow-1"].patience == expected
+    assert peers["other-1"].patience == FIRST_PATIENCE

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 from dsr.vocabulary.halting import HaltOrder, write_order
+from planner.intentions import read_intentions
 from tests.planner.table import PLACES, TOWERS, Run, add_cube, move, supports
 
 BUILT = {"cube_3": "cube_4", "cube_6": "cube_5", "cube_4": "table", "cube_5": "table"}
@@ -280,6 +283,33 @@ def test_a_goal_that_is_none() -> None:
         run.until(lambda: run.memory.node("intention_1")["status"] == "invalid")
         run.want("on(table,cube_4)")
         run.until(lambda: run.memory.node("intention_2")["status"] == "invalid")
+
+
+@pytest.mark.parametrize("name", ["x" * 128, "intention_" + "x" * 118])
+def test_an_intention_after_which_no_action_can_be_named_ends_no_planner(name: str) -> None:
+    with Run() as run:
+        run.memory.add_node(name, "intention", goal="on(cube_3,cube_4)")
+        run.until(lambda: run.memory.node(name).get("status") == "invalid")
+        assert "too long" in run.memory.node(name)["explanation"]
+        run.want()
+        run.until("executing")
+
+
+def test_actions_with_numbers_that_nobody_counts_to_end_no_planner() -> None:
+    """Names behind the greatest number had more than 128 characters before."""
+    with Run() as run:
+        for end in ("9" * 118, "-1", "x"):
+            run.memory.add_node(f"action_0_{end}", "action", source="planner", status="done", skill="pick")
+        run.want()
+        run.until_running("pick", "cube_3", 0.0)
+
+
+def test_a_number_of_plans_that_has_no_successor_ends_no_planner() -> None:
+    with Run() as run:
+        run.want()
+        run.memory.update_node("intention_0", replans=(1 << 63) - 1)
+        run.until_running("pick", "cube_3", 0.0)
+        assert read_intentions(run.memory)[0].replans < sys.maxsize - 1000
 
 
 @pytest.mark.parametrize(("skill", "after"), [("pick", 0.1), ("pick", 0.7), ("place", 0.1), ("place", 0.7)])

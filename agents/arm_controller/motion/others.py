@@ -188,9 +188,8 @@ class OtherArms:
 
     def _sampled(self, arm: str) -> float:
         """s, when the newest sample of an arm was taken; long ago without any."""
-        edge = self._memory.get_edge(arm, f"{arm}_link_1", "RT")
-        stamp = None if edge is None or "pose" not in edge else edge.pose.stamp
-        return -math.inf if stamp is None else stamp
+        pose = self._memory.get_pose(arm, f"{arm}_link_1", "RT")
+        return -math.inf if pose is None else pose.stamp
 
 
 class Announcer:

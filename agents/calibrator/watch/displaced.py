@@ -89,10 +89,9 @@ class Displaced:
         told = frozenset(one.name for one in sightings if one.name in series.names)
         if len(told) < FEWEST or told <= series.told:
             return None
-        series.told, edge = told, self._memory.get_edge(WORLD, camera, "RT")
-        if edge is None:
+        series.told, before = told, self._memory.get_pose(WORLD, camera, "RT")
+        if before is None:
             return None
-        before: Pose = edge["pose"]
         solution = calibrate(sightings, before, self._config.method)
         parent = series.views.parents()[sightings[0].view]
         if not decide(sightings, before, solution, parent, carried_things(self._memory)).moved:

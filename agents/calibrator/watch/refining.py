@@ -64,8 +64,8 @@ class Refining:
         """Take in what is seen at time `now` (s), and calibrate anew if there is more of it."""
         held = grasped_things(self._memory)
         for camera, adopted in list(self._adopted.items()):
-            edge = self._memory.get_edge(WORLD, camera, "RT")
-            if now > adopted.until or edge is None or not SAME_POSE.covers(edge["pose"], adopted.pose):
+            pose = self._memory.get_pose(WORLD, camera, "RT")
+            if now > adopted.until or pose is None or not SAME_POSE.covers(pose, adopted.pose):
                 del self._adopted[camera]
                 continue
             adopted.views.stop(held & adopted.told)

@@ -27,8 +27,8 @@ def taken_back(memory: Memory, chronicle: Chronicle, camera: str) -> Report:
     report = next(iter(reports), None)
     if report is None:
         raise ConfigError(f"the timeline tells of no calibration of {camera}")
-    edge = memory.get_edge(parent, camera, "RT")
-    if edge is None or report.parent != parent or not SAME_POSE.covers(edge["pose"], pose_of(report.after)):
+    pose = memory.get_pose(parent, camera, "RT")
+    if pose is None or report.parent != parent or not SAME_POSE.covers(pose, pose_of(report.after)):
         raise ConfigError(f"{camera} was given another pose since its last calibration")
     text = f"{camera} is believed where it was before its last calibration"
     return turned_round(report, text, reports)

@@ -20,7 +20,7 @@ from agents.calibrator.watch.steps import REACH, Steps
 from agents.calibrator.watch.surprises import CALM, Surprises
 from agents.calibrator.watch.undoing import turned_round
 from agents.calibrator.watch.views import Views
-from dsr.errors import ConfigError, DsrError
+from dsr.errors import DsrError
 from dsr.math3d.tolerance import SAME_POSE
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -105,7 +105,7 @@ class MountWatch:
                 continue
             try:
                 self._go_on(doubt, now, is_calm=is_calm)
-            except ConfigError as error:  # nothing carries it any more
+            except DsrError as error:  # nothing carries it any more, or it is nowhere
                 self._end(doubt, STEADY, str(error))
         for camera, looking in list(self._looking.items()):
             looking.update()
@@ -219,7 +219,7 @@ class MountWatch:
             return
         try:
             doubt = Doubt(self._memory, camera, now, self._config, believed, depths, views)
-        except ConfigError as error:
+        except DsrError as error:
             self._log.warning("%s", error)
             return
         self._forget(camera)

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from agents.packed_images import encoded_size
 from agents.ros_bridge.bags.reader import Bag
 from agents.ros_bridge.bridge.config import Receive, RosBridgeConfig, RosCameraTopics, Send
 from agents.ros_bridge.bridge.in_tf import TF, TF_STATIC
 from agents.ros_bridge.bridge.topics import RECEIVED, camera_node, receive, topic_node
 from agents.ros_bridge.errors import RosMessageError
-from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE, encoded_size
+from agents.ros_bridge.mapping.images import COMPRESSED, IMAGE
 from agents.ros_bridge.mapping.names import node_of
 from agents.ros_bridge.messages.transforms import TF_MESSAGE, decode_transforms
 from agents.ros_bridge.messages.types import RosTypes

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.packed_images import unpacked
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import to_header
 from agents.ros_bridge.messages.types import RosTypes
-from dsr.config.extras import missing_extra
+from dsr.config.extras import MissingExtraError
+from dsr.errors import WireError
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 Color = NDArray[np.uint8]
 Depth = NDArray[np.float32]
 
-MOST_PIXELS = 1 << 26
-"""pixels of an image, 8192 x 8192: compressed data that claim more are not unpacked"""
 _MILLIMETRE = np.float32(1e-3)
 _FORMATS: dict[str, tuple[str, int]] = {
     "rgb8": ("u1", 3), "bgr8": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4), "mono8": ("u1", 1),
@@ -160,37 +160,11 @@ def _bytes(message: Any) -> bytes:
 def _unpacked(data: bytes) -> NDArray[Any]:
     """The pixels of a JPEG or PNG, blue first. Raises `RosMessageError`; what claims to be huge is not unpacked."""
     try:
-        import cv2  # takes long to load, and most cameras send plain images
-    except ModuleNotFoundError as error:
-        raise RosMessageError(f"compressed images cannot be read: {missing_extra(error) or error}") from error
-    size = encoded_size(data)
-    if size is None or size[0] * size[1] > MOST_PIXELS:
-        raise RosMessageError(f"compressed data of {len(data)} bytes: no JPEG or PNG of at most {MOST_PIXELS} pixels")
-    try:
-        array = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise RosMessageError(f"compressed data: {error}") from error
-    if array is None or array.dtype not in (np.uint8, np.uint16) or (array.ndim == 3 and array.shape[2] not in (3, 4)):
+        array = unpacked(data)
+    except MissingExtraError as error:
+        raise RosMessageError(f"compressed images cannot be read: {error}") from error
+    except WireError as error:
+        raise RosMessageError(str(error)) from error
+    if array.dtype not in (np.uint8, np.uint16) or (array.ndim == 3 and array.shape[2] not in (3, 4)):
         raise RosMessageError(f"compressed data of {len(data)} bytes: no image")
-    found: NDArray[Any] = array
-    return found
-
-
-_PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of a JPEG that begin a frame, and so tell its size"""
-
-
-def encoded_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in px that a PNG or JPEG claims, without unpacking it; None if it is neither."""
-    if data.startswith(_PNG) and len(data) >= 24:
-        width, height = struct.unpack_from(">II", data, 16)
-        return width, height
-    at = 2 if data.startswith(_JPEG) else len(data)
-    while at + 9 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker in _FRAMES:
-            height, width = struct.unpack_from(">HH", data, at + 5)
-            return width, height
-        at += 1 if marker == 0xFF else 2 + max(2, struct.unpack_from(">H", data, at + 2)[0])
-    return None
+    return array

@@ -274,8 +274,7 @@ class Judge:
         return self._memory.get_node(self.names.node(name))
 
     def _belief(self, name: str) -> Pose | None:
-        edge = self._memory.get_edge("world", name, "Virtual_RT")
-        return edge.pose if edge else None
+        return self._memory.get_pose("world", name, "Virtual_RT")
 
     def _camera_error(self, truth: TruthReader) -> Error | None:
         """Of the scenario's camera."""

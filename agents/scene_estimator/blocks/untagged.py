@@ -108,9 +108,7 @@ class UntaggedObjects:
         parts = parted(view, cluster, [track.block for track in several]) if len(several) > 1 else None
         if parts is None:
             return []
-        fits = [
-            self._finder.fit_unchanged(view, part, track.known) for track, part in zip(several, parts, strict=True)
-        ]
+        fits = [self._finder.fit_unchanged(view, part, track.known) for track, part in zip(several, parts, strict=True)]
         found = [sighting for sighting in fits if sighting is not None]
         return found if len(found) == len(several) else []
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import zstandard
 
 GIB = 1 << 30
+_TRIANGLE_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 _TRIANGLE = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
 
 
@@ -153,7 +154,16 @@ def _stl_liar() -> bytes:
 
 
 def _obj_quads() -> bytes:
-    return b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + b"f" + b" 1 2 3" * 2_000_000
+    return _TRIANGLE_OBJ + b"f" + b" 1 2 3" * 2_000_000
+
+
+def _obj_materials() -> bytes:
+    return _TRIANGLE_OBJ + b"".join(b"usemtl m%d\nf 1 2 3\n" % index for index in range(150_000))
+
+
+def _stl_solids() -> bytes:
+    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    return (b"solid a\n" + facet + b"endsolid a\n") * 100_000
 
 
 def _png(width: int, height: int) -> bytes:
@@ -165,6 +175,15 @@ def _png(width: int, height: int) -> bytes:
     rows = b"".join([packer.compress(row) for _ in range(height)] + [packer.flush()])
     head = struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + piece(b"IHDR", head) + piece(b"IDAT", rows) + piece(b"IEND", b"")
+
+
+def _jpeg_hidden() -> bytes:
+    """The size of one pixel stands where only who takes `FF 00` for a segment looks; decoders find the other one."""
+    small = b"\xff\xc0\x00\x11\x08\x00\x01\x00\x01\x03" + bytes(8)
+    size = struct.pack(">HH", 30_000, 30_000)
+    parts = b"".join(bytes((index, 0x11, 0)) for index in (1, 2, 3))
+    large = b"\xff\xc2\x00\x11\x08" + size + b"\x03" + parts
+    return b"\xff\xd8\xff\x00" + struct.pack(">H", len(small) + 2) + small + large + b"\xff\xd9"
 
 
 BOMBS = [
@@ -191,5 +210,8 @@ BOMBS = [
     Bomb("chain.urdf", "a robot of 30 000 links in a row", _urdf_chain),
     Bomb("liar.stl", "four thousand million triangles, it says", _stl_liar),
     Bomb("face.obj", "one face of six million corners", _obj_quads),
+    Bomb("materials.obj", "a triangle in each of 150 000 materials", _obj_materials),
+    Bomb("solids.stl", "a triangle in each of 100 000 solids", _stl_solids),
+    Bomb("hidden.jpeg", "a camera image of 900 million pixels that hides its size", _jpeg_hidden),
     Bomb("image.png", "a camera image of 900 million pixels in 110 KB", lambda: _png(30_000, 30_000)),
 ]

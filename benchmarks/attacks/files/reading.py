@@ -48,13 +48,14 @@ def read(file: Path) -> None:
         _toml(file)
     elif file.suffix == ".urdf":
         _urdf(file)
-    elif file.suffix == ".png":
+    elif file.suffix in (".png", ".jpeg"):
         import numpy as np
 
         from agents.recorder.images import unpack
         from dsr.images.blobs import Frame
 
-        unpack(Frame(0.0, {"depth.png": np.frombuffer(file.read_bytes(), np.uint8)}, {}))
+        name = "depth.png" if file.suffix == ".png" else "color.jpeg"
+        unpack(Frame(0.0, {name: np.frombuffer(file.read_bytes(), np.uint8)}, {}))
     else:
         from dsr.geometry.files import load_model
 

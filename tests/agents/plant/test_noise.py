@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,22 @@ def test_grey_noise_is_alike_in_all_channels() -> None:
     noisy = sensor(grey_noise=3.0).color(np.full((120, 160, 3), 128, np.uint8)).astype(float)
     assert noisy[..., 0].std() == pytest.approx(3.0, rel=0.1)
     assert (noisy[..., 0] == noisy[..., 2]).all()
+
+
+def test_grey_noise_is_normal_in_whole_levels_and_repeats_with_the_seed() -> None:
+    """Each level is as frequent as a normal number that is rounded to it, and the colours end at black and white."""
+    grey = np.full((480, 640, 3), 128, np.uint8)
+    one, same, other = (sensor(seed, grey_noise=2.0).color(grey) for seed in (1, 1, 2))
+    assert np.array_equal(one, same) and not np.array_equal(one, other)
+    off, normal = one[..., 0].astype(int) - 128, NormalDist(0.0, 2.0)
+    for level in range(-7, 8):
+        expected = off.size * (normal.cdf(level + 0.5) - normal.cdf(level - 0.5))
+        assert (off == level).sum() == pytest.approx(expected, abs=5.0 * np.sqrt(expected) + off.size / 65536)
+    assert 7 <= np.abs(off).max() <= 12
+    ends = sensor(grey_noise=100.0).color(np.array([[[0, 128, 255]]] * 1000, np.uint8))
+    assert ends[..., 0].min() == 0 and ends[..., 2].max() == 255
+    assert (ends[..., 0] > 0).mean() == pytest.approx(0.5, abs=0.1) and (ends[..., 2] < 255).mean() > 0.4
+    assert np.array_equal(sensor(grey_noise=0.0).color(grey), grey)
 
 
 def test_errors_are_bias_plus_jitter_and_repeat_with_the_seed() -> None:

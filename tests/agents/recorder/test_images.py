@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from agents.recorder.images import DEPTH_UNIT, pack, unpack
+from agents.recorder.images import DEPTH_UNIT, Image, pack, unpack
 from dsr.errors import WireError
 from dsr.images.blobs import Frame, decode_frame, encode_frame
 
@@ -48,3 +48,32 @@ def test_a_colour_array_that_is_no_image_stays(shape: tuple[int, ...]) -> None:
 def test_a_broken_image_is_an_error_of_the_wire() -> None:
     with pytest.raises(WireError, match=r"color\.jpeg"):
         unpack(Frame(0.0, {"color.jpeg": np.zeros(10, np.uint8)}, {}))
+
+
+@pytest.mark.parametrize(
+    ("name", "image"),
+    [
+        ("color.jpeg", np.zeros((4, 4), np.uint8)),
+        ("color.png", np.zeros((4, 4, 3), np.uint16)),
+        ("color.png", np.zeros((4, 4, 4), np.uint8)),
+        ("depth.png", np.zeros((4, 4, 3), np.uint8)),
+        ("depth.png", np.zeros((4, 4), np.uint8)),
+    ],
+)
+def test_an_image_of_another_layout_is_an_error_of_the_wire(name: str, image: Image) -> None:
+    """One grey picture in a recording ended the replay before."""
+    _, data = cv2.imencode(".jpg" if name.endswith("jpeg") else ".png", image)
+    with pytest.raises(WireError, match="of shape"):
+        unpack(Frame(0.0, {name: data.ravel()}, {}))
+
+
+@pytest.mark.parametrize("unit", ["fine", "", 0.0, -1.0, float("inf"), float("nan")])
+def test_a_unit_of_depth_that_is_no_length_is_an_error_of_the_wire(unit: float | str) -> None:
+    packed = pack(Frame(0.0, {"depth": np.ones((4, 4), np.float32)}, {}), 90)
+    with pytest.raises(WireError, match="depth_unit"):
+        unpack(Frame(0.0, packed.arrays, {"depth_unit": unit}))
+
+
+def test_a_unit_of_depth_beyond_all_numbers_harms_nobody() -> None:
+    packed = pack(Frame(0.0, {"depth": np.ones((4, 4), np.float32)}, {}), 90)
+    assert np.isinf(unpack(Frame(0.0, packed.arrays, {"depth_unit": 1e300})).arrays["depth"]).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from agents.recorder.index import RecordingIndex
-from agents.recorder.mcap_file import RecordingWriter
+from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.reader import read_recording
 from agents.replay import ReplayedGraph
 from agents.replay.anew import run_anew
@@ -314,3 +315,61 @@ def test_a_scenario_in_lockstep_tells_its_recording_how_its_agents_were_configur
     metadata = RecordingIndex(perturbed).metadata
     assert (metadata["scenario"], metadata["seed"], metadata["sensor"]) == ("tower_toppled", "4", "poses")
     assert "scene_estimator" in json.loads(metadata["agents"]) and metadata["system"] == "tabletop"
+
+
+# ---- recordings of strangers
+
+BEGUN = RecordedMessage(1e9, "truth", b"")
+
+
+def stranger(folder: Path, *records: RecordedMessage, **metadata: str) -> Path:
+    """A recording that says of itself what it likes."""
+    writer = RecordingWriter(folder / "stranger.mcap", {"graph": "tabletop", **metadata})
+    for record in records or (BEGUN,):
+        writer.write(record)
+    writer.close()
+    return writer.path
+
+
+def test_a_recording_does_not_say_which_modules_are_imported(tmp_path: Path) -> None:
+    """Its system was any file before, and modules beside that file are programs."""
+    (tmp_path / "found_beside.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
+    system = tmp_path / "evil.toml"
+    system.write_text('graph = "x"\n[[agent]]\nname = "surprise"\nclass = "found_beside:Agent"\n')
+    recording = stranger(tmp_path, system=str(system))
+    with pytest.raises(ConfigError, match=r"none of this machine.*--system"):
+        run_anew(recording, ["surprise"])
+    assert not (tmp_path / "ran").exists()
+    with pytest.raises(ConfigError, match="found_beside"):
+        run_anew(recording, ["surprise"], system=str(system))
+    assert (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("place", ["driver", "deeper"])
+def test_a_recording_does_not_say_which_drivers_are_loaded(tmp_path: Path, place: str) -> None:
+    camera = {"driver": "antigravity:fly", "name": "x"}
+    config = {"driver": "antigravity:fly"} if place == "driver" else {"cameras": {"camera_x": camera}}
+    recording = stranger(tmp_path, system="tabletop", agents=json.dumps({"arm_controller": config}))
+    with pytest.raises(ConfigError, match="antigravity:fly"):
+        run_anew(recording, ["arm_controller"])
+    assert "antigravity" not in sys.modules
+
+
+@pytest.mark.parametrize("seed", ["x", "-1", "9" * 5000, "", "²"])
+def test_a_recorded_seed_that_is_none_is_told(tmp_path: Path, seed: str) -> None:
+    with pytest.raises(ConfigError, match="--seed"):
+        run_anew(stranger(tmp_path, seed=seed), ["surprise"])
+
+
+@pytest.mark.parametrize("agents", ["[", "[]", '{"surprise": 1}', '{"surprise": ' + "[" * 100_000])
+def test_recorded_configurations_that_are_none_are_told(tmp_path: Path, agents: str) -> None:
+    with pytest.raises(ConfigError, match="cannot be read"):
+        run_anew(stranger(tmp_path, agents=agents), ["surprise"])
+
+
+def test_decades_without_a_message_are_slept_through(tmp_path: Path) -> None:
+    """As where a clock was set after the recording began. Agents ticked through all of them before."""
+    late = BEGUN._replace(stamp=1e9 + 1e10)
+    recording = stranger(tmp_path, BEGUN, BEGUN._replace(stamp=1e9 + 0.5), late, late._replace(stamp=late.stamp + 0.5))
+    outcome = run_anew(recording, ["surprise"])
+    assert outcome.seconds == pytest.approx(1e10, rel=1e-6) and not outcome.failures

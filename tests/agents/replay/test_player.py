@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.replay import ReplayedGraph
 from agents.replay.mirror import GraphMirror
 from agents.replay.player import Player
@@ -230,3 +231,15 @@ def test_meshes_come_with_the_recording_and_missing_ones_are_told(tmp_path: Path
         theatre.audience.flush()
     assert theatre.audience.get_mesh(mesh.hash) == mesh
     assert theatre.player.missing_meshes == {"0" * 64: "ghost"}
+
+
+def test_nobody_waits_through_decades_at_greatest_speed(tmp_path: Path) -> None:
+    """As where a clock was set after the recording began: it took thousands of millions of steps before."""
+    writer = RecordingWriter(tmp_path / "a.mcap", {"graph": "tabletop"})
+    for stamp in (10.0, 1e10):
+        writer.write(RecordedMessage(stamp, "truth", b""))
+    writer.close()
+    theatre = Theatre(tmp_path / "a.mcap", speed=math.inf)
+    for number in range(5):
+        theatre.player.step(float(number))
+    assert theatre.player.ended and theatre.player.time == pytest.approx(1e10 - 10.0)

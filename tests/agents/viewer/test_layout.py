@@ -35,6 +35,11 @@ def test_every_node_and_edge_is_drawn() -> None:
     assert sorted(edge.key for edge in drawing.edges) == sorted(EDGES)
 
 
+@pytest.mark.parametrize("name", ["a²", "²", "٣", "9" * 250, "1a1", ""])
+def test_a_name_with_any_digits_is_drawn(name: str) -> None:
+    assert {node.name for node in arrange({**NODES, name: "cube"}, EDGES).nodes} == {*NODES, name}
+
+
 def test_no_two_labels_overlap() -> None:
     assert overlapping(arrange(NODES, EDGES)) == []
 

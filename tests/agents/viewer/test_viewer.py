@@ -19,6 +19,7 @@ import pytest
 
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
+from agents.viewer.images import MOST_CAMERAS
 from dsr import Alternative, Frame, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.believing.distribution import encoded
@@ -258,6 +259,32 @@ def test_an_unusable_image_is_counted_and_left_out(stage: Any, arrays: dict[str,
     stage.run(0.5)
     assert viewer._views.images.unusable == 2
     assert not stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")
+
+
+def test_tags_that_are_too_many_are_left_out(stage: Any) -> None:
+    viewer = stage.start_viewer()
+    stage.build_table()
+    stage.run(0.5)
+    many = {"corners": np.zeros((10_000, 4, 2), np.uint8), "ids": np.zeros(10_000, np.uint8)}
+    stage.memory.put_frame("camera/detections", Frame(1.0, many, {}))
+    stage.run(0.5)
+    assert viewer._views.images.unusable == 1
+
+
+def test_made_up_cameras_take_no_room_from_those_that_send_images(stage: Any) -> None:
+    viewer = stage.start_viewer()
+    stage.build_table()
+    stage.run(0.5)
+    stage.memory.put_frame("camera", Frame(1.0, {"color": np.zeros((4, 4, 3), np.uint8)}, {}))
+    stage.run(0.5)
+    for number in range(200):
+        stage.memory.add_node(f"a_{number}", "camera")
+    stage.run(0.5)
+    stage.memory.put_frame("camera", Frame(2.0, {"color": np.ones((4, 4, 3), np.uint8)}, {}))
+    stage.run(0.5)
+    images = viewer._views.images
+    assert len(images._readers) <= 2 * MOST_CAMERAS and images.cameras == ["camera"]
+    assert len(stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")) == 2
 
 
 @pytest.mark.parametrize("stream", ["**", "a//b", "#", "/", "a\x1b[2J", "x" * 1000])

@@ -76,3 +76,20 @@ def test_only_the_things_and_cameras_asked_for_are_given(scene: SurpriseScene) -
     assert percepts.new(10.0, {"cube_1"}) == []
     assert percepts.new(10.0, {"cube_0"}, {"another_camera"}) == []
     assert len(percepts.new(10.0, {"cube_0"}, {CAMERA})) == 1
+
+
+@pytest.mark.parametrize("far", [101.0, 1e8, 1e12])
+@pytest.mark.parametrize("what", ["camera", "thing"])
+def test_what_is_beyond_all_rooms_is_no_percept(scene: SurpriseScene, far: float, what: str) -> None:
+    percepts = PerceptReader(scene.memory)
+    if what == "camera":
+        scene.memory.add_edge("world", CAMERA, "RT", pose=Pose((far, 0.0, 0.6)))
+        see(scene, 10.0)
+    else:
+        scene.memory.add_edge(CAMERA, "cube_0", "RT", pose=Pose((far, 0.0, 0.6), stamp=10.0))
+    for now in (10.05, 10.1):
+        assert percepts.new(now, {"cube_0"}) == []
+    assert percepts.skipped == {"too far": 1} and percepts.problems == {}
+    scene.memory.add_edge("world", CAMERA, "RT", pose=Pose((0.35, 0.0, 0.65)))
+    see(scene, 10.2)
+    assert len(percepts.new(10.25, {"cube_0"})) == 1

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 
 import pytest
 
 from dsr.errors import ConfigError
+from dsr.network.keys import Keys
 from dsr.runtime.system import load_system
 from dsr.security.configuration import access_control, own_keys
 from dsr.security.policy import AccessPolicy, Grant, checked, read_policy, system_grants, write_policy
@@ -34,6 +36,7 @@ def test_the_agents_of_a_system_are_granted_what_they_declare() -> None:
         ({"arm": Grant(), "arm-left": Grant()}, "no name may be another's followed by '-'"),
         ({"a/b": Grant()}, "agent name"),
         ({"arm": Grant(publishes=("d/scene-1",))}, "publishes 'd/scene-1'"),
+        ({"arm": Grant(publishes=("holders/**",))}, "publishes 'holders/"),
         ({"arm": Grant(publishes=("**",))}, "publishes"),
         ({"arm": Grant(publishes=("*/scene-1",))}, "publishes"),
         ({"arm": Grant(publishes=("device/a$*",))}, "publishes"),
@@ -90,3 +93,16 @@ def test_a_reader_is_told_everything_and_may_say_nothing(policy: AccessPolicy) -
     assert {rule["id"] for rule in told} == tellers | {"pass on"}
     assert [name for name, rules in granted.items() if "pass on" in rules] == ["hub"]
     assert rules["default_permission"] == "deny"
+
+
+def test_no_agent_can_be_granted_what_each_has_for_itself() -> None:
+    """Keys that name a replica or an agent prove who sends on them."""
+    keys = Keys("g")
+    own = [keys.delta(), keys.stream(), keys.digest(), keys.sync(), keys.presence(), keys.holders(), keys.mesh(),
+           keys.live(), keys.status(), keys.log()]  # fmt: skip
+    takers = {name for name, made in inspect.getmembers(Keys, inspect.isfunction)
+              if {"rid", "agent"} & inspect.signature(made).parameters.keys()}  # fmt: skip
+    assert len(takers) == len(own)
+    for key in own:
+        with pytest.raises(ConfigError, match="publishes"):
+            checked({"arm": Grant(publishes=(f"{key.removeprefix(keys.root).split('/')[1]}/**",))})

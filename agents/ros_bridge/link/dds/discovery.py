@@ -23,7 +23,7 @@ from agents.ros_bridge.messages.names import ros_type
 from agents.ros_bridge.messages.types import NO_HASH, RosTypes
 
 _INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-_TYPE_HASH = re.compile(rb"typehash=([^;]*);")
+_TYPE_HASH = re.compile(rb"typehash=([^;]{0,256});")
 _MOST = 20_000
 """Endpoints that are looked at: robots have some hundreds"""
 _MOST_PARTICIPANTS = 1000

@@ -1,0 +1,131 @@
+"""Tags from picture to picture: found anew where something changed, kept where nothing did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from agents.scene_estimator import search
+from agents.scene_estimator.detection import APRILTAG_STD, Grey, Tag, TagDetector
+from agents.scene_estimator.search import BLOCK, PERIOD, TagSearch, changed_blocks
+from benchmarks.tag_camera import Camera
+from dsr import Pose
+
+FACING = (1.0, 0.0, 0.0, 0.0)
+LEFT, RIGHT = (Pose((x, 0.0, 0.5), FACING) for x in (-0.12, 0.12))
+FRAME = 0.1
+"""s between two pictures"""
+Shown = Callable[[dict[int, Pose]], np.ndarray]
+
+
+@pytest.fixture
+def shown(camera: Camera, rng: np.random.Generator) -> Shown:
+    """Pictures of cubes, each with noise of its own."""
+    return lambda cubes: camera.frame(cubes, rng).arrays["color"]
+
+
+@pytest.fixture
+def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many pixels each search looked at."""
+    sizes: list[int] = []
+
+    class Counting(TagDetector):
+        def search(self, grey: Grey, longest: int) -> list[Tag]:
+            sizes.append(grey.size)
+            return super().search(grey, longest)
+
+    monkeypatch.setattr(search, "TagDetector", Counting)
+    return sizes
+
+
+def ids(tags: list[Tag]) -> list[int]:
+    return [tag.marker_id for tag in tags]
+
+
+def test_what_looks_as_before_is_not_searched(shown: Shown, searched: list[int]) -> None:
+    finder = TagSearch()
+    first = finder.find(shown({3: LEFT, 4: RIGHT}), 0.0)
+    assert searched == [480 * 640]
+    again = finder.find(shown({3: LEFT, 4: RIGHT}), FRAME)
+    assert searched == [480 * 640]
+    assert all(one is other for one, other in zip(again, first, strict=True))
+    assert ids(finder.find(shown({3: LEFT, 4: RIGHT}), PERIOD)) == [3, 4]
+    assert searched == [480 * 640] * 2
+
+
+def test_what_comes_goes_and_moves_is_seen_in_the_next_picture(shown: Shown, searched: list[int]) -> None:
+    """And little else is searched for it."""
+    finder = TagSearch()
+    finder.find(shown({3: LEFT}), 0.0)
+    assert ids(finder.find(shown({3: LEFT, 4: RIGHT}), 1 * FRAME)) == [3, 4]
+    moved = Pose((0.121, 0.0, 0.5), FACING)
+    color = shown({3: LEFT, 4: moved})
+    kept, found = finder.find(color, 2 * FRAME)
+    alone = TagDetector().detect(color)
+    assert np.abs(found.corners - alone[1].corners).max() < 0.02
+    assert ids(finder.find(shown({3: LEFT}), 3 * FRAME)) == [3]
+    assert max(searched[1:]) < 480 * 640 / 4
+    assert kept.marker_id == 3
+
+
+def test_a_tag_that_was_half_covered_is_found_as_soon_as_it_is_not(shown: Shown) -> None:
+    """Only half of it changes then."""
+    finder = TagSearch()
+    finder.find(shown({3: LEFT}), 0.0)
+    covered = shown({3: LEFT, 4: RIGHT})
+    middle = int(TagDetector().detect(covered)[1].corners[:, 0].mean())
+    covered[:, middle:] = 120
+    assert ids(finder.find(covered, FRAME)) == [3]
+    assert ids(finder.find(shown({3: LEFT, 4: RIGHT}), 2 * FRAME)) == [3, 4]
+
+
+def test_a_tag_that_creeps_is_not_left_behind(shown: Shown) -> None:
+    """However slowly: its corners are never off by more than they are anyway."""
+    finder, detector = TagSearch(), TagDetector()
+    for number in range(30):
+        color = shown({3: Pose((2e-5 * number, 0.0, 0.5), FACING)})  # 0.024 px a picture
+        (tag,), (fresh,) = finder.find(color, FRAME * number), detector.detect(color)
+        assert np.abs(tag.corners - fresh.corners).mean() < 2 * APRILTAG_STD
+
+
+def test_a_picture_in_which_all_moves_is_searched_as_a_whole(shown: Shown, searched: list[int]) -> None:
+    finder = TagSearch()
+    places = [(0.1 * column - 0.2, 0.1 * row - 0.1, 0.6) for row in range(3) for column in range(5)]
+    for number in range(3):
+        cubes = {marker: Pose((x + 0.01 * number, y, z), FACING) for marker, (x, y, z) in enumerate(places)}
+        color = shown(cubes)
+        found, alone = finder.find(color, FRAME * number), TagDetector().detect(color)
+        assert ids(found) == ids(alone) == list(cubes)
+        assert np.abs([one.corners - other.corners for one, other in zip(found, alone, strict=True)]).max() < 0.05
+
+
+def test_an_id_that_comes_a_second_time_is_left_out_from_then_on(shown: Shown) -> None:
+    finder = TagSearch()
+    one = shown({3: LEFT})
+    both = np.hstack([one[:, :320], shown({3: RIGHT})[:, 320:]])
+    assert ids(finder.find(one, 0.0)) == [3]
+    assert ids(finder.find(both, FRAME)) == []
+    assert ids(finder.find(one, 2 * FRAME)) == [3]
+
+
+@pytest.mark.parametrize("stamp", [-1.0, 0.0])
+def test_after_a_step_back_in_time_all_is_searched(shown: Shown, searched: list[int], stamp: float) -> None:
+    finder = TagSearch()
+    for at in (0.0, stamp):
+        finder.find(shown({3: LEFT}), at)
+    assert searched == [480 * 640] * 2
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 201), (203, 3), (120, 160)])
+def test_noise_alone_is_no_change_and_one_edge_is(rng: np.random.Generator, shape: tuple[int, int]) -> None:
+    plain = np.full(shape, 120.0)
+    one, other = (np.rint(plain + rng.normal(0.0, 2.0, shape)).astype(np.uint8) for _ in range(2))
+    changed = changed_blocks(one, other)
+    assert changed.shape == tuple(-(-side // BLOCK) for side in shape)
+    assert changed.mean() < 0.01 or min(shape) < BLOCK
+    assert not changed_blocks(one, one).any()
+    if min(shape) > 4 * BLOCK:
+        other[3 * BLOCK : 4 * BLOCK, 3 * BLOCK] = 200
+        assert np.argwhere(changed_blocks(one, other)).tolist() == [[3, 3]]
