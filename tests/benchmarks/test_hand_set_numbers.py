@@ -76,9 +76,9 @@ def test_numbers_and_what_is_told_of_them(tmp_path: Path, monkeypatch: pytest.Mo
     ]
 
 
-def test_every_package_that_reasons_has_some() -> None:
+def test_every_package_that_reasons_has_some_but_the_inference_of_actions() -> None:
     packages = {number.file.split("/")[0] for number in hand_set_numbers.hand_set_numbers()}
-    assert packages == {"simulation_handler", "surprise", "planner", "agents", "dsr"}
+    assert packages == {"simulation_handler", "surprise", "planner", "dsr"}
     with pytest.raises(FileNotFoundError, match="nowhere: no such package"):
         hand_set_numbers.hand_set_numbers(("nowhere",))
 
