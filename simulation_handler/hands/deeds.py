@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import CONFIRMED_IN, SAME_PLACE, SLOW, STEADY
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.nats import EXPECTED, RARE
 from dsr.vocabulary.observed_actions import KEPT, PICK, PLACE, RELEASE, UNKNOWN, Deed
@@ -24,7 +25,7 @@ from simulation_handler.hands.relation import DONE, LET_GO
 from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
-from simulation_handler.scales import ASTRAY, CONFIRMED_IN, GONE_FROM, SAME_PLACE, SLOW, STEADY
+from simulation_handler.scales import ASTRAY, GONE_FROM
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
