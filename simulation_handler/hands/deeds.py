@@ -21,10 +21,10 @@ from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.relation import DONE, LET_GO
-from simulation_handler.hands.state import Hand
+from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
-from simulation_handler.scales import ASTRAY, GONE_FROM, HAND_REACH, SAME_PLACE, SLOW, STEADY
+from simulation_handler.scales import ASTRAY, GONE_FROM, SAME_PLACE, SLOW, STEADY
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
