@@ -29,7 +29,7 @@ from rich.table import Table
 
 PACKAGES = (
     *("simulation_handler", "surprise", "planner", "agents/action_inference"),
-    *("dsr/vocabulary/nats.py", "dsr/perception/noise.py"),
+    *("dsr/vocabulary/nats.py", "dsr/perception"),
 )
 """Those that reason, and the files with the numbers that these share."""
 _ROOT = Path(__file__).parents[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from dsr.perception.scales import CONFIRMED_IN, CONTACT_DELAY, SAME_PLACE, STEADY
 from dsr.vocabulary.what_if import USUAL_WORLDS
 
 
@@ -23,20 +24,22 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
     clock the result is taken as soon as it is there."""
 
-    settle: float = 0.5
-    """s that relations must last to count. A plan is made of those that were the same for so long, with nothing
-    surprising. A change that nobody planned halts the arm after that time."""
-    calm: float = 3.0
-    """s that the scene must have been left alone, after somebody changed it, before the arm reaches into it again."""
-    still: float = 0.01
+    settle: float = CONFIRMED_IN + CONTACT_DELAY
+    """s that relations must last to count: what false images make of contacts is over then. A plan is made of those
+    that were the same for so long, with nothing surprising. A change that nobody planned halts the arm after that
+    time."""
+    still: float = SAME_PLACE
     """m that a thing may move and still count as staying where it is. That holds in a scene that is left alone, and in
     the simulation of what is to be put down."""
-    believed: float = 1.0
+    believed: float = STEADY
     """s within which what is in view is seen and believed. A goal must hold for so long without a break to be reached.
     A camera that the arm carries stays so long at each place from which it looks."""
-    explained: float = 2.0
-    """s within which what is surprising is explained. Until then the relations flicker. What is nowhere then is not in
-    view, and the arm looks for it."""
+    explained: float = 2.0 * believed
+    """s within which what is surprising is seen and then explained. Until then the relations flicker. What is nowhere
+    then is not in view, and the arm looks for it."""
+    calm: float = explained + believed
+    """s that the scene must have been left alone, after somebody changed it, before the arm reaches into it again:
+    until what that left is explained and believed."""
     patience: float = 10.0
     """s that the belief may take to know where the things of a goal are, while agents that see and believe run.
     That is long enough for a hand in front of a camera to go away.
@@ -73,7 +76,7 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m from the arm's base, along the ground: nothing is put nearer."""
     most_reach: float = 0.60
     """m from the arm's base, along the ground: nothing is put farther."""
-    what_if_seconds: float = 1.0
+    what_if_seconds: float = STEADY
     """s that are simulated for a what-if question: an object that topples has left its place by then."""
     what_if_patience: float = what_if_seconds
     """s that the answer may take whether something would topple where it is to be put: simulations are faster than what

@@ -7,10 +7,10 @@ from collections.abc import Callable, Collection, Generator
 
 from dsr.errors import TransportError
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import STANDING
 from dsr.vocabulary.sentences import percent
 from dsr.vocabulary.what_if import Pending, Question, Supposed, WhatIf, WorldOutcome, share
 from planner.config import PlannerConfig
-from planner.grounding import LEANS
 
 
 class Foresight:
@@ -82,6 +82,6 @@ def _problem(outcome: WorldOutcome, config: PlannerConfig) -> str:
     most = max(effects, key=lambda name: (effects[name][1], name), default="")
     if worst and effects[worst][0] > config.still:
         return f"{worst} would move by {effects[worst][0] * 1e3:.0f} mm"
-    if most and effects[most][1] > LEANS:
+    if most and effects[most][1] > STANDING:
         return f"{most} would turn by {effects[most][1]:.1f} rad"
     return ""

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
+from dsr.perception.scales import STANDING
 from planner.arms import Place, chosen
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.plan import PlanStep
 from planner.state import KnownSolid, WorldState
-
-LEANS = 0.3
-"""rad that a thing may be off from how it stands and still count as standing so"""
 
 
 @dataclass(frozen=True)
@@ -222,7 +220,7 @@ def _chances(places: Array, thing: str, solid: KnownSolid, state: WorldState, ro
 def _turn(pose: Pose) -> tuple[float, float, float, float]:
     """The rotation of `pose` about the vertical, if it stands upright; else none."""
     tilt = math.acos(max(-1.0, min(1.0, quaternions.rotate(pose.q, (0.0, 0.0, 1.0))[2])))
-    if tilt > LEANS:
+    if tilt > STANDING:
         return (0.0, 0.0, 0.0, 1.0)
     x, y, _ = quaternions.rotate(pose.q, (1.0, 0.0, 0.0))
     half = 0.5 * math.atan2(y, x)

@@ -10,6 +10,7 @@ from dsr.frames.tree import WORLD
 from dsr.graph.access import EVERYTHING
 from dsr.graph.schema import WORLD_RECORD
 from dsr.network.keys import BASE
+from dsr.perception.scales import TICK_RATE
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.vocabulary.calibration import CALIBRATION
 from dsr.vocabulary.intrinsics import INTRINSICS
@@ -25,8 +26,6 @@ from simulation_handler.graph_io.writing import Writing
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.shapes.meshes import Forms
 
-_MOST_PROBLEMS = 3  # told in its status
-
 
 class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
@@ -41,7 +40,7 @@ class SimulationHandler(Agent):
     """
 
     name = "simulation_handler"
-    rate_hz = 20.0  # Hz, ticks
+    rate_hz = TICK_RATE
     reads = Access(
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", CALIBRATION, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "let_go", "has"),
@@ -98,7 +97,8 @@ class SimulationHandler(Agent):
         self._writing.update(now)
         self._seeing.update(now)
         self._what_if.offer(self._belief.scene(), self._writing.islands, now)
-        self.degraded = "; ".join(list(self._reading.problems.values())[:_MOST_PROBLEMS])
+        first, *others = self._reading.problems.values() or [""]
+        self.degraded = f"{first}; and {len(others)} more" if others else first
 
     def teardown(self) -> None:
         """Free the simulations."""

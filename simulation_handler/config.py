@@ -9,21 +9,21 @@ import msgspec
 from dsr.believing.worlds import MOST_WORLDS
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 from dsr.perception.noise import PerceptNoise
-from dsr.vocabulary.nats import AS_GOOD, SURPRISING
-from simulation_handler.scales import (
+from dsr.perception.scales import (
+    AT_REST,
     CONFIRM_FRAMES,
     CONFIRMED_IN,
     CONTACT_DELAY,
     FRAME,
     LIKELY_SIGMAS,
-    PLACE_FLOOR,
     SAME_PLACE,
     STEADY,
     SURE_SIGMAS,
-    TILTED,
-    TURN_FLOOR,
     UNSEEN_AFTER,
+    WINDOW,
 )
+from dsr.vocabulary.nats import AS_GOOD, SURPRISING
+from simulation_handler.scales import FRICTION, GRAVITY, PLACE_FLOOR, TILTED, TURN_FLOOR
 
 
 class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
@@ -44,7 +44,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """
     confirm_frames: int = CONFIRM_FRAMES
     """Percepts in a row that must disagree before the object has moved: fewer may be false."""
-    window: int = 100
+    window: int = WINDOW
     """Percepts over which a resting object is averaged."""
     perceived_max_age: float = UNSEEN_AFTER
     """s without a percept after which an object is unseen and left to physics (Sallami et al., Table I)."""
@@ -69,19 +69,17 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Name of the method that explains surprises: by simulated hypotheses, or one that a package provides."""
     surprise_distance: float = SAME_PLACE
     """m between percept and belief from which that is not noise but needs an explanation."""
-    unflagged_after: float = 0.5
+    unflagged_after: float = AT_REST
     """s after which something surprising is explained even though nobody has flagged it."""
     follow_for: float = STEADY
     """s after an explanation in which the same object may go on moving without a new flag."""
     look_again_after: float = CONFIRMED_IN
     """s between two attempts to explain something that could not be explained: new percepts may tell more."""
-    rollout_seconds: float = 0.4
-    """s for which each hypothesis is simulated."""
     most_rollouts: int = 48
     """Hypotheses that are simulated for one explanation."""
     explain_margin: float = AS_GOOD
     """nats by which the best hypothesis must lead, while more evidence is to come."""
-    explain_patience: float = 0.8
+    explain_patience: float = STEADY
     """s of evidence after which the best hypothesis is taken, however small its lead."""
     explain_budget: float = 0.5 * explain_patience
     """s of wall time for one explanation, on worker processes: two fit into the patience."""
@@ -95,9 +93,11 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """s that a contact must last (or be gone) before the relation `on` begins (or ends)."""
     floor_below_table: float = 0.72
     """m from the lowest table top (or from z = 0 without a table) down to the floor."""
+    rollout_seconds: float = math.sqrt(2.0 * floor_below_table / GRAVITY)
+    """s for which each hypothesis is simulated: as long as something takes that falls off a table."""
     default_mass: float = 0.1
     """kg, of an object whose node has no mass."""
-    default_friction: float = 0.7
+    default_friction: float = FRICTION
     """Coulomb coefficient of a body whose node has none."""
 
     @property

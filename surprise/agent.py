@@ -14,6 +14,7 @@ from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.percepts import Percept, PerceptReader
+from dsr.perception.scales import TICK_RATE
 from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs, PastWhereabouts
@@ -50,7 +51,7 @@ class SurpriseDetector(Agent):
     """
 
     name = "surprise"
-    rate_hz = 20.0  # Hz, ticks
+    rate_hz = TICK_RATE
     shares_process = True
     reads = Access(
         nodes=(*THINGS, "camera", "gripper", "hand", "world"),

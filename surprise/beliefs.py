@@ -13,11 +13,12 @@ from dsr.graph.elements import Node
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose, interpolate
 from dsr.memory import Memory
+from dsr.perception.scales import ONE_MOMENT
 from surprise.evidence import KEPT
 
 T = TypeVar("T")
 
-LATENCY = 0.15
+LATENCY = ONE_MOMENT
 """s by which a belief and what cameras show may be apart. Samples of a belief that is on its way come sooner."""
 
 

@@ -8,6 +8,7 @@ from agents.action_inference.policy import Inference, InferencePolicy
 from agents.action_inference.reading import SnapshotReader
 from dsr.agent import Access, Agent
 from dsr.config.plugins import ACTION_POLICIES, load
+from dsr.perception.scales import TICK_RATE
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
 from dsr.vocabulary.observed_actions import DEEDS, KINDS, Action
 from dsr.vocabulary.relations import THINGS
@@ -21,7 +22,7 @@ class ActionInference(Agent):
     """
 
     name = "action_inference"
-    rate_hz = 20.0  # Hz, ticks
+    rate_hz = TICK_RATE
     shares_process = True
     reads = Access(
         nodes=(*THINGS, "world", *WRITTEN_NODES),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
+from dsr.perception.scales import SAME_PLACE
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.scales import SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 
 

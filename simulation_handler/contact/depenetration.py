@@ -9,10 +9,8 @@ from itertools import product
 import numpy as np
 
 from dsr.math3d.boxes import Array, depths_along, stacked
+from simulation_handler.scales import GAP
 from simulation_handler.shapes.geometry import Solid
-
-GAP = 5e-5
-"""m left between bodies that were moved apart: less than physics lets them overlap"""
 
 
 def depenetrated(solid: Solid, others: Iterable[Solid], direction: Array) -> Solid:

@@ -14,10 +14,10 @@ import numpy as np
 
 from dsr.math3d.polygons import Point, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import RESOLUTION
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.depenetration import GAP
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import PLACE_FLOOR, RESOLUTION, even_spread
+from simulation_handler.scales import GAP, PLACE_FLOOR, even_spread
 from simulation_handler.shapes.geometry import Solid
 
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack

@@ -15,11 +15,8 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import place, separate
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import PLACE_FLOOR
+from simulation_handler.scales import ANGLES, PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
-
-ANGLES = 8
-"""count of angles that are tried where it is not known how a body is turned, or how far it is tipped"""
 
 
 class Stance(NamedTuple):

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import RESOLUTION
 from simulation_handler.contact.placement import find_support, given_height
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import RESOLUTION
 from simulation_handler.shapes.geometry import Solid
 
 UNKNOWN = ""

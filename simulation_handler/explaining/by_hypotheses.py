@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from dsr.believing.worlds import MOST_WORLDS
 from dsr.clock import Clock
+from dsr.perception.scales import RESOLUTION, SAME_OUTCOME
 from dsr.vocabulary import nats
 from dsr.vocabulary.explained import text_of
 from simulation_handler.explaining.drafting import Draft
@@ -20,7 +21,6 @@ from simulation_handler.explaining.wording import describe
 from simulation_handler.physics.rollouts import RolloutBody, RolloutScene
 from simulation_handler.physics.rollouts.pool import Pool
 from simulation_handler.physics.rollouts.scene import STILL
-from simulation_handler.scales import RESOLUTION, SAME_OUTCOME
 from simulation_handler.shapes.geometry import Solid
 
 

@@ -12,12 +12,13 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
+from dsr.perception.scales import ONE_MOMENT
 from dsr.vocabulary import nats
 from simulation_handler.contact.supports import MOST_COMBINED
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import ONE_MOMENT, PLACE_FLOOR, TURN_FLOOR
+from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import SURE_OF_ROTATION
 
@@ -81,12 +82,14 @@ def _fresh(situation: Situation) -> set[str]:
 def _guesses(situation: Situation, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Objects from which the motion of the camera can be guessed: single ones, and three where those tell no rotation.
 
-    A single place tells how the camera is shifted, but not how it is turned; three tell both.
+    A single place tells how the camera is shifted, but not how it is turned; as many as space has dimensions tell both.
     """
     yield from ((name,) for name in names)
     turned = [name for name in names if not _tells_rotation(situation, name)]
     far = sorted(turned, key=lambda name: (-_displacement(situation, [name]), name))
-    yield from combinations(far[:MOST_COMBINED], 3)  # count of points that fix a motion
+    if far:
+        dimensions = len(situation.believed[far[0]].position)
+        yield from combinations(far[:MOST_COMBINED], dimensions)
 
 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:

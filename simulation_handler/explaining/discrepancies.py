@@ -6,11 +6,11 @@ import math
 from collections.abc import Collection
 
 from dsr.believing.absence import missed, most_missed
+from dsr.perception.scales import FRAME
 from dsr.vocabulary.nats import SURPRISING
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.scoring import is_displaced, is_far
 from simulation_handler.explaining.situation import VisibilityQuery, seen_now, shown_now
-from simulation_handler.scales import FRAME
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 

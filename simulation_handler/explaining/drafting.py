@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dsr.math3d import quaternions
+from dsr.perception.scales import RESOLUTION
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, place, separate
@@ -17,7 +18,7 @@ from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import RESOLUTION, UNSEEN_SLACK, UNSEEN_VARIANCE
+from simulation_handler.scales import UNSEEN_SLACK, UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 
 UNSEEN_COVARIANCE: Array = np.diag((RESOLUTION**2, RESOLUTION**2, UNSEEN_SLACK**2))

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import FRAME, PRESENT, RESOLUTION
 from dsr.vocabulary.explained import CAMERA_MOVED, REMOVED, TAKEN_ALONG, ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
@@ -22,7 +23,7 @@ from simulation_handler.explaining.situation import (
     seen_now,
 )
 from simulation_handler.explaining.wording import is_lasting, moved_together
-from simulation_handler.scales import FRAME, PRESENT, RESOLUTION, TICK_SLACK
+from simulation_handler.scales import TICK_SLACK
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -30,8 +31,7 @@ EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
 KEPT = 20
 """count of explanations that are remembered, by the graph and until they are written; older ones are dropped"""
-_BENEATH_REMEMBERED = 10.0  # s for which it is known what was beneath an object
-_TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
+_REMEMBERED = 10.0  # s for which it is known what was beneath an object, and what moved together with it
 
 
 class Explainer:
@@ -104,7 +104,7 @@ class Explainer:
 
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
-        self._planned |= dict.fromkeys(self.planned, now + _BENEATH_REMEMBERED)
+        self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
         self._discrepancies.update(now, self.visibility)
         if self.waiting or self.missing(now):
             self._policy.prepare()
@@ -183,7 +183,7 @@ class Explainer:
         What moved together goes on doing so; and what left the belief as it was is no news if it only goes on.
         """
         self._companions |= {
-            name: (time + _TOGETHER, moved_along) for name, moved_along in moved_together(changes).items()
+            name: (time + _REMEMBERED, moved_along) for name, moved_along in moved_together(changes).items()
         }
         self._told = (changes, (now if is_lasting(changes) else time) + 2.0 * self._config.follow_for)
 
@@ -277,7 +277,7 @@ class Explainer:
         for upper, lower in self._relations.current():
             if upper in self._bodies.objects and lower in self._bodies.objects and upper in sim and lower in sim:
                 upper_from_lower = self._bodies.pose(upper).inverse() @ self._bodies.pose(lower)
-                self._former[upper, lower] = (now + _BENEATH_REMEMBERED, upper_from_lower)
+                self._former[upper, lower] = (now + _REMEMBERED, upper_from_lower)
 
     def _adopt(self, explanation: Explanation, now: float) -> None:
         """Make the belief what the explanation says."""
@@ -306,7 +306,7 @@ class Explainer:
         """Keep in mind what moves with which object, as long as that goes on moving."""
         moves = explanation.hypothesis.moves if explanation.hypothesis else ()
         self._companions |= {
-            move.name: (now + _TOGETHER, frozenset((*move.moved_along, *move.beneath))) for move in moves
+            move.name: (now + _REMEMBERED, frozenset((*move.moved_along, *move.beneath))) for move in moves
         }
         self._moved_along |= {
             move.name: {

@@ -13,8 +13,8 @@ import numpy as np
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import LIKELY_SIGMAS, LONGEST_GAP
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.scales import LIKELY_SIGMAS, LONGEST_GAP
 from simulation_handler.shapes.geometry import Solid
 
 DRAW_COUNT = 12

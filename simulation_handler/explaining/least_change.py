@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from dsr.perception.scales import SAME_OUTCOME
 from dsr.vocabulary import nats
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.piles import moved
 from simulation_handler.explaining.scoring import prior
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.scales import SAME_OUTCOME
 
 
 def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> list[Candidate]:

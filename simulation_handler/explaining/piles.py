@@ -6,10 +6,10 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import SAME_PLACE
 from simulation_handler.contact.placement import find_support
 from simulation_handler.contact.supports import stacks_of
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.scales import SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 
 BREADTH = 3

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.noise import NOTHING_SEEN
+from dsr.perception.scales import FRAME, PRESENT
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import corrected
@@ -20,7 +21,7 @@ from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.visibility import ExpectedVisibility
-from simulation_handler.scales import FRAME, PRESENT, UNSEEN_SLACK
+from simulation_handler.scales import UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
 
 

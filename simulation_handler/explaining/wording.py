@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from dsr.perception.scales import SAME_PLACE
 from dsr.vocabulary.explained import (
     APPEARED,
     CAMERA_MOVED,
@@ -29,7 +30,6 @@ from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.scales import SAME_PLACE
 from simulation_handler.shapes.geometry import Solid
 
 _LASTING = (FALSE_PERCEPT, NOTHING_CHANGED)  # kinds that leave the belief as it is, so that their cause goes on

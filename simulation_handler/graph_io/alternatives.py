@@ -21,8 +21,8 @@ from dsr.frames.tree import WORLD
 from dsr.math3d.tolerance import SAME_POSE, PoseTolerance
 from dsr.math3d.transforms import Pose, position_deviation
 from dsr.memory import Memory
+from dsr.perception.scales import RESOLUTION, SAME_OUTCOME
 from dsr.vocabulary.relations import THINGS
-from simulation_handler.scales import RESOLUTION, SAME_OUTCOME
 from simulation_handler.worlds.model import Island, ObjectState
 
 LEAST = 0.02

@@ -20,16 +20,16 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.perception.reach import FARTHEST, near
+from dsr.perception.scales import RESOLUTION
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
-from simulation_handler.contact.depenetration import GAP
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.reasoner import Reasoner
-from simulation_handler.scales import RESOLUTION
+from simulation_handler.scales import GAP
 from simulation_handler.shapes.meshes import Forms
 
 MODELLED = "object"

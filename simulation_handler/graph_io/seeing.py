@@ -15,6 +15,7 @@ from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.noise import NOTHING_SEEN
+from dsr.perception.scales import FRAME
 from dsr.visibility import LEAST_SHARE, is_enough
 from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 from simulation_handler.explaining import VisibilityQuery
@@ -22,7 +23,7 @@ from simulation_handler.graph_io.views import by_color, hands, modelled, obstacl
 from simulation_handler.hands.state import HALF
 from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
 from simulation_handler.reasoner import Reasoner
-from simulation_handler.scales import FRAME, TICK_SLACK
+from simulation_handler.scales import TICK_SLACK
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.shapes.meshes import Forms
 

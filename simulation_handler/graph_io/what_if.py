@@ -21,6 +21,7 @@ from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.perception.reach import FARTHEST
+from dsr.perception.scales import RESOLUTION, SAME_OUTCOME
 from dsr.vocabulary.what_if import (
     LONGEST,
     SERVICE,
@@ -36,7 +37,6 @@ from simulation_handler.contact.relations import STEEP
 from simulation_handler.graph_io.reading import MASSES
 from simulation_handler.physics.rollouts.engine import Engine, LateError, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
-from simulation_handler.scales import RESOLUTION, SAME_OUTCOME
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
 from simulation_handler.worlds.joint import ONE_OUTCOME, JointWorld, leading

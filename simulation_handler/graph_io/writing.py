@@ -14,19 +14,21 @@ from dsr.graph.schema import is_within_bounds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.scales import STEADY
 from dsr.vocabulary.observed_actions import DEEDS, Deed, encoded
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.graph_io.alternatives import LEAST, AlternativesWriter
 from simulation_handler.graph_io.events import Events
 from simulation_handler.graph_io.recalling import SOURCES
-from simulation_handler.hands.state import HandGrasp
+from simulation_handler.hands.state import HAND_REACH, HandGrasp
 from simulation_handler.reasoner import Reasoner
+from simulation_handler.scales import GAP
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.weighted import LOOK_PERIOD
 
-_REFRESH = 1.0  # s after which a pose is written again, unchanged
-_SAME = PoseTolerance(5e-5, 5e-4)  # m, rad that a body may move before its pose is written again
+_SAME = PoseTolerance(GAP, GAP / HAND_REACH)
+"""m, rad that a body may move before its pose is written again: ends of what a hand takes move by as much"""
 
 
 class Writing:
@@ -89,7 +91,7 @@ class Writing:
 
     def _is_news(self, name: str, pose: Pose, now: float) -> bool:
         written = self._written.get(name)
-        if written is None or now - written.stamp >= _REFRESH:
+        if written is None or now - written.stamp >= STEADY:
             return True
         return not _SAME.covers(written, pose)
 

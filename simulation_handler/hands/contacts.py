@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
+from dsr.perception.scales import CONTACT_DELAY
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.hands.relation import PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
-from simulation_handler.scales import CONTACT_DELAY
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject

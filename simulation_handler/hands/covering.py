@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import AT_REST, CONFIRM_FRAMES, CONFIRMED_IN, FRAME, SLOWLY
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.hands.anatomy import HAND
-from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, SLOWLY, UNSEEN, Hand
+from simulation_handler.hands.state import ELSEWHERE, FINGERS, HALF, UNSEEN, Hand
 from simulation_handler.perception.paths import Path, between
-from simulation_handler.scales import AT_REST, CONFIRM_FRAMES, CONFIRMED_IN, FRAME, GONE_FROM
+from simulation_handler.scales import GONE_FROM
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject

@@ -13,6 +13,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import FASTEST_SEEN, FRAME, LIKELY_SIGMAS
 from simulation_handler.contact.containment import Containment
 from simulation_handler.hands.fingertips import DEEPEST, NEAR
 from simulation_handler.hands.state import UNSEEN
@@ -20,7 +21,7 @@ from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.driving import HURRY
 from simulation_handler.perception.paths import Path
 from simulation_handler.physics.simulator import FINGER_RADIUS
-from simulation_handler.scales import FASTEST_SEEN, FRAME, GONE_FROM, LIKELY_SIGMAS, PLACE_FLOOR
+from simulation_handler.scales import GONE_FROM, PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject

@@ -8,10 +8,11 @@ from itertools import combinations
 from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import SAME_PLACE, SLOWLY
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.anatomy import HAND
-from simulation_handler.hands.state import SLOWLY, UNSEEN
-from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE
+from simulation_handler.hands.state import UNSEEN
+from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
 NEAR = SAME_PLACE

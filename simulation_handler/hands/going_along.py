@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import AT_REST, SAME_PLACE, SLOWLY
 from simulation_handler.contact.containment import Containment, with_contents
 from simulation_handler.contact.placement import separate
 from simulation_handler.contact.relations import Relation
@@ -15,9 +16,9 @@ from simulation_handler.hands.contacts import Contacts
 from simulation_handler.hands.covering import Covering
 from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.relation import LEFT_BEHIND, Sign
-from simulation_handler.hands.state import ELSEWHERE, HAND_REACH, SLOWLY, UNSEEN, Hand, HandGrasp
+from simulation_handler.hands.state import ELSEWHERE, HAND_REACH, UNSEEN, Hand, HandGrasp
 from simulation_handler.perception.paths import between
-from simulation_handler.scales import AT_REST, GONE_FROM, SAME_PLACE
+from simulation_handler.scales import GONE_FROM
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 

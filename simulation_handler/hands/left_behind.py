@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from dsr.believing.absence import missed, most_missed
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import FRAME
 from dsr.vocabulary.nats import RARE, SURPRISING
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.perception.visibility import ExpectedVisibility
-from simulation_handler.scales import FRAME
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 

@@ -8,11 +8,12 @@ from statistics import median
 from typing import NamedTuple
 
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import CONTACT_DELAY
 from dsr.vocabulary.handling import ENDED, Handling
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand
-from simulation_handler.scales import ASTRAY, CONTACT_DELAY
+from simulation_handler.scales import ASTRAY
 from simulation_handler.state.objects import BelievedObject
 
 _REMEMBERED = 2.0 * CONTACT_DELAY  # s, longer than fingertips that open seem to touch what falls

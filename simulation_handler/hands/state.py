@@ -10,11 +10,11 @@ from typing import NamedTuple
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import ONE_MOMENT, PRESENT
 from dsr.vocabulary.handling import Handling
 from simulation_handler.hands.anatomy import HAND
 from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
 from simulation_handler.perception.paths import Path
-from simulation_handler.scales import ONE_MOMENT, PRESENT
 
 UNSEEN = PRESENT
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
@@ -25,8 +25,6 @@ An object that is seen so far from where its hand would have it is not in that h
 """
 HAND_REACH = HAND.reach + ELSEWHERE
 """m from palm or fingertips to what a hand may take or move: a finger's length, and the error of a half-hidden palm"""
-SLOWLY = 0.1
-"""Weight of the newest, by which what changes little is averaged"""
 FINGERS = len(HAND.fingers)
 """count of fingers: a hand of which so many are measured hides none"""
 HALF = 0.5

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import CONFIRMED_IN, CONTACT_DELAY, UNSEEN_AFTER
 from dsr.vocabulary.handling import ENDED, HOLDING, Handling
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation
@@ -32,7 +33,6 @@ from simulation_handler.hands.state import (
 )
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.visibility import ExpectedVisibility
-from simulation_handler.scales import CONFIRMED_IN, CONTACT_DELAY, UNSEEN_AFTER
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import CONFIRMED_IN, FASTEST_SEEN, SAME_PLACE
 from simulation_handler.contact.placement import Placement
 from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.motion.supported_objects import HALTED, Twist
 from simulation_handler.perception.paths import Path, between, turn_between
-from simulation_handler.scales import CONFIRMED_IN, DIAGONAL, FASTEST_SEEN, SAME_PLACE
+from simulation_handler.scales import DIAGONAL
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 

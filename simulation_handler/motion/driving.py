@@ -17,6 +17,17 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import (
+    AT_REST,
+    CONFIRMED_IN,
+    FRAME,
+    LIKELY_SIGMAS,
+    ONE_MOMENT,
+    PRESENT,
+    SAME_PLACE,
+    STEADY,
+    SURE_SIGMAS,
+)
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
@@ -45,21 +56,8 @@ from simulation_handler.motion.rolling import rolling
 from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, only_base
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.scene import STILL
-from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
-from simulation_handler.scales import (
-    ASTRAY,
-    AT_REST,
-    CONFIRMED_IN,
-    FRAME,
-    GONE_FROM,
-    LIKELY_SIGMAS,
-    ONE_MOMENT,
-    PLACE_FLOOR,
-    PRESENT,
-    SAME_PLACE,
-    STEADY,
-    SURE_SIGMAS,
-)
+from simulation_handler.physics.simulator import TIME_STEP
+from simulation_handler.scales import ASTRAY, GONE_FROM, GRAVITY, PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject

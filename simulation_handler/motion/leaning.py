@@ -11,17 +11,17 @@ import numpy as np
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.perception.scales import SLOW
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, covariance_given_height, given_height
-from simulation_handler.contact.stances import ANGLES
 from simulation_handler.explaining.piles import BREADTH
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
-from simulation_handler.scales import PLACE_FLOOR, SLOW, even_spread
+from simulation_handler.scales import ANGLES, PLACE_FLOOR, even_spread
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject

@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsr.perception.scales import HAND_SPEED
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.scales import FASTEST_SEEN, LIKELY_SIGMAS
 
 LAST = 4
 """Percepts, the last ones, that tell a velocity: over more of them, what rolls gets slower"""
 _MOMENTS = 8  # of each period between two percepts at which it may have set out
-_SPEED = FASTEST_SEEN / LIKELY_SIGMAS  # m/s along each axis, standard deviation of how fast things move
 
 
 class SettingOut(NamedTuple):
@@ -78,7 +77,7 @@ def _given(percepts: Sequence[WeighedPercept], moment: float) -> _ByMoment:
     """Percepts as a linear function of position and velocity at the last one, with a Gaussian prior of the velocity."""
     end = percepts[-1]
     precision, shift = np.zeros((6, 6)), np.zeros(6)
-    precision[3:, 3:] = np.eye(3) / _SPEED**2
+    precision[3:, 3:] = np.eye(3) / HAND_SPEED**2
     evidence, moved = 0.0, max(end.stamp - moment, 0.0)
     for percept in percepts:
         rows = np.hstack([np.eye(3), (max(percept.stamp - moment, 0.0) - moved) * np.eye(3)])

@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from dsr.math3d.quaternions import Vector3
+from dsr.perception.scales import SAME_PLACE
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SLEEP_SPEED
-from simulation_handler.scales import PLACE_FLOOR, SAME_PLACE, UNSEEN_SLACK
+from simulation_handler.scales import PLACE_FLOOR, UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 

@@ -13,9 +13,10 @@ import numpy as np
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
+from dsr.perception.scales import LIKELY_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.scales import LIKELY_SIGMAS, PLACE_FLOOR
+from simulation_handler.scales import PLACE_FLOOR
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""

@@ -10,10 +10,11 @@ from itertools import pairwise
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import FASTEST_SEEN, FRAME, LONGEST_GAP, RECENT_PERCEPTS, SLOW
 from dsr.vocabulary.nats import DECIDE
-from simulation_handler.scales import FASTEST_SEEN, FRAME, GONE_FROM, LONGEST_GAP, SLOW
+from simulation_handler.scales import GONE_FROM
 
-_KEPT_PERCEPTS = 24  # percepts
+_KEPT_PERCEPTS = 2 * RECENT_PERCEPTS
 _FALLING_SPEED = 0.4  # m/s downwards, faster than what somebody puts down
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from dsr.perception.scales import LIKELY_SIGMAS
 from dsr.vocabulary import nats
-from simulation_handler.scales import LIKELY_SIGMAS, OWN_ERROR
+from simulation_handler.scales import OWN_ERROR
 
 
 class KnownError(NamedTuple):

@@ -10,12 +10,10 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from dsr.perception.scales import RECENT_PERCEPTS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.estimate import Estimate, Innovation, fused
 from simulation_handler.perception.percepts import WeighedPercept
-
-RECENT_PERCEPTS = 10
-"""Percepts of an object at rest whose mean tells what a single one does not: a small move, the error of depth."""
 
 
 class PerceptTrack:

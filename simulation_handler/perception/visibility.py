@@ -21,10 +21,12 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.surfaces import GAP, crossings, meets, seen_alone
 from dsr.math3d.transforms import Pose
+from dsr.perception.noise import NOTHING_SEEN
+from dsr.perception.scales import RESOLUTION, SURE_SIGMAS
 from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.nats import SURPRISING
 from dsr.vocabulary.tags import TAG_RATIO
-from simulation_handler.scales import PLACE_FLOOR, RESOLUTION, ROUNDING, SURE_SIGMAS
+from simulation_handler.scales import PLACE_FLOOR, ROUNDING
 from simulation_handler.shapes.geometry import Solid
 
 Array = NDArray[np.float64]
@@ -36,18 +38,20 @@ STEEPEST = math.radians(75)
 SMALLEST = 12.0
 """px, the side of the smallest tag that is found, and the width of the smallest spot of a colour"""
 
-_RAY_GRID = 5  # rays along each side of a tag
 _EYE_MARGIN = SURE_SIGMAS * PLACE_FLOOR  # m around an obstacle within which a camera counts as in it
 _HOUSING = 0.03  # m from a camera within which a body that the camera is in hides nothing: it may be its housing
 _IMAGE_SIGMAS = math.sqrt(2.0 * SURPRISING)
 """Standard deviations by which what should be in the image may be elsewhere in it: farther off would be surprising"""
 _FARTHEST_SHOWN = RESOLUTION / sys.float_info.epsilon
 """m; whatever is said to be further away, or larger, is there and so large: beyond, no number tells lengths apart"""
-_POINTS = 48  # on the surface of an object that is recognised by its colour, at most
 _KINDS = ("box", "cylinder", "sphere")  # as in dsr.math3d.surfaces.Solids
 
+_RAY_GRID = math.ceil(math.sqrt(1.0 / NOTHING_SEEN))
+"""Rays along each side of a tag: what a single ray tells counts as nothing seen."""
 _SIDE = (2.0 * np.arange(_RAY_GRID) + 1.0) / _RAY_GRID - 1.0  # the middles of as many equal parts
 _RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2), in half sides of the tag
+_POINTS = 2 * len(_RAYS)
+"""Points, at most, on the surface of an object that is recognised by its colour: twice, since their shares differ."""
 
 
 @dataclass(frozen=True)

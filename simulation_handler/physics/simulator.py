@@ -21,16 +21,15 @@ import pybullet
 from dsr.errors import DsrError, suggest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import MOST_PARTS, PartKind, Shape
+from dsr.perception.scales import FASTEST_SEEN, FRAME, RESOLUTION
 from simulation_handler.physics.finger_bodies import FingerBodies
-from simulation_handler.scales import FASTEST_SEEN, FRAME, RESOLUTION
+from simulation_handler.scales import FRICTION, GRAVITY
 from simulation_handler.shapes.hull_shapes import make_hulls
 
 TIME_STEP = 1.0 / 240.0
 """s, of one physics step."""
 MOST_STEPS = round(2.0 * FRAME / TIME_STEP)
 """Steps of physics in one step of the belief: time in which cameras have shown several images is lost"""
-GRAVITY = 9.81
-"""m/s^2, towards -z."""
 FINGER_RADIUS = 0.005
 """m, of the spheres of fingertips: less than a fingertip's by the error of landmarks."""
 _STEP_REACH = 0.0004  # m that a body may move in one step: it gets that far into what it hits
@@ -119,7 +118,7 @@ class Simulator:
         rotation: Quaternion = (0.0, 0.0, 0.0, 1.0),
         *,
         mass: float = 0.0,
-        friction: float = 0.5,
+        friction: float = FRICTION,
     ) -> None:
         """Add a solid box; see `add_body`."""
         self.add_body(name, size, (), position, rotation, mass=mass, friction=friction)
@@ -133,7 +132,7 @@ class Simulator:
         rotation: Quaternion = (0.0, 0.0, 0.0, 1.0),
         *,
         mass: float = 0.0,
-        friction: float = 0.5,
+        friction: float = FRICTION,
         rolling_friction: float | None = None,
     ) -> None:
         """Add a body.

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
-from simulation_handler.scales import RESOLUTION, ROUNDING
+from dsr.perception.scales import RESOLUTION
+from simulation_handler.scales import ANGLES, ROUNDING
 
 _BEVEL = 0.3  # rad between two sides, of which only the larger one counts: the other is a bevel, or a gap
-ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
-"""count 16: corners (x, y) of the regular polygon that stands for a circle of radius 1"""
+ROUND = tuple((math.cos(math.pi * k / ANGLES), math.sin(math.pi * k / ANGLES)) for k in range(2 * ANGLES))
+"""Corners (x, y) of the regular polygon that stands for a circle of radius 1"""
 
 Points = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
 from dsr.math3d.shapes import Part, Shape
-from simulation_handler.scales import RESOLUTION
+from dsr.perception.scales import RESOLUTION
 
 _LEAST_EXTENT = 0.1  # of its extent that a thin piece keeps at least
 

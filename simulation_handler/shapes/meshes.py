@@ -20,7 +20,7 @@ from dsr.geometry.mesh import joined_bounds
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import MOST_PARTS, Part, Shape
 from dsr.memory import Memory
-from simulation_handler.scales import RESOLUTION
+from dsr.perception.scales import RESOLUTION
 from simulation_handler.shapes.decomposing import decomposed
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ _MOST_CORNERS = 64  # of a hull
 _HOLLOW = 0.15  # of the volume of its hull that may be empty in what counts as convex
 _FILLED = 0.3  # of what is empty that parts may fill
 _ON = 0.002  # of its diagonal that a surface may be inside of the hull that it is on
-_TRIPLE = 6.0  # 1, triple product of the edges of a tetrahedron over its volume
 
 
 class Form(NamedTuple):
@@ -215,7 +214,7 @@ def _is_filled(piece: _Piece, outermost: Points, hulls: list[Points]) -> bool:
     if _is_on(piece, hull):
         return False
     a, b, c = np.moveaxis(piece.points[piece.triangles] - piece.points.mean(axis=0), 1, 0)
-    volume = abs(float(np.einsum("ni,ni->", a, np.cross(b, c)))) / _TRIPLE
+    volume = abs(float(np.einsum("ni,ni->", a, np.cross(b, c)))) / math.factorial(len(a.T))
     empty = hull.volume - volume
     filled = sum(ConvexHull(part).volume for part in hulls) - volume
     return empty > _HOLLOW * hull.volume and filled > _FILLED * empty

@@ -9,13 +9,13 @@ from dsr.errors import suggest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import RESOLUTION, SLOW
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.perception.systematic import ErrorOfAnother, KnownError, error_of_another
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
-from simulation_handler.scales import RESOLUTION, SLOW
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 

@@ -13,6 +13,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, STEADY
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement
@@ -21,8 +22,8 @@ from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.perception.tracking import RECENT_PERCEPTS, PerceptTrack
-from simulation_handler.scales import LIKELY_SIGMAS, STEADY, TILTED, TURN_FLOOR
+from simulation_handler.perception.tracking import PerceptTrack
+from simulation_handler.scales import TILTED, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
 SURE_OF_ROTATION = 0.75

@@ -15,8 +15,9 @@ import numpy as np
 from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import PRESENT
 from simulation_handler.hands.state import HAND_REACH
-from simulation_handler.scales import PRESENT, ROUNDING
+from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from simulation_handler.scales import PRESENT, ROUNDING
+from dsr.perception.scales import PRESENT
+from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.evidence import Evidence
 
 _SUREST = -math.log(ROUNDING)

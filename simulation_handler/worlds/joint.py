@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import SAME_OUTCOME
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
-from simulation_handler.scales import SAME_OUTCOME, TURN_FLOOR
+from simulation_handler.scales import TURN_FLOOR
 from simulation_handler.worlds.model import Island, ObjectState
 
 ONE_OUTCOME = PoseTolerance(SAME_OUTCOME, TURN_FLOOR)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from dsr.errors import ConfigError
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
-from simulation_handler.scales import FRAME, ROUNDING
+from dsr.perception.scales import FRAME
+from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
     ELSEWHERE,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.scales import PRESENT
+from dsr.perception.scales import PRESENT
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters

@@ -47,7 +47,7 @@ class Room:
         memory.add_node("world", "world")
         memory.add_node("table", "table", size=(1.0, 1.0, 0.05))
         memory.add_edge("world", "table", "RT", pose=Pose())
-        ball = RolloutBody("ball", (0.06, 0.06, 0.06), (-0.2, 0.2, 0.03), mass=0.05, shape=BALL)
+        ball = RolloutBody("ball", (0.06, 0.06, 0.06), (-0.2, 0.2, 0.03), mass=0.05, friction=0.5, shape=BALL)
         bodies = [*(cube(name, x, y) for name, (x, y) in CUBES.items()), ball]
         for body in bodies:
             kind = "ball" if body.shape else "cube"

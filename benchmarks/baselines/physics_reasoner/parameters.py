@@ -8,7 +8,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
+from simulation_handler.physics.simulator import TIME_STEP
+from simulation_handler.scales import GRAVITY
 
 _Positive = Annotated[float, Meta(gt=0.0)]
 

@@ -14,13 +14,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
+from dsr.perception.scales import STEADY
 from simulation_handler.physics.rollouts.scene import STILL, Placing, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP, Contact, SimulationError, Simulator
+from simulation_handler.scales import GAP
 
 _LOOK_STRIDE = 8  # steps from one look at what still moves to the next
-_STILL_STEP = 2e-6  # m that a corner moves in those steps at most when its body is at rest
-_SETTLING_STEP = 1e-5  # m, of the same corner when it also gets slower by _DECAY or more: contacts settle
-_DECAY = 0.75  # 1, share of the last motion that remains; what topples gets faster instead
+_STILL_STEP = GAP * _LOOK_STRIDE * TIME_STEP / STEADY
+"""m that a corner moves in those steps at most when its body is at rest: by `GAP` in `STEADY`"""
 
 
 class LateError(SimulationError):
@@ -134,8 +135,13 @@ def _what_stays(body: RolloutBody) -> RolloutBody:
 
 
 def _is_at_rest(earlier: float, motion: float) -> bool:
-    """Whether a body that moved by `earlier` and then by `motion` m, in a stride each, will stay where it is."""
-    return motion <= _STILL_STEP or motion <= min(_SETTLING_STEP, _DECAY * earlier)
+    """Whether a body that moved by `earlier` and then by `motion` m, in a stride each, will stay where it is.
+
+    Contacts settle: a motion that gets slower by the same share in each stride goes on by motion^2 / (earlier - motion)
+    in all. That must be `GAP` at most. What topples gets faster instead.
+    """
+    settles = motion < earlier <= GAP and motion**2 <= GAP * (earlier - motion)
+    return motion <= _STILL_STEP or settles
 
 
 def _motion(body: RolloutBody, before: Mapping[str, Placing], now: Mapping[str, Placing]) -> float:

@@ -11,6 +11,7 @@ from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
 
 from dsr.clock import WALL_CLOCK, Clock
+from dsr.perception.scales import TICK_RATE
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
 from simulation_handler.physics.rollouts.messages import RolloutJob
 from simulation_handler.physics.rollouts.process import WorkerProcess
@@ -18,7 +19,7 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import SimulationError
 
 _log = logging.getLogger("simulation_handler.physics.rollouts")
-_HELP_AFTER = 0.05  # s without an answer, longer than rollouts take, after which this process simulates, too
+_HELP_AFTER = 1.0 / TICK_RATE  # s without an answer, longer than rollouts take, after which this process simulates
 _MOST_DEATHS = 3  # in a row without an answer, after which a worker is given up
 
 

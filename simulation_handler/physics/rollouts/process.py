@@ -14,11 +14,10 @@ import psutil
 from simulation_handler.physics.rollouts.messages import READY, Reply, RolloutJob, receive_reply, send
 
 _ROOT = Path(__file__).parents[3]
-_MESSAGE_PATIENCE = 1.0  # s for a message that has begun
 _MOST_WORK = 5.0
 """s of processor time on one job from which a worker is stuck: a hundred times what the longest one takes."""
 _MOST_REST = _MOST_WORK
-"""s for which a worker may have a job and do nothing about it, before it is stuck.
+"""s for which a worker may have a job, or have begun a message, and do nothing about it, before it is stuck.
 
 A worker does something while it works, or waits for a processor or a disk.
 
@@ -49,7 +48,7 @@ class WorkerProcess:
                 start_new_session=True,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())},
             )
-        ours.settimeout(_MESSAGE_PATIENCE)
+        ours.settimeout(_MOST_REST)
         self.connection = ours
         self.job: int | None = READY.number
         """Number of what it is busy with; None while it waits."""

@@ -12,6 +12,7 @@ from dsr.errors import suggest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from simulation_handler.physics.simulator import SimulationError
+from simulation_handler.scales import FRICTION
 from simulation_handler.shapes.geometry import Solid
 
 Placing = tuple[Vector3, Quaternion]
@@ -31,7 +32,7 @@ class RolloutBody(NamedTuple):
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     mass: float = 0.0
     """kg; 0 for one that can never move."""
-    friction: float = 0.5
+    friction: float = FRICTION
     """Coulomb coefficient; that of a contact is the product of both bodies'."""
     fixed: bool = False
     """Whether the body stays where it is: a fixture, or an object that is held in place."""

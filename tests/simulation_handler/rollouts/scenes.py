@@ -7,12 +7,12 @@ import numpy as np
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 
 CUBE = (0.04, 0.04, 0.04)
-FLOOR = RolloutBody("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)
-TABLE = RolloutBody("table", (1.0, 1.0, 0.05), (0.0, 0.0, -0.025), fixed=True)
+FLOOR = RolloutBody("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), friction=0.5, fixed=True)
+TABLE = RolloutBody("table", (1.0, 1.0, 0.05), (0.0, 0.0, -0.025), friction=0.5, fixed=True)
 
 
 def cube(name: str, x: float, y: float, z: float = 0.02) -> RolloutBody:
-    return RolloutBody(name, CUBE, (x, y, z), mass=0.05)
+    return RolloutBody(name, CUBE, (x, y, z), mass=0.05, friction=0.5)
 
 
 def scene_of(*bodies: RolloutBody) -> RolloutScene:
