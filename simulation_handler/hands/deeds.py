@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import SAME_PLACE, SLOW, STEADY
+from dsr.perception.scales import CONFIRMED_IN, SAME_PLACE, SLOW, STEADY
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.nats import EXPECTED, RARE
 from dsr.vocabulary.observed_actions import KEPT, PICK, PLACE, RELEASE, UNKNOWN, Deed
@@ -119,6 +119,7 @@ class Deeds:
         self._relations = relations
         self._containment = containment
         self._lay: dict[str, HoldMoment] = {}
+        self._low: dict[str, float] = {}  # s, when each was last no higher than it lay
         self._placed: set[str] = set()  # at the moment before
         self._holds: dict[str, _Hold] = {}
         self._deeds: dict[str, tuple[Deed, ...]] = {}
@@ -139,6 +140,7 @@ class Deeds:
     def _lose(self, name: str) -> None:
         """An object has no place any more: nobody knows what is done with it."""
         self._lay.pop(name, None)
+        self._low.pop(name, None)
         self._holds.pop(name, None)
         self._placed.discard(name)
 
@@ -246,6 +248,8 @@ class Deeds:
         if not (moment.holder or moment.hovers) or moment.follows:
             return
         by, lay = moment.holder or moment.near or UNKNOWN, self._lay.get(name)
+        if lay is not None and moment.above(lay) <= ASTRAY:
+            self._low[name] = moment.time
         hold = _Hold(by, moment.held, lay is not None, moment.pose.t, moment, moment)
         if lay is None:
             if moment.holder and moment.hovers:
@@ -253,7 +257,7 @@ class Deeds:
         elif moment.above(lay) > ASTRAY and (moment.holder or (moment.is_seen and not moment.falls)):
             self._holds[name] = hold
             del self._lay[name]
-            self._add(name, Deed(PICK, _left_at(lay, moment), by, hold.sure))
+            self._add(name, Deed(PICK, _left_at(lay, self._low.get(name, lay.time), moment), by, hold.sure))
 
     def _go_on(self, name: str, hold: _Hold, moment: HoldMoment) -> None:
         """It is held until nobody has it any more, and it falls or rests."""
@@ -290,10 +294,13 @@ def _is_carried(state: ObjectState, carriers: Collection[str]) -> bool:
     return not set(carriers).isdisjoint((*state.supports, *state.containers))
 
 
-def _left_at(lay: HoldMoment, moment: HoldMoment) -> float:
-    """When (s) an object that is higher than it lay has left there, by its way, if that was seen; else now."""
+def _left_at(lay: HoldMoment, low: float, moment: HoldMoment) -> float:
+    """When (s) an object that is higher than it lay has left there, by its way, if that was seen; else now.
+
+    Its body was last as low at `low` (s). That is behind what is seen, but not by more than it takes to be confirmed.
+    """
     start = None if moment.path is None else moment.path.start(lay.pose, GONE_FROM)
-    return moment.time if start is None else start
+    return moment.time if start is None else max(start, max(low, lay.time) - CONFIRMED_IN)
 
 
 def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, float, float] | None:
