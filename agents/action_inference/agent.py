@@ -18,7 +18,8 @@ class ActionInference(Agent):
     """Reads what the belief says was done with things; writes events `Pick`, `Place` and `Release`.
 
     Their participants are the thing and the hand or gripper that did it, or `unknown`; `confidence` is 0 to 1, `time`
-    when it happened. After a restart it goes on from the events that it finds.
+    when it happened. After a restart it goes on from the events that it finds. What the timeline forgets for its age is
+    not told again, though the belief still has it.
     """
 
     name = "action_inference"
@@ -65,10 +66,12 @@ class ActionInference(Agent):
     def _write(self, inference: Inference) -> None:
         action = inference.action
         text = f"{action}: {inference.why}"
-        self.log.info("%s, at %.2f s (confidence %.2f)", text, action.time, inference.confidence)
-        self._chronicle.happened(
-            action.kind, (action.thing, action.by), action.time, text=text, confidence=inference.confidence
-        )
+        event = self._chronicle.happened(
+            action.kind, (action.thing, action.by), action.time, text=text, confidence=inference.confidence,
+            key=repr(action.time),
+        )  # fmt: skip
+        if event in self.memory:
+            self.log.info("%s, at %.2f s (confidence %.2f)", text, action.time, inference.confidence)
 
 
 def _action(entry: Entry) -> Action | None:

@@ -26,8 +26,10 @@ class BelievedPolicy:
         self._told: dict[str, float] = {}  # s, time of the last action with each thing
 
     def update(self, snapshot: Snapshot) -> list[Inference]:
-        """Take in the snapshot, and return the actions that have become known."""
-        return [inference for _, thing in sorted(snapshot.things.items()) for inference in self._new(thing)]
+        """Take in the snapshot, and return the actions that have become known, in the order of their times."""
+        self._told = {name: time for name, time in self._told.items() if name in snapshot.things}
+        new = (inference for thing in snapshot.things.values() for inference in self._new(thing))
+        return sorted(new, key=lambda inference: (inference.action.time, inference.action.thing))
 
     def recall(self, action: Action) -> None:
         """What was done until then has been told."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import logging
 
 from agents.action_inference.observation import ObservedThing, Snapshot
 from dsr.errors import SchemaError
@@ -12,14 +12,15 @@ from dsr.memory import Memory
 from dsr.vocabulary.observed_actions import Deed, deeds_of
 from dsr.vocabulary.relations import THINGS, is_present
 
+log = logging.getLogger("action_inference.reading")
+
 
 class SnapshotReader:
-    """Observes a memory. Deeds that cannot be read are left out and counted."""
+    """Observes a memory. Deeds that cannot be read are left out, which is logged once for each thing."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
-        self.skipped: Counter[str] = Counter()
-        """How often the deeds of a thing could not be read, by its name."""
+        self._unread: set[str] = set()
 
     def snapshot(self, now: float) -> Snapshot:
         """Read the snapshot of the memory at `now` (s)."""
@@ -37,7 +38,11 @@ class SnapshotReader:
 
     def _deeds(self, node: Node) -> tuple[Deed, ...]:
         try:
-            return deeds_of(node)
-        except SchemaError:
-            self.skipped[node.name] += 1
+            deeds = deeds_of(node)
+        except SchemaError as error:
+            if node.name not in self._unread:
+                log.warning("the deeds of %s are left out (logged once): %s", node.name, error)
+            self._unread.add(node.name)
             return ()
+        self._unread.discard(node.name)
+        return deeds

@@ -10,7 +10,7 @@ from agents.action_inference import ActionInference
 from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.timeline import EVENT
+from dsr.timeline import EVENT, Retention
 from dsr.vocabulary.observed_actions import DEEDS, PICK, PLACE, Deed, encoded, read_action
 
 NAME = "action_inference"
@@ -69,6 +69,23 @@ def test_after_a_restart_it_goes_on(graph: Graph):
     assert graph.told() == [f"Pick(cube, {HAND})", f"Place(cube, {HAND})"]
 
 
+def test_what_is_too_old_for_the_timeline_is_not_told_again_after_a_restart(graph: Graph):
+    graph.do(Deed(PICK, graph.began - Retention().age - 1.0, HAND, 0.8))
+    graph.lockstep.kill(NAME)
+    graph.lockstep.restart(NAME)
+    graph.run(1.0)
+    assert graph.told() == []
+
+
+def test_what_goes_away_and_comes_back_is_not_told_again(graph: Graph):
+    graph.do(Deed(PICK, graph.began, HAND, 0.8))
+    graph.run(0.5)
+    for present in (False, True):
+        graph.memory.update_node("cube", present=present)
+        graph.run(0.5)
+    assert graph.told() == [f"Pick(cube, {HAND})"]
+
+
 def test_the_published_policy_can_be_chosen():
     graph = Graph(policy="published")
     graph.memory.update_node("cube", plausible=False)
@@ -78,9 +95,10 @@ def test_the_published_policy_can_be_chosen():
 
 
 @pytest.mark.parametrize("told", ["?", "[1]", '[{"kind":"Sold","time":1.0,"by":"x","probability":1.0}]'])
-def test_what_is_no_deed_and_what_is_yet_to_come_is_left_out(graph: Graph, told: str):
+def test_what_is_no_deed_and_what_is_yet_to_come_is_left_out(graph: Graph, told: str, caplog: pytest.LogCaptureFixture):
     graph.memory.update_node("cube", **{DEEDS: told})
     graph.run(0.5)
+    assert caplog.text.count("the deeds of cube are left out") == 1
     graph.do(Deed(PICK, graph.began + 100.0, HAND, 0.8))
     graph.run(0.5)
     assert graph.told() == []

@@ -39,6 +39,25 @@ def test_two_deeds_that_become_known_at_once_are_told_in_order(stage: Stage) -> 
     assert stage.told == [f"Pick(cup, {HAND})", "Release(cup)"]
 
 
+def test_deeds_with_several_things_are_told_in_the_order_of_their_times(stage: Stage) -> None:
+    stage.add("bowl")
+    stage.do("bowl", PUT)
+    stage.do("cup", TAKEN)
+    stage.run(0.1)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Place(bowl, {HAND})"]
+
+
+def test_a_new_thing_of_the_same_name_has_deeds_of_its_own(stage: Stage) -> None:
+    stage.do("cup", PUT)
+    stage.run(0.1)
+    del stage.things["cup"]
+    stage.run(0.1)
+    stage.add("cup")
+    stage.do("cup", TAKEN)
+    stage.run(0.1)
+    assert stage.told == [f"Place(cup, {HAND})", f"Pick(cup, {HAND})"]
+
+
 def test_what_an_earlier_run_has_told_is_not_told_again(stage: Stage) -> None:
     stage.policy.recall(Action(99.0, PICK, "cup", HAND))
     stage.do("cup", TAKEN)
