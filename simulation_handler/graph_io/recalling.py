@@ -71,6 +71,7 @@ class Recalling:
             return max(self._lived_until, pose.stamp)
         if not is_present(node):
             self._belief.recall_gone(node.name)
+            self._recall_deeds(node, now)
             return self._lived_until
         return -math.inf
 

@@ -232,14 +232,18 @@ class Deeds:
     def take_in(self, name: str, moment: HoldMoment) -> None:
         """Take in a moment of an object."""
         if name not in self._placed and self.of(name) and self.of(name)[-1].kind == PICK:
-            by, sure = self.of(name)[-1].by, self.of(name)[-1].probability
-            self._holds[name] = _Hold(by, sure, True, moment.pose.t, moment, moment)
+            self._resume(name, self.of(name)[-1], moment)
         hold = self._holds.get(name)
         if hold is None:
             self._begin(name, moment)
         else:
             self._go_on(name, hold, moment)
         self._placed.add(name)
+
+    def _resume(self, name: str, picked: Deed, moment: HoldMoment) -> None:
+        """It has a place again. Who had taken it up has it still, as far as is known: nobody saw it meanwhile."""
+        by = picked.by if picked.by in self._touching.hands else UNKNOWN
+        self._holds[name] = _Hold(by, picked.probability * GUESSED, True, moment.pose.t, moment, moment)
 
     def _begin(self, name: str, moment: HoldMoment) -> None:
         """It is held from now on if it is higher than it lay, or was never seen to lie, and somebody has it."""

@@ -10,12 +10,14 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
-from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Deed
+from dsr.vocabulary.observed_actions import DEEDS, PICK, PLACE, RELEASE, UNKNOWN, Deed, deeds_of, encoded
 from simulation_handler.hands.deeds import GUESSED, Deeds, HoldMoment
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.holding import GripperGrasp
 from tests.simulation_handler.occluded import BOX, PERIOD, SMALL, Occlusion, standing
+from tests.simulation_handler.test_agent import Table
+from tests.simulation_handler.worlds import CUBE, cube_at
 
 HELD_ALOFT = 0.97
 """1, least probability of what is seen in the air in a hand"""
@@ -140,7 +142,7 @@ class Moments:
     """What is believed of a cup, at 20 Hz."""
 
     def __init__(self) -> None:
-        self.touching = SimpleNamespace(let_go={})
+        self.touching = SimpleNamespace(let_go={}, hands={"hand": None})
         unused: Any = None
         self.deeds = Deeds(unused, cast(Touching, self.touching), unused, unused)
         self.now = 1000.0
@@ -220,6 +222,28 @@ def test_how_an_earlier_hold_ended_does_not_count() -> None:
     assert [kind for kind, _ in cup.told] == [RELEASE, PICK]
     cup.run(0.5, 0.2, rests=True)
     assert [kind for kind, _ in cup.told] == [PICK, PLACE]
+
+
+@pytest.mark.parametrize(("hands", "by"), [(["hand"], "hand"), ([], UNKNOWN)])
+def test_what_comes_back_was_put_down_by_a_guess_and_only_by_a_hand_that_is_still_known(
+    hands: list[str], by: str
+) -> None:
+    cup = Moments()
+    cup.lift(0.1)
+    picked = cup.deeds.of("cup")[-1]
+    cup.deeds = Deeds(*cast(Any, (None, cup.touching, None, None)))
+    cup.deeds.recall("cup", [picked])
+    cup.touching.hands = dict.fromkeys(hands)
+    cup.run(0.5, 0.0, rests=True)
+    assert [(deed.kind, deed.by, deed.probability) for deed in cup.deeds.of("cup")[1:]] == [(PLACE, by, GUESS)]
+
+
+def test_what_comes_back_in_its_hand_is_as_surely_held_as_is_believed_then() -> None:
+    cup = Moments()
+    cup.deeds.recall("cup", [Deed(PICK, 999.0, "gripper", 0.5)])
+    cup.run(0.5, 0.1, holder="gripper")
+    cup.run(0.5, 0.0, rests=True)
+    assert cup.deeds.of("cup")[-1] == Deed(PLACE, pytest.approx(1000.55, abs=0.1), "gripper", round(GUESSED, 2))
 
 
 @pytest.mark.parametrize("values", [{"follows": True}, {"falls": True}, {"is_seen": False}, {"hovers": False}])
@@ -310,6 +334,19 @@ def test_an_earlier_run_is_continued() -> None:
     world.run(0.5)
     open_hand(world)
     assert deeds(world) == [(PICK, "hand"), (PLACE, "hand")]
+
+
+def test_an_earlier_run_tells_who_had_taken_up_what_is_gone() -> None:
+    table = Table()
+    picked = Deed(PICK, table.lockstep.clock.now() - 60.0, "hand", 0.8)
+    table.memory.add_node("cube_1", "cube", size=CUBE, mass=0.05, present=False, **{DEEDS: encoded([picked])})
+    table.run(0.5)
+    assert deeds_of(table.memory.node("cube_1")) == (picked,)
+    table.truths["cube_1"] = cube_at(0.4, 0.1)
+    table.run(1.0)
+    found = [(deed.kind, deed.by, deed.probability) for deed in deeds_of(table.memory.node("cube_1"))]
+    assert found == [(PICK, "hand", 0.8), (PLACE, UNKNOWN, pytest.approx(0.8 * GUESSED, abs=0.01))]
+    table.lockstep.close()
 
 
 def test_nothing_is_known_of_what_is_no_more() -> None:
