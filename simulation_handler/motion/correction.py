@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsr.math3d.tolerance import PoseTolerance
+from dsr.perception.scales import SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, separate
@@ -105,7 +106,9 @@ class Correction:
             placement = self._placed(item, scene, around)
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
-            item.adopt(self._confirmed(item, placement))
+            is_recalled = self._is_recalled(item, placement)
+            item.adopt(replace(placement, solid=self._bodies.solid(item.name)) if is_recalled else placement)
+            item.is_recalled = is_recalled
         item.know(placement)
         if item.leans:  # how high it leans is not known so well
             item.bias = self._bodies.error_by_others(item).mean
@@ -181,21 +184,21 @@ class Correction:
         return True
 
     def _differs(self, item: BelievedObject, old: Placement, new: Placement) -> bool:
-        """Whether a placement changed by more than noise."""
-        return old.supports != new.supports or self._is_apart(item, old.solid, new.solid)
+        """Whether a placement changed by more than noise: by one standard deviation, or surely if it was recalled."""
+        sigmas = SURE_SIGMAS if item.is_recalled else 1.0
+        return old.supports != new.supports or self._is_apart(item, old.solid, new.solid, sigmas)
 
-    def _confirmed(self, item: BelievedObject, placement: Placement) -> Placement:
-        """The first placement after a recall: at the pose recalled, which was averaged for longer, if that is near."""
-        if item.placement is None and item.name in self._bodies.sim:
-            body = self._bodies.solid(item.name)
-            if not self._is_apart(item, body, placement.solid):
-                return replace(placement, solid=body)
-        return placement
+    def _is_recalled(self, item: BelievedObject, placement: Placement) -> bool:
+        """Whether it is first seen where an earlier run has left it: that was averaged for longer."""
+        if item.placement is not None or item.name not in self._bodies.sim:
+            return False
+        return not self._is_apart(item, self._bodies.solid(item.name), placement.solid, SURE_SIGMAS)
 
-    def _is_apart(self, item: BelievedObject, old: Solid, new: Solid) -> bool:
-        """Whether two poses differ by more than the estimate's noise: a body is not moved by what nobody knows."""
+    def _is_apart(self, item: BelievedObject, old: Solid, new: Solid, sigmas: float) -> bool:
+        """Whether two poses differ by more than so many standard deviations of the estimate."""
         assert item.track.estimate is not None
-        return not PoseTolerance(*item.track.estimate.standard_deviations()).covers(old.pose, new.pose)
+        noise = PoseTolerance(*item.track.estimate.standard_deviations())
+        return not noise.scaled(sigmas).covers(old.pose, new.pose)
 
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""

@@ -74,6 +74,8 @@ class BelievedObject:
     """Whether something is beside it on which it may lean."""
     leans: bool = False
     """Whether it is believed to lean: its bias is then that of the others."""
+    is_recalled: bool = False
+    """Whether its placement is where an earlier run has left it."""
     aslant: tuple[float, PerceivedBody] | None = None
     """Probability that it leans, known how or not, and where it is perceived then; None if nothing says so."""
     otherwise: tuple[tuple[float, Quaternion], ...] = ()
@@ -203,7 +205,7 @@ class BelievedObject:
         """Take over a new placement."""
         if self.placement is not None and self.placement.supports != placement.supports:
             self.strikes = 0
-        self.placement = placement
+        self.placement, self.is_recalled = placement, False
         if UNKNOWN not in placement.supports:
             self.prop = None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.physics.rollouts import Pool
+from tests.simulation_handler.occluded import Occlusion
 from tests.simulation_handler.rollouts.slowed import slow_down
 from tests.simulation_handler.test_agent import NAME, Table
 from tests.simulation_handler.test_seeing import LENS
@@ -195,3 +197,16 @@ def test_what_is_held_out_of_reach_is_held_by_nobody(table: Table, what: str) ->
     table.run(2.0)
     assert table.lockstep.runner(NAME).status().errors == 0
     assert table.error("cube_1") < 0.005
+
+
+def test_what_is_seen_where_it_was_recalled_stays_there_at_first() -> None:
+    """What an earlier run has averaged for long is known better than by the first percepts."""
+    truths = {f"cube_{k}": Pose((0.2 + 0.1 * k, 0.0, 0.02)) for k in range(4)}
+    stayed = 0
+    for seed in range(5):
+        table = Occlusion(truths, seed, noise=0.002)
+        for name, pose in truths.items():
+            table.belief.recall(name, pose)
+        table.run(0.4)
+        stayed += sum(math.dist(table.belief.pose(name).t, pose.t) < 1e-4 for name, pose in truths.items())
+    assert stayed >= 10, "of 20; without noise in a first mean all would stay"

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import psutil
 
+from dsr.perception.scales import STEADY
 from simulation_handler.physics.rollouts.messages import READY, Reply, RolloutJob, receive_reply, send
 
 _ROOT = Path(__file__).parents[3]
 _MOST_WORK = 5.0
 """s of processor time on one job from which a worker is stuck: a hundred times what the longest one takes."""
 _MOST_REST = _MOST_WORK
-"""s for which a worker may have a job, or have begun a message, and do nothing about it, before it is stuck.
+"""s for which a worker may have a job and do nothing about it, before it is stuck.
 
 A worker does something while it works, or waits for a processor or a disk.
-
 """
 _AT_WORK = (psutil.STATUS_RUNNING, psutil.STATUS_WAKING, psutil.STATUS_DISK_SLEEP)
 
@@ -48,7 +48,7 @@ class WorkerProcess:
                 start_new_session=True,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())},
             )
-        ours.settimeout(_MOST_REST)
+        ours.settimeout(STEADY)  # of a message that has begun: whoever reads the rest waits for that
         self.connection = ours
         self.job: int | None = READY.number
         """Number of what it is busy with; None while it waits."""
