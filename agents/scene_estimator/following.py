@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.detection import Tag
-from agents.scene_estimator.pose import UNLIKELY, NoiseModel, TagFit, most_likely, possible_tag_poses
+from agents.scene_estimator.pose import NoiseModel, TagFit, most_likely, possible_tag_poses
 from dsr.math3d.batches import Array, inverses, logs
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -28,6 +28,8 @@ _TURNING = 10.0
 """rad/s, standard deviation of its angular velocity, likewise"""
 _ALIKE = 0.1
 """s within which errors of a tag's corners are alike, so that a second frame tells little news"""
+_UNLIKELY = 40.0
+"""Twice the log of odds beyond which a pose is given up: one in 5e8"""
 
 
 class Sharpener:
@@ -107,7 +109,7 @@ class TagFollower:
         likely = []
         for tag, fits in zip(tags, told, strict=True):
             best = min((fit.cost for fit in fits), default=0.0)
-            kept = [fit._replace(cost=fit.cost - best) for fit in fits if fit.cost - best < UNLIKELY]
+            kept = [fit._replace(cost=fit.cost - best) for fit in fits if fit.cost - best < _UNLIKELY]
             if kept:
                 self._seen[tag.marker_id] = _Seen(stamp, kept)
             likely.append(kept)
@@ -125,7 +127,7 @@ def _costs(pairs: list[tuple[TagFit, _Seen, float]]) -> list[float]:
     moved = np.eye(6) * (np.repeat([_SPEED, _TURNING], 3) * seconds[:, None])[:, None] ** 2
     spread = moved + np.array([before.covariance + pairs[place][0].covariance for place, before in ways])
     squares = (aparts * np.linalg.solve(spread, aparts[:, :, None])[..., 0]).sum(axis=1)
-    least = [UNLIKELY] * len(pairs)  # at most: whatever was seen, it may have been wrong
+    least = [_UNLIKELY] * len(pairs)  # at most: whatever was seen, it may have been wrong
     for (place, before), square in zip(ways, squares.tolist(), strict=True):
         least[place] = min(least[place], before.cost + square)
     return [min(1.0, ago / _ALIKE) * fit.cost + way for (fit, _, ago), way in zip(pairs, least, strict=True)]

@@ -39,8 +39,6 @@ _FINEST = 0.2
 _CERTAIN = 50.0  # log odds
 _STEPS = 20  # of Gauss-Newton; four or five do
 _SETTLED = 1e-2  # standard deviations of the result, of the last step
-UNLIKELY = 40.0
-"""Twice the log of odds beyond which a pose is given up: one in 5e8"""
 _SAME = 0.1  # standard deviations, between starts that end at one pose
 _STARTS, _BY_DEPTH = 3, 2  # of each tag; the one from the plane of its depth
 _ABOUT_NORMAL = skew(np.array([0.0, 0.0, 1.0]))
@@ -230,9 +228,7 @@ class _TagProblem(NamedTuple):
             step = (covariance @ gradient[:, :, None])[..., 0]
             poses[moving] = poses[moving] @ exps(step[:, :6])
             scales[moving] += step[:, 6]
-            better = (gradient * step).sum(axis=1)  # by so much, as far as the step can tell
-            best = costs.reshape(shape).min(axis=1)[moving // shape[1]]
-            moving = moving[(better >= _SETTLED**2) & (cost - better < best + UNLIKELY)]
+            moving = moving[(gradient * step).sum(axis=1) >= _SETTLED**2]  # without those that have no step
         failed = ~(missed < _NO_SQUARE) | ~np.isfinite(poses).all(axis=(1, 2))
         costs[failed] = np.inf
         even = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))[:, :6, :6]  # they are symmetric but for rounding

@@ -10,11 +10,13 @@ import pytest
 from msgspec.structs import replace
 
 from agents.drivers import TagCorners, TagReadings
+from agents.scene_estimator import pose as fitting
 from agents.scene_estimator.detection import Tag, tag_corners
-from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose, most_likely, possible_tag_poses
+from agents.scene_estimator.pose import NoiseModel, TagFit, estimate_tag_pose, most_likely, possible_tag_poses
 from agents.scene_estimator.sighting import FrameSource
 from benchmarks.tag_camera import Camera, facing
 from dsr import Pose
+from dsr.math3d.batches import Array
 from dsr.vocabulary.intrinsics import Intrinsics
 
 from .conftest import SIZE, Trial, covariance, nees, trials
@@ -159,3 +161,33 @@ def test_tags_of_an_image_are_fitted_at_once_as_each_alone(with_depth: bool, rng
         if pose is not None and alone is not None:
             assert max(pose.distance(alone)) < 1e-9
             assert covariance(pose) == pytest.approx(covariance(alone), rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize("near", [0.1, 0.15, 0.4, 1.0])
+def test_a_start_that_leads_nowhere_hinders_no_other(
+    near: float, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Depth of something else puts starts behind the camera, and makes the ones that seem best no square."""
+    intrinsics = Intrinsics(615.0, 615.0, 319.5, 239.5, 640, 480)
+    truths = [facing(near * rng.uniform(0.7, 1.3), rng.uniform(0.0, 1.4), rng) for _ in range(100)]
+    tags = [
+        Tag(number, intrinsics.project(pose.apply(tag_corners(0.04))) + rng.normal(0.0, 0.3, (4, 2)), 0.1)
+        for number, pose in enumerate(truths)
+    ]
+    depth = (near + 0.003 * (np.arange(640) - 320) + rng.normal(0.0, 0.02, (480, 640))).clip(0.0).astype(np.float32)
+
+    def fits() -> list[list[TagFit]]:
+        return possible_tag_poses(tags, depth, intrinsics, [0.04] * len(tags), NoiseModel())
+
+    every, starts = fits(), fitting._perspective_starts
+    for kept in range(3):
+        others = [number for number in range(3) if number != kept]
+
+        def one_start(rays: Array, sizes: Array, others: list[int] = others) -> Array:
+            found = starts(rays, sizes)
+            found[:, others] = np.nan
+            return found
+
+        monkeypatch.setattr(fitting, "_perspective_starts", one_start)
+        for some, alone in zip(every, fits(), strict=True):
+            assert not alone or min(fit.cost for fit in some) < min(fit.cost for fit in alone) + 1e-6
