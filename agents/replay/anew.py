@@ -25,8 +25,7 @@ from dsr.runtime.system import AgentSpec, known_systems, load_system
 
 DEFAULT_SYSTEM = "tabletop"
 _ROUNDING = 1e-6  # s; stamps in a file are rounded
-_SILENCE = 3600.0
-"""s without a message in which no agent was at work: each tells its status every second."""
+_YEAR = 365 * 86400.0  # s; where nothing was recorded for so long, a clock was set
 _MOST_DIGITS = 19  # of a seed, 64 bits
 _configs_decoder = msgspec.json.Decoder(dict[str, dict[str, object]])
 
@@ -55,7 +54,8 @@ def run_anew(
     Args:
         path: a file, the folder of a run, or a bag of ROS.
         agents: names of agents of the system.
-        system: name or file of the system that configures them; by default that of the recording, or `tabletop`.
+        system: name or file of the system that configures them; by default that of the recording, or `tabletop`. That
+            of the recording configures them as they were recorded, apart from those whose drivers it does not have.
         seed: of the run; by default the recorded one.
         settings: fields of the agents' configurations to change, by agent.
         until: s since the first message, where to end.
@@ -97,10 +97,10 @@ def run_anew(
             reference.forward(now - index.begin + _ROUNDING)
             comparison.sample(now)
             on_progress(now - index.begin, end - index.begin)
-            return _SILENCE < reference.next_time - reference.time < math.inf
+            return _YEAR < reference.next_time - reference.time < math.inf
 
         def run_until(time: float) -> None:
-            """All sleep where nothing was recorded: a clock that was set may have left out decades."""
+            """All sleep through the years that a clock left out when it was set."""
             while lockstep.run_until(time, on_step):
                 wakes = min(time, index.begin + reference.next_time)
                 lockstep.suspend(max(0.0, wakes - clock.now()))
@@ -129,8 +129,14 @@ def _specs(
         raise ConfigError(f"agent {name!r} is not run anew, and cannot be configured; {suggest(name, agents)}")
     specs = []
     for name in dict.fromkeys(agents):
-        _check_drivers(index, loaded.agent(name), recorded.get(name, {}))
-        loaded = loaded.with_config(name, **{**recorded.get(name, {}), **settings.get(name, {})})
+        own = settings.get(name, {})
+        fields = {**recorded.get(name, {}), **own}
+        if strange := drivers_in(fields) - drivers_in(own) - _drivers_of(loaded.agent(name)):
+            if system is None:
+                hint = f"if you trust it, give it with --set {name}.FIELD=VALUE; --system {told} does without it"
+                raise ConfigError(f"{index.path}: {name!r} had the driver {min(strange)!r}, which {told} lacks; {hint}")
+            fields = dict(own)
+        loaded = loaded.with_config(name, **fields)
         spec = loaded.agent(name)
         if not spec.kind.uses_memory:
             raise ConfigError(f"agent {name!r} does not use the memory: there is nothing to compare")
@@ -140,12 +146,9 @@ def _specs(
     return specs
 
 
-def _check_drivers(index: RecordingSource, spec: AgentSpec, recorded: Mapping[str, object]) -> None:
-    """Raise `ConfigError` for a driver that the recording names, and the system does not: drivers are programs."""
-    own = convert(spec.config, spec.kind.Config, f"configuration of {spec.name!r}")
-    for driver in sorted(drivers_in(recorded) - drivers_in(msgspec.to_builtins(own))):
-        hint = f"if you trust it, give it with --set {spec.name}.FIELD=VALUE, or in a system with --system"
-        raise ConfigError(f"{index.path}: {spec.name!r} had the driver {driver!r}, which the system lacks; {hint}")
+def _drivers_of(spec: AgentSpec) -> set[str]:
+    """The drivers of an agent as its system configures it: programs, which no recording may name."""
+    return drivers_in(msgspec.to_builtins(convert(spec.config, spec.kind.Config, f"configuration of {spec.name!r}")))
 
 
 def _recorded_seed(index: RecordingSource) -> int:

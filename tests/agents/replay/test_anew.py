@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from agents.plant.driver import PlantArm
 from agents.recorder.index import RecordingIndex
 from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.reader import read_recording
@@ -355,6 +356,30 @@ def test_a_recording_does_not_say_which_drivers_are_loaded(tmp_path: Path, place
     assert "antigravity" not in sys.modules
 
 
+class OtherArm(PlantArm):
+    """A driver that no system has."""
+
+
+PLANT_ARM, OTHER_ARM = "agents.plant.driver:PlantArm", f"{__name__}:OtherArm"
+
+
+@pytest.mark.parametrize(
+    ("recorded", "system", "own"),
+    [
+        ("antigravity:fly", None, {"driver": PLANT_ARM}),
+        ("antigravity:fly", "tabletop", {}),
+        (OTHER_ARM, None, {"driver": OTHER_ARM}),
+    ],
+)
+def test_a_recorded_driver_is_replaced_or_given(
+    tmp_path: Path, recorded: str, system: str | None, own: dict[str, str]
+) -> None:
+    """The refusal told to give it with `--set`, and then came again."""
+    recording = stranger(tmp_path, system="tabletop", agents=json.dumps({"arm_controller": {"driver": recorded}}))
+    outcome = run_anew(recording, ["arm_controller"], system=system, settings={"arm_controller": own})
+    assert not outcome.failures and "antigravity" not in sys.modules
+
+
 @pytest.mark.parametrize("seed", ["x", "-1", "9" * 5000, "", "²"])
 def test_a_recorded_seed_that_is_none_is_told(tmp_path: Path, seed: str) -> None:
     with pytest.raises(ConfigError, match="--seed"):
@@ -373,3 +398,14 @@ def test_decades_without_a_message_are_slept_through(tmp_path: Path) -> None:
     recording = stranger(tmp_path, BEGUN, BEGUN._replace(stamp=1e9 + 0.5), late, late._replace(stamp=late.stamp + 0.5))
     outcome = run_anew(recording, ["surprise"])
     assert outcome.seconds == pytest.approx(1e10, rel=1e-6) and not outcome.failures
+
+
+def test_agents_tick_through_hours_without_a_message(tmp_path: Path) -> None:
+    """No agent tells its status in a recording without statuses, or in a bag of ROS, and yet they were at work."""
+
+    def on_progress(time: float, _duration: float) -> None:
+        if 1.0 < time < 9999.0:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        run_anew(stranger(tmp_path, BEGUN, BEGUN._replace(stamp=1e9 + 1e4)), ["surprise"], on_progress=on_progress)
