@@ -26,8 +26,9 @@ Up = Literal["x", "y", "z"]
 _MOST_LETTERS = 1 << 14
 """Characters of a line of an OBJ file: a face of a thousand corners. The reader takes their square in time."""
 _LONG_LINE = re.compile(rf"[^\n]{{{_MOST_LETTERS + 1}}}")
-_PART = re.compile(r"^[ \t]*(?:[og][ \t]|usemtl|solid)", re.MULTILINE | re.IGNORECASE)
-"""The beginning of a line of text that begins a part of a file."""
+_OBJ_PART = re.compile(r"^[ \t]*[og][ \t]|usemtl", re.MULTILINE)
+_STL_PART = re.compile("endsolid", re.IGNORECASE)
+"""What begins or ends a part of a file: as the reader, wherever it is in a line."""
 _STL_HEADER = struct.Struct("<80xI")
 _STL_TRIANGLE = 50  # bytes
 _UP: dict[str, Array] = {  # z-up from file, as COLLADA 1.4.1 defines X_UP, Y_UP and Z_UP
@@ -94,20 +95,20 @@ def _text(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def _parts(data: bytes) -> str:
-    """The text of a file that begins its parts by lines. Raises `MeshError` for too many: each takes some ms."""
-    text = _text(data)
-    if sum(1 for _ in _PART.finditer(text)) > MOST_NODES:
+def _check_parts(text: str, part: re.Pattern[str]) -> None:
+    """Raise `MeshError` for too many parts: each takes some ms."""
+    if sum(1 for _ in part.finditer(text)) > MOST_NODES:
         raise MeshError(f"more than {MOST_NODES} parts")
-    return text
 
 
 def _obj(data: bytes) -> _Content:
     from trimesh.exchange.obj import load_obj
     from trimesh.util import wrap_as_stream
 
-    text = _parts(data)
-    if _LONG_LINE.search(text):
+    text = _text(data)
+    joined = text.replace("\r\n", "\n").replace("\\\n", "")  # lines that go on, as the reader joins them
+    _check_parts(joined, _OBJ_PART)
+    if _LONG_LINE.search(joined):
         raise MeshError(f"a line of more than {_MOST_LETTERS} characters")
     return _Content(_flat(load_obj(wrap_as_stream(text), skip_materials=True, split_objects=True)))
 
@@ -117,7 +118,9 @@ def _stl(data: bytes) -> _Content:
     from trimesh.util import wrap_as_stream
 
     if data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid" and b"\0" not in data[: _STL_HEADER.size]:
-        return _Content(_flat(load_stl_ascii(wrap_as_stream(_parts(data)))))
+        text = _text(data)
+        _check_parts(text, _STL_PART)
+        return _Content(_flat(load_stl_ascii(wrap_as_stream(text))))
     return _Content(_flat(load_stl_binary(wrap_as_stream(data[: _stl_size(data)]))))
 
 

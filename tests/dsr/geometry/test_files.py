@@ -304,6 +304,27 @@ def test_a_glb_that_is_compressed_beside_plain_data_is_read(tmp_path: Path) -> N
     assert load_model(write(tmp_path, "a.glb", both)) == load_model(write(tmp_path, "a.glb", plain))
 
 
+@pytest.mark.parametrize(
+    ("name", "part", "message"),
+    [
+        ("a.obj", "usemtl m\nf 1 2 3\n", "parts"),
+        ("a.obj", "use\\\nmtl m\nf 1 2 3\n", "parts"),
+        ("a.obj", "use\\\r\nmtl m\r\nf 1 2 3\r\n", "parts"),
+        ("a.obj", "s usemtl m\nf 1 2 3\n", "parts"),
+        ("a.obj", "f 1\\\n", "characters"),
+        ("a.stl", "solid a\n" + FACET + "endsolid a\n", "parts"),
+        ("a.stl", FACET + "endsolid a solid a\n", "parts"),
+    ],
+)
+def test_too_many_parts_are_refused_wherever_in_a_line_they_begin(
+    tmp_path: Path, name: str, part: str, message: str
+) -> None:
+    """Lines that go on, and a `solid` within a line, passed the limits before."""
+    begin = "solid a\n" if name.endswith("stl") else TRIANGLE
+    with pytest.raises(ConfigError, match=f"more than .* {message}"):
+        load_model(write(tmp_path, name, begin + 10_000 * part))
+
+
 @pytest.mark.timeout(20)
 def test_devices_and_pipes_are_told(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.obj")
