@@ -14,8 +14,10 @@ from typing import Annotated, NamedTuple
 import msgspec
 
 from dsr.clock import is_time
-from dsr.errors import GoalError, SchemaError, suggest
+from dsr.errors import GoalError, SchemaError, WireError, suggest
 from dsr.graph.elements import Node
+from dsr.graph.schema import is_name
+from dsr.network.decoding import decoded
 
 PICK, PLACE, RELEASE = "Pick", "Place", "Release"
 KINDS = (PICK, PLACE, RELEASE)
@@ -57,6 +59,10 @@ class Deed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Node of a hand or gripper, or `UNKNOWN`."""
     probability: Annotated[float, msgspec.Meta(ge=0, le=1)]
     """1, that it is so"""
+
+
+_Deeds = Annotated[tuple[Deed, ...], msgspec.Meta(max_length=KEPT)]
+_decoder: msgspec.json.Decoder[tuple[Deed, ...]] = msgspec.json.Decoder(_Deeds)
 
 
 @dataclass(frozen=True)
@@ -103,9 +109,9 @@ def encoded(deeds: Sequence[Deed]) -> str:
 def deeds_of(node: Node) -> tuple[Deed, ...]:
     """What the belief says that was done with a thing lately, oldest first. Raises `SchemaError` if that is no deed."""
     try:
-        found = msgspec.json.decode(str(node.get(DEEDS, "[]")), type=tuple[Deed, ...])
-    except msgspec.DecodeError as error:  # also of values that do not fit
-        raise SchemaError(f"{node}: {DEEDS} cannot be read: {error}") from error
-    if any(deed.kind not in KINDS or not is_time(deed.time) or not deed.by for deed in found):
+        found = decoded(str(node.get(DEEDS, "[]")), DEEDS, _decoder.decode)
+    except WireError as error:
+        raise SchemaError(f"{node}: {error}") from error
+    if any(deed.kind not in KINDS or not is_time(deed.time) or not is_name(deed.by) for deed in found):
         raise SchemaError(f"{node}: {DEEDS} has a deed without time or actor, or none of {', '.join(KINDS)}")
     return found

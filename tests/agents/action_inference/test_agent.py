@@ -94,7 +94,14 @@ def test_the_published_policy_can_be_chosen():
     graph.lockstep.close()
 
 
-@pytest.mark.parametrize("told", ["?", "[1]", '[{"kind":"Sold","time":1.0,"by":"x","probability":1.0}]'])
+def deeds(count: int = 1, kind: str = PICK, by: str = "x") -> str:
+    return encoded([Deed(kind, 1e9 + 0.01 * k, by, 1.0) for k in range(count)])
+
+
+@pytest.mark.parametrize(
+    "told",
+    ["?", "[1]", deeds(kind="Sold"), deeds(3), deeds(by="a, b"), deeds(by="a\n\x1b[2J"), deeds(by="x" * 900_000)],
+)
 def test_what_is_no_deed_and_what_is_yet_to_come_is_left_out(graph: Graph, told: str, caplog: pytest.LogCaptureFixture):
     graph.memory.update_node("cube", **{DEEDS: told})
     graph.run(0.5)
