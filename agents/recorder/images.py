@@ -6,7 +6,6 @@ without that library.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,9 @@ from dsr.images.blobs import Frame
 
 DEPTH_UNIT = 1e-4
 """m, resolution of a packed depth image; 6.55 m and more become unknown (0)"""
+_SMALLEST_UNIT = float(np.finfo(np.float32).tiny)
+_LARGEST_UNIT = float(np.finfo(np.float32).max) / (1 << 16)
+"""m; with these, all depths are numbers that float32 holds"""
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 _PNG_LEVEL = 4
 """Of compression, 0 to 9; with one filter for all rows a fifth smaller than the fastest level, in the same time."""
@@ -58,14 +60,13 @@ def unpack(frame: Frame) -> Frame:
             arrays["color"] = _as_color(_decode(name, arrays.pop(name), np.uint8, 3))
     if "depth.png" in arrays:
         unit = _unit(meta.pop("depth_unit", DEPTH_UNIT))
-        with np.errstate(over="ignore"):  # a depth beyond all numbers is unknown
-            arrays["depth"] = _decode("depth.png", arrays.pop("depth.png"), np.uint16, 2) * np.float32(unit)
+        arrays["depth"] = _decode("depth.png", arrays.pop("depth.png"), np.uint16, 2) * np.float32(unit)
     return Frame(frame.stamp, arrays, meta)
 
 
 def _unit(told: float | str) -> float:
     """The resolution of a packed depth image, m. Raises `WireError` for what is none."""
-    if isinstance(told, str) or not 0.0 < told < math.inf:
+    if isinstance(told, str) or not _SMALLEST_UNIT <= told <= _LARGEST_UNIT:
         raise WireError(f"depth_unit {told!r:.40}: expected a length in m")
     return told
 
