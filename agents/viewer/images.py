@@ -21,6 +21,8 @@ from dsr.vocabulary.tags import COUNT
 
 MOST_CAMERAS = 64
 """More than a graph has: whoever may make nodes of cameras could make any number, each with two subscriptions."""
+TURN = 2.0
+"""s that a camera has to send its first image while others wait; most send several a second"""
 _LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 
@@ -48,6 +50,9 @@ class ImageView:
         self._readers: dict[str, FrameReader] = {}
         self._last: dict[str, float] = {}
         self._shown: dict[str, tuple[NDArray[np.uint8], rr.EncodedImage]] = {}
+        self._waiting: list[str] = []
+        """Cameras that have sent no image, in the order of their turns"""
+        self._turn_began = -math.inf
 
     @property
     def cameras(self) -> list[str]:
@@ -55,8 +60,8 @@ class ImageView:
         return sorted(self._last)
 
     def draw(self, cameras: Iterable[DrawnCamera], now: float) -> None:
-        """Log what is new at time `now` (s). Of too many cameras those count first that have sent an image."""
-        for camera in sorted(cameras, key=lambda camera: camera.name not in self._last)[:MOST_CAMERAS]:
+        """Log what is new at time `now` (s)."""
+        for camera in self._in_turn({camera.name: camera for camera in cameras}, now):
             if not is_key(camera.stream):
                 self._skip(camera.name, f"stream {camera.stream!r}", "a name such as 'camera_overhead'")
                 continue
@@ -77,6 +82,23 @@ class ImageView:
         """Stop receiving frames."""
         for reader in self._readers.values():
             reader.close()
+
+    def _in_turn(self, cameras: dict[str, DrawnCamera], now: float) -> list[DrawnCamera]:
+        """Of too many cameras first those that have sent an image, then the others in turn. What is gone is dropped."""
+        self._last = {name: time for name, time in self._last.items() if name in cameras}
+        self._shown = {name: shown for name, shown in self._shown.items() if name in cameras}
+        sent = list(self._last)[:MOST_CAMERAS]
+        room = MOST_CAMERAS - len(sent)
+        if not 0.0 <= now - self._turn_began < TURN:
+            self._turn_began = now
+            self._waiting = self._waiting[room:] + self._waiting[:room]
+        order = dict.fromkeys([*self._waiting, *cameras])
+        self._waiting = [name for name in order if name in cameras and name not in self._last]
+        chosen = [cameras[name] for name in [*sent, *self._waiting[:room]]]
+        streams = {stream for camera in chosen for stream in (camera.stream, f"{camera.stream}/detections")}
+        for stream in self._readers.keys() - streams:
+            self._readers.pop(stream).close()
+        return chosen
 
     def _reader(self, stream: str) -> FrameReader:
         if stream not in self._readers:

@@ -19,7 +19,7 @@ import pytest
 
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
-from agents.viewer.images import MOST_CAMERAS
+from agents.viewer.images import MOST_CAMERAS, TURN
 from dsr import Alternative, Frame, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.believing.distribution import encoded
@@ -285,6 +285,35 @@ def test_made_up_cameras_take_no_room_from_those_that_send_images(stage: Any) ->
     images = viewer._views.images
     assert len(images._readers) <= 2 * MOST_CAMERAS and images.cameras == ["camera"]
     assert len(stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")) == 2
+
+
+def test_cameras_that_are_gone_leave_nothing(stage: Any) -> None:
+    viewer = stage.start_viewer()
+    stage.build_table()
+    stage.run(0.5)
+    stage.memory.put_frame("camera", Frame(1.0, {"color": np.zeros((4, 4, 3), np.uint8)}, {}))
+    stage.run(0.5)
+    images = viewer._views.images
+    assert images._shown
+    stage.memory.update_node("camera", stream="other")
+    stage.run(0.5)
+    assert set(images._readers) == {"other", "other/detections"}
+    stage.memory.remove_node("camera")
+    stage.run(0.5)
+    assert not images.cameras and not images._shown and not images._readers and not images._waiting
+
+
+def test_a_camera_behind_many_made_up_ones_has_its_turn(stage: Any) -> None:
+    viewer = stage.start_viewer()
+    stage.build_table()
+    for number in range(2 * MOST_CAMERAS):
+        stage.memory.add_node(f"a_{number}", "camera")
+    images = viewer._views.images
+    for _ in range(round(3 * TURN / 0.5)):
+        stage.memory.put_frame("camera", Frame(1.0, {"color": np.zeros((4, 4, 3), np.uint8)}, {}))
+        stage.run(0.5)
+        assert len(images._readers) <= 2 * MOST_CAMERAS
+    assert images.cameras == ["camera"]
 
 
 @pytest.mark.parametrize("stream", ["**", "a//b", "#", "/", "a\x1b[2J", "x" * 1000])
