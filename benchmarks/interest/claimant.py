@@ -8,7 +8,7 @@ import msgspec
 
 from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import Write
+from dsr.crdt.delta import Add, Write
 from dsr.crdt.pieces import START, Piece, Place
 from dsr.network.keys import Keys, agent_of, part_rid
 from dsr.network.transport import Qos, Transport
@@ -17,12 +17,12 @@ from dsr.replication.piece_wire import decode_request, encode_piece
 from dsr.replication.wire import Digest, encode_digest
 
 Kind = Literal[
-    "tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew", "makes up"
+    "tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew", "makes up", "repeats"
 ]  # fmt: skip
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """What it does: says not even whether it holds a part; says so and does not take part in it; takes part and does not
 answer; answers that it has not joined, whoever insists; gives the first piece and never the next; spoils the next;
-gives one after the other, of what never was."""
+gives one after the other, of what never was; or says in each that its only element lives."""
 
 
 class Claimant:
@@ -67,9 +67,11 @@ class Claimant:
             return encode_piece(Piece(START, joined=False, waits_for=["nobody-1"]))
         begin = decode_request(payload).begin
         if begin == START:
-            return encode_piece(Piece(START, (self._rid, 1, ""), whole=[]))
+            return encode_piece(Piece(START, (key.rpartition("/")[2], 1, ""), whole=[]))
         if self._kind == "makes up":
             return encode_piece(self._made_up(begin))
+        if self._kind == "repeats":
+            return encode_piece(self._repeated(begin))
         return b"nonsense" if self._kind == "begins anew" else None
 
     def _made_up(self, begin: Place) -> Piece:
@@ -78,6 +80,13 @@ class Claimant:
         owner, counter = (rid, first), first + 1
         write = Write(owner, "seen", 1, rid, (rid, counter), 1)
         return Piece(begin, (rid, first + 2, ""), writes=[write], kept=[owner], examined=[(rid, first, counter)])
+
+    def _repeated(self, begin: Place) -> Piece:
+        """A piece with one true element, or with nothing but its name, as if that were news."""
+        rid, first, _ = begin
+        end = (rid, first + 2, "")
+        own = (rid, 1)
+        return Piece(begin, end, adds=[Add(own, "thing", "cube")]) if first == 1 else Piece(begin, end, kept=[own])
 
     def speak(self) -> None:
         """Send digests, as whoever is there and well does once a second."""

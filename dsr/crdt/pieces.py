@@ -49,6 +49,8 @@ _BYTES_OF_LENGTH = 5
 """The most bytes that the length of a text takes."""
 _MOST_OF_RANGE = 1060
 """The most bytes that a range takes, with a replica id of 256 characters."""
+FEWEST_TOLD = MAX_SEEN // _MOST_OF_RANGE
+"""Ranges of `whole` that a piece has at least if more of them follow."""
 
 
 class Piece(msgspec.Struct):

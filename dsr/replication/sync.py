@@ -34,7 +34,7 @@ from typing import Protocol
 
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, piece_of, seen_by
+from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, piece_of, seen_by
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
@@ -275,8 +275,12 @@ class Synchroniser:
 
     def _brought(self, piece: Piece, before: tuple[int, int]) -> bool:
         """Whether a joined piece is the last, told something new, or of what is here: made-up ones have no end."""
-        entries = self.graph.store.entries
-        return piece.end is None or self._state != before or any(dot in entries for dot in piece.kept)
+        begin, end, entries = piece.begin, piece.end, self.graph.store.entries
+        if end is None or self._state != before:
+            return True
+        if begin[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
+            return end[0] != "" or len(piece.whole or ()) >= FEWEST_TOLD
+        return any(begin[:2] <= dot < end[:2] and dot in entries for dot in piece.kept)
 
     def _take(self, fetch: Fetch, piece: Piece) -> bool:
         """Whether it is the piece that was asked for; then the next one is asked for, if there is any."""

@@ -13,8 +13,14 @@ DESCRIPTORS = 48
 """Open files (`ulimit -n`) that a process needs at least: a graph of ten processes takes 40."""
 
 KEPT = 32 << 20
-"""Bytes of freed memory that a process keeps at most at the end of its heap, for what it allocates next: an image of
-640 x 480 px with all that is worked out from it takes 10 MB."""
+"""Bytes of freed memory that stay at the end of each heap at most, for what is allocated next.
+
+An image of 640 x 480 px with all that is worked out from it takes 10 MB. Threads that allocate much have heaps of
+their own.
+"""
+_LARGEST_KEPT = 8 << 20
+"""Bytes of one block up to which it is in a heap, where a smaller one beyond it may keep it: the largest array that is
+worked out from an image, with three numbers of 8 bytes for each pixel, takes 7.4 MB."""
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # numbers of glibc for its parameters
 
 _SHORT = {
@@ -49,7 +55,7 @@ def keep_freed_memory() -> None:
     tell = getattr(ctypes.CDLL(None), "mallopt", None)
     if tell is not None:
         tell(_TRIM_THRESHOLD, KEPT)
-        tell(_MMAP_THRESHOLD, KEPT)
+        tell(_MMAP_THRESHOLD, _LARGEST_KEPT)
 
 
 def exit_if_short() -> None:

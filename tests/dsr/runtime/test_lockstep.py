@@ -170,6 +170,18 @@ def test_killing_the_only_writer_loses_nothing() -> None:
         assert lockstep.runner("follower").agent.memory.node("cube_3")["mass"] == 0.05
 
 
+def test_a_newcomer_joins_a_graph_in_which_thousands_of_replicas_came_and_went() -> None:
+    """What others have seen is told in pieces of its own then, none of which changes anything."""
+    with Lockstep([AgentSpec("follower", Follower, {})], later=["follower"]) as lockstep:
+        lockstep.memory.add_node("cup", "cube")
+        context = lockstep.memory.replica.graph.store.context
+        for k in range(9000):
+            context.add_range(f"agent_that_was_here_{k}-1", 1, 3)
+        lockstep.restart("follower")
+        follower = lockstep._memories[-1]
+        assert follower.replica.synchroniser.joined and "cup" in follower
+
+
 def test_restarting_what_runs_and_naming_what_is_not_there_are_errors() -> None:
     with Lockstep([MOVER]) as lockstep:
         with pytest.raises(AgentError, match="is running"):
