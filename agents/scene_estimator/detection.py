@@ -21,7 +21,7 @@ APRILTAG_STD = 0.1
 """px, error of a corner by apriltag refinement once the bias is off; grey noise hardly matters."""
 SUBPIX_STD = 0.4
 """px, error of a corner by sub-pixel refinement on tags of 20 to 30 px."""
-_MIN_CONTRAST = 20
+MIN_CONTRAST = 20
 """Grey levels between black and white; OpenCV's default of 5 finds edges in sensor noise, at 25 times the cost."""
 
 _LEAST_PERIMETER = 0.03
@@ -55,7 +55,7 @@ class TagDetector:
     """
 
     def __init__(self) -> None:
-        self._apriltag = _detector(cv2.aruco.CORNER_REFINE_APRILTAG, aprilTagMinWhiteBlackDiff=_MIN_CONTRAST)
+        self._apriltag = _detector(cv2.aruco.CORNER_REFINE_APRILTAG, aprilTagMinWhiteBlackDiff=MIN_CONTRAST)
         self._subpix = _detector(cv2.aruco.CORNER_REFINE_SUBPIX, relativeCornerRefinmentWinSize=0.5)
 
     def detect(self, color: NDArray[np.uint8]) -> list[Tag]:

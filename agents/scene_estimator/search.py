@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.detection import Grey, Tag, TagDetector, grey_of, unambiguous
+from agents.scene_estimator.detection import MIN_CONTRAST, Grey, Tag, TagDetector, grey_of, unambiguous
 
 Boxes = NDArray[np.int64]
 """(n, 4) px: left, upper, right and lower ends; right and lower ones are outside"""
@@ -22,7 +22,10 @@ BLOCK = 8
 _BEYOND_NOISE = 2.2
 """Mean square of a block over that of noise: less than one block in a million has more by noise alone (chi^2, 64)"""
 _NOISIEST = 5.0
-"""Grey levels, standard deviation of noise at most: a quarter of the least contrast at which tags are found"""
+"""Grey levels, a quarter of the least contrast of tags: no larger standard deviation is told from a picture.
+
+By `_BEYOND_NOISE`, noise of more than 7 grey levels is change.
+"""
 _MARGIN = 0.25
 """Of a tag's extent, around it: its white margin, and as much beside that for a search"""
 
@@ -37,14 +40,12 @@ class TagSearch:
         """Each part as it was when it was searched last"""
         self._complete = 0.0
         """s, stamp of the last picture that was searched as a whole"""
-        self._reach = 0
-        """px, extent of the largest tag since then, and just before"""
 
     def find(self, color: NDArray[np.uint8], stamp: float) -> list[Tag]:
         """Tags in an RGB image (h, w, 3), by marker id. An id that shows twice says nothing and is left out."""
         grey = grey_of(color)
         if self._seen is None or self._seen.shape != grey.shape or not 0.0 < stamp - self._complete < PERIOD:
-            self._seen, self._complete, self._reach, self._tags = grey.copy(), stamp, self._extent, []
+            self._seen, self._complete, self._tags = grey.copy(), stamp, []
             boxes = np.array([[0, 0, grey.shape[1], grey.shape[0]]])
         else:
             boxes = self._changed(self._seen, grey)
@@ -52,14 +53,14 @@ class TagSearch:
         return unambiguous(self._tags)
 
     def _changed(self, seen: Grey, grey: Grey) -> Boxes:
-        """Boxes around what changed, and around all tags that reach into it."""
+        """Boxes around what changed with the outlines that reach into it, and around all tags there."""
         changed = changed_blocks(grey, seen)
         if not changed.any():
             return np.empty((0, 4), np.int64)
-        blocks = -(-self._reach // BLOCK) + 1
-        near = cv2.dilate(changed.astype(np.uint8), np.ones((2 * blocks + 1, 2 * blocks + 1), np.uint8))
-        stats = cv2.connectedComponentsWithStats(near)[2][1:, :4].astype(np.int64)
-        corners = np.hstack([stats[:, :2], stats[:, :2] + stats[:, 2:]]) * BLOCK
+        near = np.asarray(cv2.dilate(changed.astype(np.uint8), np.ones((3, 3), np.uint8)), np.uint8)
+        _, parts, stats, _ = cv2.connectedComponentsWithStats(near | _outlines(grey))
+        stats = stats[np.unique(parts[near > 0]), :4].astype(np.int64)
+        corners = np.hstack([stats[:, :2] - 1, stats[:, :2] + stats[:, 2:] + 1]) * BLOCK
         ends = np.tile(grey.shape[::-1], 2)
         return np.asarray(_apart(corners, _boxes(self._tags)).clip(0, ends), np.int64)
 
@@ -73,13 +74,6 @@ class TagSearch:
             self._seen[upper:lower, left:right] = part
             tags += [tag.moved(left, upper) for tag in self._detector.search(part, max(grey.shape))]
         self._tags = tags
-        self._reach = max(self._reach, self._extent)
-
-    @property
-    def _extent(self) -> int:
-        """px, of the largest tag that is known."""
-        boxes = _boxes(self._tags)
-        return int((boxes[:, 2:] - boxes[:, :2]).max(initial=0))
 
 
 def changed_blocks(one: Grey, other: Grey) -> NDArray[np.bool_]:
@@ -95,6 +89,14 @@ def changed_blocks(one: Grey, other: Grey) -> NDArray[np.bool_]:
     differ = means[means > 0.0]
     noise = min(float(np.median(differ)), 2.0 * _NOISIEST**2) if differ.size else 0.0
     return np.asarray(means > _BEYOND_NOISE * noise)
+
+
+def _outlines(grey: Grey) -> NDArray[np.uint8]:
+    """(rows, columns) 1 for blocks with contrast in or just beside them: the outline of a tag is one part of these."""
+    height, width = grey.shape
+    padded = cv2.copyMakeBorder(grey, 0, -height % BLOCK, 0, -width % BLOCK, cv2.BORDER_REPLICATE)
+    contrast = cv2.morphologyEx(padded, cv2.MORPH_GRADIENT, np.ones((2 * BLOCK, 2 * BLOCK), np.uint8))
+    return np.asarray(contrast[BLOCK // 2 :: BLOCK, BLOCK // 2 :: BLOCK] >= MIN_CONTRAST, np.uint8)
 
 
 def _boxes(tags: list[Tag]) -> Boxes:

@@ -81,6 +81,21 @@ def test_a_tag_that_was_half_covered_is_found_as_soon_as_it_is_not(shown: Shown)
     assert ids(finder.find(shown({3: LEFT, 4: RIGHT}), 2 * FRAME)) == [3, 4]
 
 
+@pytest.mark.parametrize("others", [{}, {4: Pose((0.2, 0.1, 0.9), FACING)}, {4: Pose((0.09, 0.0, 0.5), FACING)}])
+def test_a_tag_larger_than_all_that_are_known_is_found_as_well(shown: Shown, others: dict[int, Pose]) -> None:
+    """Whatever part of it is uncovered last."""
+    whole = shown({3: Pose((-0.05, 0.0, 0.3), FACING), **others})
+    corners = next(tag.corners for tag in TagDetector().detect(whole) if tag.marker_id == 3)
+    (left, _), (right, lower) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
+    for rows, columns in ((slice(lower - 20, lower + 10), slice(left, right)), (slice(None), slice(right - 20, right))):
+        covered = whole.copy()
+        covered[rows, columns] = 120
+        finder = TagSearch()
+        for number in range(2):
+            assert ids(finder.find(covered, FRAME * number)) == list(others)
+        assert ids(finder.find(whole, 2 * FRAME)) == [3, *others]
+
+
 def test_a_tag_that_creeps_is_not_left_behind(shown: Shown) -> None:
     """However slowly: its corners are never off by more than they are anyway."""
     finder, detector = TagSearch(), TagDetector()
@@ -116,6 +131,12 @@ def test_after_a_step_back_in_time_all_is_searched(shown: Shown, searched: list[
     for at in (0.0, stamp):
         finder.find(shown({3: LEFT}), at)
     assert searched == [480 * 640] * 2
+
+
+@pytest.mark.parametrize(("std", "share"), [(5.0, 0.0), (7.0, 0.2), (9.0, 0.9)])
+def test_noise_of_more_than_seven_grey_levels_is_change(rng: np.random.Generator, std: float, share: float) -> None:
+    one, other = (np.rint(120.0 + rng.normal(0.0, std, (480, 640))).astype(np.uint8) for _ in range(2))
+    assert changed_blocks(one, other).mean() == pytest.approx(share, abs=0.15)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 201), (203, 3), (120, 160)])
