@@ -318,11 +318,12 @@ def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, f
         return None
     hold.rests_since = moment.time if hold.rests_since is None else hold.rests_since
     down = hold.last.bottom - moment.bottom
+    fell = state is LET_GO and _has_left_palm(hold.last, moment)
+    is_known = known == PLACE or fell or moment.is_seen
+    if not is_known and moment.time - hold.rests_since < STEADY:
+        return None  # it may yet be missing there
     if down <= ASTRAY or known == PLACE:
         return PLACE, hold.settled.time, 1.0
-    fell = state is LET_GO and _has_left_palm(hold.last, moment)
-    if not (fell or moment.is_seen) and moment.time - hold.rests_since < STEADY:
-        return None  # it may yet be missing there
     if fell or (down > HAND_REACH and not hold.last.lowered):
         return RELEASE, let_go_at, GUESSED
     return PLACE, hold.settled.time if moment.is_seen else hold.last.time, GUESSED

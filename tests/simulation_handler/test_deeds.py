@@ -11,6 +11,7 @@ import pytest
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
 from dsr.vocabulary.observed_actions import DEEDS, PICK, PLACE, RELEASE, UNKNOWN, Deed, deeds_of, encoded
+from simulation_handler.config import BeliefConfig
 from simulation_handler.hands.deeds import GUESSED, Deeds, HoldMoment
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.touching import Touching
@@ -57,10 +58,10 @@ def open_hand(world: Occlusion) -> None:
     world.run(1.0)
 
 
-def fall(world: Occlusion, height: float) -> None:
-    """Let the cup fall to the table from that height (m)."""
+def fall(world: Occlusion, height: float, to: float = 0.0, y: float = 0.0) -> None:
+    """Let the cup fall from that height (m) to the table, or to another height."""
     for k in range(1, 9):
-        world.truths["cup"] = standing(0.3, 0.0, SMALL, on=max(0.0, height - 0.5 * G * (k * PERIOD) ** 2))
+        world.truths["cup"] = standing(0.3, y, SMALL, on=max(to, height - 0.5 * G * (k * PERIOD) ** 2))
         world.tick()
 
 
@@ -193,11 +194,12 @@ def test_how_a_hold_ended_tells_what_was_done_and_else_how_far_it_came_down(
     assert cup.told == [(PICK, 0.9), told]
 
 
-def test_what_nobody_sees_may_yet_be_found_missing_before_it_is_told_where_it_was_put() -> None:
+@pytest.mark.parametrize("bottom", [0.0, 0.095])
+def test_what_nobody_sees_may_yet_be_found_missing_before_it_is_told_where_it_was_put(bottom: float) -> None:
     cup = Moments()
     cup.lift(0.1)
     cup.let_go(Handling.LEFT_BEHIND)
-    cup.run(0.9, 0.0, rests=True, is_seen=False)
+    cup.run(0.9, bottom, rests=True, is_seen=False)
     cup.run(0.3, -0.3)
     cup.run(1.2, -0.7, rests=True, is_seen=False)
     assert cup.told == [(PICK, 0.9), (RELEASE, GUESS)]
@@ -308,7 +310,11 @@ def test_noise_a_false_percept_a_push_or_a_fall_off_the_table_are_no_deeds(seed:
     world.run(2.0)
     world.move("cup", standing(0.3, 0.2, SMALL))
     world.run(1.0)
-    assert deeds(world) == []
+    world.move("cup", standing(0.3, 0.65, SMALL), speed=0.5)
+    floor = -BeliefConfig().floor_below_table
+    fall(world, 0.0, to=floor, y=0.65)
+    world.run(2.0)
+    assert world.pose("cup").t[2] < 0.5 * floor and deeds(world) == []
 
 
 def test_what_is_first_seen_in_a_hand_is_put_down_though_nobody_saw_it_picked() -> None:
