@@ -32,8 +32,9 @@ _DELAY = (0.0, 0.4)
 """s, least and most, for which a message is under way on a network that loses some"""
 _TYPES = ("cube", "ball")
 _EDGES = ("RT", "on")
-_LIES: tuple[Kind | None, ...] = (None, *(kind for kind in KINDS if kind != "begins anew"))
-"""By seed, what an agent does that claims to hold all parts; nonsense is left out, for none may be counted."""
+_LIES: tuple[Kind | None, ...] = (None, *(kind for kind in KINDS if kind not in ("begins anew", "repeats")))
+"""By seed, what an agent does that claims to hold all parts. Nonsense is left out, for none may be counted; and who
+repeats, for its true element is shown where it was taken in."""
 
 
 @dataclass(frozen=True)
