@@ -35,11 +35,13 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s within which what is in view is seen and believed. A goal must hold for so long without a break to be reached.
     A camera that the arm carries stays so long at each place from which it looks."""
     explained: float = 2.0 * believed
-    """s within which what is surprising is seen and then explained. Until then the relations flicker. What is nowhere
-    then is not in view, and the arm looks for it."""
+    """s within which what is surprising is seen and then explained; by default twice `believed`.
+
+    Until then the relations flicker. What is nowhere then is not in view, and the arm looks for it.
+    """
     calm: float = explained + believed
     """s that the scene must have been left alone, after somebody changed it, before the arm reaches into it again:
-    until what that left is explained and believed."""
+    until what that left is explained and believed. By default the sum of both."""
     patience: float = 10.0
     """s that the belief may take to know where the things of a goal are, while agents that see and believe run.
     That is long enough for a hand in front of a camera to go away.

@@ -94,7 +94,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     floor_below_table: float = 0.72
     """m from the lowest table top (or from z = 0 without a table) down to the floor."""
     rollout_seconds: float = math.sqrt(2.0 * floor_below_table / GRAVITY)
-    """s for which each hypothesis is simulated: as long as something takes that falls off a table."""
+    """s for which each hypothesis is simulated; by default as long as a fall from a table to the default floor."""
     default_mass: float = 0.1
     """kg, of an object whose node has no mass."""
     default_friction: float = FRICTION

@@ -24,6 +24,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, TransformError, WireError
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import TICK_RATE
 
 
 class _Look(NamedTuple):
@@ -43,7 +44,7 @@ class HandTracker(Agent):
     """
 
     name = "hand_tracker"
-    rate_hz = 20.0
+    rate_hz = TICK_RATE
     reads = Access(
         nodes=("world", "camera", "table", "hand", "finger"),
         edges=("RT", "has", "grasping"),

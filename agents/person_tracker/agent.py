@@ -14,6 +14,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import SchemaError
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose, interpolate
+from dsr.perception.scales import TICK_RATE
 from dsr.visibility import PERSON
 from dsr.vocabulary.perceived import seconds_unseen
 
@@ -40,7 +41,7 @@ class PersonTracker(Agent):
     """Keeps nodes of type `person` in step with a tracker. Who is gone keeps the node, with `perceived` false."""
 
     name = "person_tracker"
-    rate_hz = 20.0
+    rate_hz = TICK_RATE
     reads = Access(nodes=(PERSON, "world"), edges=("RT",), attributes=("perceived", "last_seen", "fov"))
     writes = Access(nodes=(PERSON,), edges=("RT",), attributes=("perceived", "last_seen", "fov"), exclusive=(PERSON,))
     Config = PersonTrackerConfig

@@ -22,6 +22,7 @@ from dsr.errors import WireError
 from dsr.frames.tree import WORLD
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import TICK_RATE
 from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
 from dsr.vocabulary.relations import THINGS
 
@@ -43,7 +44,7 @@ class SceneEstimator(Agent):
     """
 
     name = "scene_estimator"
-    rate_hz = 20.0
+    rate_hz = TICK_RATE
     reads = Access(
         nodes=("camera", *THINGS),
         edges=("RT",),
