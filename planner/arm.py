@@ -19,6 +19,8 @@ from planner.grounding import Skill
 
 Script = Generator[None, None, None]
 """Does a part of its work each time it is resumed."""
+_ONE_LOOK = 0.5
+"""s in which the arm sees a request"""
 
 
 class Tell(Protocol):
@@ -154,7 +156,7 @@ class Arm:
                 if self._intention not in self._memory:
                     break  # nobody waits for it
                 began = self._now()
-            elif not self._is_under_way() and self._now() - began > self._config.settle:
+            elif not self._is_under_way() and self._now() - began > _ONE_LOOK:
                 break  # it was never begun, and will not be
             elif self._now() - began > self._config.return_within:
                 self._log.error("the arm does not halt %s", self.running)

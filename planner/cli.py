@@ -31,13 +31,13 @@ from dsr.cli.streams import redraws
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
 from dsr.memory import Memory
-from dsr.perception.scales import FRAME
 from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention, nobody_pursues
 from planner.config import PlannerConfig
 from planner.intentions import read_intentions
 from planner.waiting import known_names, may_appear, running_agents
 
+_POLL_PERIOD = 0.1  # s between two looks
 _ALONE = PlannerConfig().return_within  # s without any other process of the graph until it counts as gone
 _TIDY_WITHIN = PlannerConfig().action_limit  # s that the planner may take to bring the arm to rest
 _MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
@@ -126,7 +126,7 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
                 if timeout and WALL_CLOCK.monotonic() - began > timeout:
                     hint = f"still {state['status']} after {timeout:g} s; dsr mission --cancel {name} ends it"
                     return state | {"status": "timeout", "explanation": hint}
-                WALL_CLOCK.wait(threading.Event(), FRAME)
+                WALL_CLOCK.wait(threading.Event(), _POLL_PERIOD)
                 in_company = WALL_CLOCK.monotonic() if memory.peers else in_company
                 if WALL_CLOCK.monotonic() - in_company > _ALONE:
                     return state | {"status": "lost", "explanation": "the system has ended, or cannot be reached"}
@@ -217,5 +217,5 @@ def _cancel(memory: Memory, name: str | None, *, wait: bool) -> None:
     while wait and not nobody_pursues(memory) and WALL_CLOCK.monotonic() - began < _TIDY_WITHIN:
         if not any(action in memory for action in planned):
             break
-        WALL_CLOCK.wait(threading.Event(), FRAME)
+        WALL_CLOCK.wait(threading.Event(), _POLL_PERIOD)
     console.print(f"{name} is cancelled")

@@ -9,7 +9,7 @@ import pytest
 from benchmarks import hand_set_numbers
 from benchmarks.hand_set_numbers import numbers_in
 
-MOST = 117
+MOST = 120
 """Numbers that are set by hand, as of now"""
 
 SOURCE = '''

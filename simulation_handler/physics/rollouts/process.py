@@ -11,10 +11,10 @@ from pathlib import Path
 
 import psutil
 
-from dsr.perception.scales import STEADY
 from simulation_handler.physics.rollouts.messages import READY, Reply, RolloutJob, receive_reply, send
 
 _ROOT = Path(__file__).parents[3]
+_MESSAGE_PATIENCE = 1.0  # s for a message that has begun: who reads the rest waits for that
 _MOST_WORK = 5.0
 """s of processor time on one job from which a worker is stuck: a hundred times what the longest one takes."""
 _MOST_REST = _MOST_WORK
@@ -48,7 +48,7 @@ class WorkerProcess:
                 start_new_session=True,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())},
             )
-        ours.settimeout(STEADY)  # of a message that has begun: whoever reads the rest waits for that
+        ours.settimeout(_MESSAGE_PATIENCE)
         self.connection = ours
         self.job: int | None = READY.number
         """Number of what it is busy with; None while it waits."""
