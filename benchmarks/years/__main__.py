@@ -17,12 +17,14 @@ import contextlib
 import json
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from itertools import count
 from pathlib import Path
 
 import msgspec
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks.years.running import Outcome, Setting, run, shortest
@@ -49,6 +51,11 @@ class Report:
     problems: dict[int, str] = field(default_factory=dict)
     """What was wrong, by seed."""
 
+    @property
+    def simulated(self) -> float:
+        """s, nights included."""
+        return self.lived + self.slept
+
     def add(self, seed: int, outcome: Outcome) -> None:
         """Take one history in."""
         self.histories += 1
@@ -65,13 +72,10 @@ def main() -> None:
     options = _parser().parse_args()
     if options.steps:
         raise SystemExit(_again(options.steps))
-    days = options.days
-    count = 1 if options.seed is not None else max(1, round(options.years * YEAR / DAY / days))
-    first = options.first if options.seed is None else options.seed
     report = Report()
     with contextlib.suppress(KeyboardInterrupt):  # what was run until then is told
-        for seed in track(range(first, first + count), "histories", console=Console(stderr=True)):
-            setting = Setting(seed, options.replicas, days, STEPS)
+        for seed in _seeds(options, report):
+            setting = Setting(seed, options.replicas, options.days, STEPS)
             begin = time.process_time()
             outcome = run(setting)
             report.seconds += time.process_time() - begin
@@ -83,6 +87,20 @@ def main() -> None:
     if options.json:
         options.json.write_bytes(msgspec.json.format(msgspec.json.encode(report)))
     raise SystemExit(1 if report.problems else 0)
+
+
+def _seeds(options: argparse.Namespace, report: Report) -> Iterator[int]:
+    """The seed that was asked for, or one after the other until `report` has as many years as were asked for."""
+    if options.seed is not None:
+        yield options.seed
+        return
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task("years", total=options.years)
+        for seed in count(options.first):
+            yield seed
+            progress.update(task, completed=report.simulated / YEAR)
+            if report.simulated >= options.years * YEAR:
+                return
 
 
 def _tell(setting: Setting, problem: str, folder: Path) -> None:
@@ -110,7 +128,7 @@ def _again(file: Path) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.years", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--years", type=float, default=0.1, help="of all histories with their nights (default: 0.1)")
+    parser.add_argument("--years", type=float, default=0.1, help="in all histories, nights included (default: 0.1)")
     parser.add_argument("--replicas", type=int, default=5, help="processes of each history, 2 to 9 (default: 5)")
     parser.add_argument("--days", type=int, default=DAYS, help=f"of each history (default: {DAYS})")
     parser.add_argument("--first", type=int, default=0, help="seed of the first history (default: 0)")
@@ -122,8 +140,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _table(report: Report) -> Table:
-    simulated = report.lived + report.slept
-    table = Table(title=f"{simulated / YEAR:.2f} years in {report.histories} histories", show_header=False)
+    table = Table(title=f"{report.simulated / YEAR:.2f} years in {report.histories} histories", show_header=False)
     table.add_column("", no_wrap=True)
     table.add_column("", justify="right")
     table.add_row("faults", f"{sum(report.met.values())}")
@@ -134,7 +151,7 @@ def _table(report: Report) -> Table:
     table.add_row("lived, hours", f"{report.lived / 3600.0:.2f}")
     table.add_row("processor, s", f"{report.seconds:.1f}")
     table.add_row("lived time over processor time", f"{report.lived / report.seconds:.0f}")
-    table.add_row("all time over processor time", f"{simulated / report.seconds:.0f}")
+    table.add_row("all time over processor time", f"{report.simulated / report.seconds:.0f}")
     table.add_row("failed", f"[red]{len(report.problems)}[/red]" if report.problems else "0")
     return table
 
