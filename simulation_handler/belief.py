@@ -180,7 +180,9 @@ class Belief:
         item, doubted = self._bodies.object(name), self._explainer.cameras_in_doubt
         if camera in doubted and not item.cameras_at(stamp) <= doubted:
             return
-        item.observe(make_percept(world_pose, stamp, seen_from, self.config), camera)
+        body = self._bodies.pose(name) if name in self._bodies.sim and not item.is_led else None
+        is_expected = body is not None and math.dist(body.t, world_pose.t) <= self.config.hover_tolerance
+        item.observe(make_percept(world_pose, stamp, seen_from, self.config), camera, is_expected=is_expected)
 
     def set_visibility(self, visibility: VisibilityQuery | None) -> None:
         """Use `visibility` from now on for the objects that cameras should see; None without a camera."""

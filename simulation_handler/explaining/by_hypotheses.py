@@ -53,7 +53,6 @@ def _kind(hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, fallen=tuple((name, 0) for name, _ in hypothesis.fallen))
 
 
-
 class ByHypotheses:
     """The default policy.
 

@@ -138,7 +138,7 @@ class Explainer:
         if name not in self._bodies.sim:
             return False
         item = self._bodies.object(name)
-        return not item.is_led and item.estimate_at(now) is None
+        return not item.is_led and not item.track.is_fresh(now)
 
     def explain(self, now: float) -> None:
         """Explain the discrepancies that are due at time `now` (s), and adopt the explanation."""
@@ -228,6 +228,9 @@ class Explainer:
                 if not item.is_led and item.estimate_at(now) is not None
             },
             surprising=due,
+            glanced=frozenset(
+                name for name, item in told.items() if item.track.is_fresh(now) and item.track.estimate is None
+            ),
             beneath=_by_first(self._relations.current()),
             inside=_by_first(self._containment.current()),
             former=self._remembered(now),

@@ -66,7 +66,7 @@ def _free(situation: Situation, name: str) -> dict[str, Vector3]:
     return {
         other: situation.size(other)
         for other in (*situation.believed, *situation.unplaced)
-        if other not in situation.seen and other not in situation.held and other != name
+        if situation.is_unseen(other) and other != name
         if not situation.properties[other].shape
     }
 

@@ -125,6 +125,8 @@ class Situation:
     """The objects that perception shows now and that nothing holds."""
     surprising: tuple[str, ...]
     """Objects to explain, sorted."""
+    glanced: frozenset[str] = frozenset()
+    """Objects that perception shows, too shortly yet to tell where they are: nobody has moved them unseen."""
     beneath: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Objects on which each one rests, by the relations `on`."""
     inside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -190,7 +192,11 @@ class Situation:
         return tuple(above)
 
     def _is_hidden(self, name: str) -> bool:
-        return name in self.believed and name not in self.seen and name not in self.held
+        return name in self.believed and self.is_unseen(name)
+
+    def is_unseen(self, name: str) -> bool:
+        """Whether nobody sees or holds an object: then it may be elsewhere."""
+        return name not in self.seen and name not in self.glanced and name not in self.held
 
     def fall_seen(self, name: str) -> int | None:
         """Into which of the directions `FALLS` an object was on its way when it was last seen; None if it was not."""

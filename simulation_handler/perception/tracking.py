@@ -36,8 +36,13 @@ class PerceptTrack:
         self.restarts = 0
         """How often the estimate was begun anew."""
 
-    def add(self, percept: WeighedPercept) -> None:
-        """Take in a percept; one that is not newer than the last is ignored."""
+    def add(self, percept: WeighedPercept, *, is_expected: bool = False) -> None:
+        """Take in a percept; one that is not newer than the last is ignored.
+
+        Args:
+            percept: where the object is seen.
+            is_expected: whether it is believed there already, so that nothing need confirm that.
+        """
         if percept.stamp <= self.last_stamp:
             return
         self.last_stamp = percept.stamp
@@ -46,7 +51,7 @@ class PerceptTrack:
             self._fuse(self.estimate, percept)
             return
         self._pending.append(percept)
-        if len(self._pending) >= self._needed():
+        if (is_expected and self.estimate is None) or len(self._pending) >= self._needed():
             self._restart(list(self._pending), self.estimate)
 
     @property

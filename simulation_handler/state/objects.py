@@ -124,9 +124,9 @@ class BelievedObject:
         """Names of the cameras that have lately seen the object, at `now` (s)."""
         return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
 
-    def observe(self, percept: WeighedPercept, camera: str) -> None:
-        """Take in a percept from a camera."""
-        self.track.add(percept)
+    def observe(self, percept: WeighedPercept, camera: str, *, is_expected: bool = False) -> None:
+        """Take in a percept from a camera; it is expected if the object is believed there, though it was not seen."""
+        self.track.add(percept, is_expected=is_expected)
         self.seen_by[camera] = percept.stamp
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))

@@ -286,6 +286,15 @@ def test_a_wrong_guess_of_what_is_beneath_gives_way_to_perception() -> None:
     assert world.error("top") < 0.002, "held again"
 
 
+def test_a_right_guess_of_what_is_beneath_is_right_from_the_first_percept_on() -> None:
+    world = World({"top": cube_at(0.45, 0.1, 0.06), "other": cube_at(0.45, 0.1)})
+    world.seen = {"top"}
+    world.run(3.0)
+    world.see("other", world.camera.percept("other", world.truths["other"], world.now + PERIOD))
+    world.tick()
+    assert world.belief.perceived("other", world.now)
+
+
 def test_a_cube_that_stays_tilted_is_held_as_it_is_seen() -> None:
     world = World({"a": cube_at(0.4, 0.1)})
     world.run(1.0)

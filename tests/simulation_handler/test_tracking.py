@@ -125,6 +125,15 @@ def test_a_belief_is_not_replaced_by_a_single_frame() -> None:
     assert watcher.track.estimate is not None
 
 
+def test_a_belief_that_was_right_needs_no_second_frame() -> None:
+    watcher = Watcher(believed=True)
+    watcher.track.add(make_percept(HERE, watcher.now, CAMERA, CONFIG), is_expected=True)
+    assert watcher.track.estimate is not None and watcher.error(HERE) == 0.0
+    watcher.see(HERE, 20)
+    watcher.track.add(make_percept(cube_at(0.3, 0.2), watcher.now + 0.1, CAMERA, CONFIG), is_expected=True)
+    assert watcher.error(HERE) < 0.002, "what is seen steadily is not believed by guessing"
+
+
 def test_a_percept_that_is_not_newer_is_ignored() -> None:
     watcher = Watcher()
     watcher.see(HERE)

@@ -74,6 +74,14 @@ def test_of_unseen_objects_that_fit_alike_the_nearest_came(order: tuple[str, ...
     assert piles_beneath(here, "top", here.believed, {order[2]})[0] == (order[2],), "it is missing where it was"
 
 
+def test_what_is_only_just_seen_was_not_moved_unseen() -> None:
+    pair = [cube("below", 0.0, 0), cube("top", 0.0, 1)]
+    here = replace(situation(pair, [cube("top", 0.3, 1)]), beneath={"top": ("below",)})
+    assert here.chain_beneath("top") == ("below",) and piles_beneath(here, "top", here.believed, ())
+    glanced = replace(here, glanced=frozenset({"below"}))
+    assert not glanced.chain_beneath("top") and not piles_beneath(glanced, "top", glanced.believed, ())
+
+
 def test_of_many_unseen_objects_those_count_that_are_near_not_those_that_come_first_by_name() -> None:
     far = [cube(f"a{number}", 0.6, 0, 0.1 * number) for number in range(12)]
     here = situation([*far, cube("z", 0.0, 0), cube("top", 0.0, 1)], [cube("top", 0.1, 1)])
