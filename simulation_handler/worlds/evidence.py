@@ -118,6 +118,17 @@ class Evidence:
     fixtures: tuple[Solid, ...] = ()
     """Tables and the floor"""
 
+    def containers_at(self, name: str, place: Vector3) -> tuple[str, ...]:
+        """Names of what an object would be in at a place (m), innermost first."""
+        thing = self.objects[name].solid
+        solids = [other.solid for key, other in self.objects.items() if key != name and other.solid is not None]
+        around = [
+            solid
+            for solid in solids
+            if solid.is_hollow and (thing is None or thing.radius < solid.radius) and solid.reaches_around(place)
+        ]
+        return tuple(solid.name for solid in sorted(around, key=lambda solid: solid.radius))
+
 
 class EvidenceReader:
     """Takes the evidence from the parts of a belief.

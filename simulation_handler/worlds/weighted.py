@@ -305,7 +305,7 @@ class WeightedWorlds:
         if alternatives is None:
             return self._simulated(name, 1.0, thing)
         found: list[_Weighted] = []
-        courses: dict[tuple[str, ...], list[WeightedPlace]] = {}
+        courses: dict[tuple[tuple[str, ...], tuple[str, ...]], list[WeightedPlace]] = {}
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
                 found += self._simulated(name, weights[key], thing)
@@ -315,11 +315,15 @@ class WeightedWorlds:
                 age = evidence.now - thing.seen_at
                 state = self._alternative(key, mode, alternatives.left, evidence, age)
                 if key.startswith(COURSE) and state.pose is not None:
-                    courses.setdefault(state.supports, []).append(WeightedPlace(weights[key], state.pose))
+                    there = state.supports, evidence.containers_at(name, state.pose.t)
+                    courses.setdefault(there, []).append(WeightedPlace(weights[key], state.pose))
                 else:
                     found.append((weights[key], state, key))
-        for supports, places in courses.items():
-            found += [(one.weight, ObjectState(one.pose, supports=supports), ON_COURSE) for one in merged(places)]
+        for (supports, containers), places in courses.items():
+            found += [
+                (one.weight, ObjectState(one.pose, containers=containers, supports=supports), ON_COURSE)
+                for one in merged(places)
+            ]
         return found
 
     def _alternative(self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float) -> ObjectState:

@@ -217,6 +217,20 @@ def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> Non
     assert on_table == pytest.approx(1.0 - course.weight(ON_COURSE) / 4, abs=0.02)
 
 
+def test_what_went_on_into_a_container_is_in_it() -> None:
+    course = Course(share=0.0)
+    course.box = replace(course.box, driven=True)
+    course.run(1.5)
+    course.others = {"cup": thing(Pose((0.5, 0.0, 0.05)), 0.0, 0.1, CUP, "cup")}
+    inside, beside = SupportedPose(Pose((0.5, 0.0, 0.03)), ("cup",)), SupportedPose(Pose((0.7, 0.0, 0.02)), ("table",))
+    course.run(0.3, lambda box: replace(box, courses=(inside, beside)))
+    on_course = [world for world in course.worlds.worlds("box") if world.reason == ON_COURSE]
+    assert {world.objects["box"].supports: world.objects["box"].containers for world in on_course} == {
+        ("cup",): ("cup",),
+        ("table",): (),
+    }
+
+
 def test_what_the_simulation_has_taken_away_may_still_rest_where_it_was() -> None:
     course = Course(share=0.0)
     course.box = replace(course.box, supports=("table",))
