@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from dsr.crdt.context import CausalContext, Dot, DotRange, without
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, Place
+from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, Place
 from dsr.crdt.store import Store
 from dsr.replication.piece_wire import Request, encode_request
 
 MAX_UNJOINED = 1 << 20
 """Changes of one answer that cannot be joined, such as those that others may not hand on: 150 MB or about. Who has more
 of them to tell is not listened to any longer."""
+
+State = tuple[int, int]
+"""Hashes of what a replica has seen and holds."""
 
 
 class Fetch:
@@ -31,8 +34,8 @@ class Fetch:
         """Whether the peer had joined when it began to answer."""
         self.begin: Place | None = START
         """Of the piece to ask for; None if all have come."""
-        self.before = (0, 0)
-        """Hashes of what the asker had seen and held when it began to ask."""
+        self.before: State = (0, 0)
+        """Of the asker, when it began to ask."""
         self._seen = seen
         self._insists = insists
         self._whole: list[DotRange] = []
@@ -88,3 +91,18 @@ class Fetch:
 def is_refusal(piece: Piece) -> bool:
     """Whether the peer only says that it has not joined."""
     return not piece.joined and piece.begin == START and piece.whole is None
+
+
+def state_of(store: Store) -> State:
+    """By which it is told whether something has changed."""
+    return store.context.hash, store.fingerprint
+
+
+def brought_something(piece: Piece, store: Store, before: State) -> bool:
+    """Whether a piece that was joined is the last, told something new, or of what is here: made-up ones have no end."""
+    begin, end, entries = piece.begin, piece.end, store.entries
+    if end is None or state_of(store) != before:
+        return True
+    if begin[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
+        return end[0] != "" or len(piece.whole or ()) >= FEWEST_TOLD
+    return any(begin[:2] <= dot < end[:2] and dot in entries for dot in piece.kept)

@@ -21,10 +21,10 @@ from dsr.network.decoding import decoded
 from dsr.network.keys import Keys, agent_of
 from dsr.network.transport import Transport
 from dsr.replication.debts import Debts
+from dsr.replication.inquiry import REQUEST_TIMEOUT
 from dsr.replication.joining import listed
 from dsr.replication.peers import FORGET, MAX_PEERS
 from dsr.replication.replica import Replica
-from dsr.replication.sync import REQUEST_TIMEOUT
 from dsr.replication.wire import Name
 
 HOLDER_PATIENCE = 1.0
@@ -196,7 +196,7 @@ class Holders:
         claimants = {rid: processes.get(rid, rid) for rid in sync.joining.claimants}
         owing = {process: base.heard_at(process) for process in self._asked & known if process not in told}
         for rid, process in claimants.items():
-            if sync.joining.owes(rid) and sync.was_asked(rid) and not sync.keeps_waiting(rid):
+            if sync.joining.owes(rid) and sync.was_asked(rid) and not sync.inquiry.keeps_waiting(rid):
                 owing[process] = max(sync.heard_at(rid), base.heard_at(process))
         gave = {claimants.get(rid, rid) for rid in sync.joining.take_went_on()}
         with self._lock:
