@@ -18,10 +18,9 @@ from agents.viewer.places import Places
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
 from dsr.network.keys import is_key
+from dsr.vocabulary.perceived import MOST_CAMERAS
 from dsr.vocabulary.tags import COUNT
 
-MOST_CAMERAS = 64
-"""More than a graph has: whoever may make nodes of cameras could make any number, each with two subscriptions."""
 _LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 

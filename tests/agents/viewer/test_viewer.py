@@ -19,7 +19,6 @@ import pytest
 
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
-from agents.viewer.images import MOST_CAMERAS
 from agents.viewer.places import TURN
 from dsr import Alternative, Frame, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
@@ -28,6 +27,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.timeline import Chronicle
+from dsr.vocabulary.perceived import MOST_CAMERAS
 from dsr.vocabulary.scenario_start import Start, start_key
 
 
