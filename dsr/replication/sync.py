@@ -42,7 +42,7 @@ from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
 from dsr.replication.collector import collector_paused
 from dsr.replication.complaints import Complaints
-from dsr.replication.fetching import Fetch, brought_something, is_refusal, state_of
+from dsr.replication.fetching import Fetch, brought, is_refusal, state_of
 from dsr.replication.impersonation import Impersonation
 from dsr.replication.inquiry import Inquiry
 from dsr.replication.joining import Joining
@@ -226,8 +226,9 @@ class Synchroniser:
                 self.inquiry.give_up()
             raise
         counts = taken if fetch is not None else not is_refusal(piece) and sender in self._peers
-        brought = counts and brought_something(piece, self.graph.store, before)
-        if brought and self.joining.went_on(sender, piece.end):
+        weighed = self.joining.weighs_pieces
+        share = brought(piece, self.graph.store, before, weighed=weighed) if counts else 0.0
+        if share and self.joining.went_on(sender, piece.end, share):
             self.pieces += fetch is not None
             self.inquiry.went_on(sender, in_time=fetch is not None)
         if fetch is not None:

@@ -96,7 +96,7 @@ def test_what_is_bound_is_what_a_look_at_all_would_find() -> None:
         for _ in range(80):
             recording.step()
             if recording.chance.random() < 0.5:
-                bound = recording.rebinding.bound(lambda key: recording.live.get(key, []))
+                bound = recording.rebinding.bound(lambda key, live=recording.live: live.get(key, []))  # type: ignore[misc]
                 found = {(write.owner, write.attribute, write.stamp) for write in bound.writes}
                 assert ({add.dot for add in bound.adds}, found) == recording.expected(), f"seed {seed}"
             waits = sum(recording.rebinding.waiting.values())
