@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -56,12 +57,16 @@ class Places:
 
     def _take(self, cameras: Mapping[str, frozenset[str]], now: float) -> None:
         """Let those in that wait, first those whose agents have fewest places."""
-        counts = self._counts(cameras)
-        while self._waiting and len(self._heard) < self._most:
-            name = min(self._waiting, key=lambda name: _share(cameras[name], counts))
+        room = self._most - len(self._heard)
+        if room <= 0:
+            return
+        counts, ranks = self._counts(cameras), {}
+        for name in self._waiting:
+            ranks[name] = _share(cameras[name], counts)
+            counts.update(cameras[name])
+        for name in heapq.nsmallest(room, self._waiting, key=ranks.__getitem__):
             del self._waiting[name]
             self._heard[name] = now
-            counts.update(cameras[name])
 
     def _counts(self, cameras: Mapping[str, frozenset[str]]) -> Counter[str]:
         """Number of places that each agent has."""

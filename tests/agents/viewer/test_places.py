@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 
 from agents.viewer.places import TURN, Places
@@ -74,3 +75,15 @@ def test_a_clock_that_is_set_back_stops_no_turn() -> None:
     room.now = 0.0
     room.live(10 * TURN, *cameras)
     assert min(room.shown.values()) > 0.0
+
+
+def test_any_number_of_cameras_that_wait_take_little_time() -> None:
+    def seconds(count: int) -> float:
+        places, cameras = Places(64), {f"camera_{number}": frozenset(["liar"]) for number in range(count)}
+        begin = time.process_time()
+        for turn in range(5):
+            places.given(cameras, TURN * turn)
+        return time.process_time() - begin
+
+    few, many = (min(seconds(count) for _ in range(3)) for count in (2000, 16000))
+    assert many < 16.0 * few and many < 1.0, f"{few:.3f} s, {many:.3f} s"
