@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.frame_images import Depth
+from agents.packed_images import MOST_PIXELS
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -28,14 +29,21 @@ class DepthAlignment:
         depth: intrinsics of the depth camera.
         color: intrinsics of the colour camera.
         color_from_depth: pose of the depth camera in the optical frame of the colour camera.
+
+    Raises:
+        ValueError: if an image has more pixels than any has, or all that a depth image covers has.
     """
 
     def __init__(self, depth: Intrinsics, color: Intrinsics, color_from_depth: Pose) -> None:
-        self._depth, self._ideal = depth, color.pinhole()
         self._half = 0.5 * color.fx / depth.fx, 0.5 * color.fy / depth.fy
         """Pixels of colour, half the width and the height of a pixel of depth"""
         self._margin = math.ceil(2.0 * max(self._half)) + 1
         """Pixels around the ideal picture, for what is partly in it"""
+        across, down = (math.ceil(2.0 * half) + 1 for half in self._half)
+        _check_pixels("the image of colour", color.width, color.height)
+        _check_pixels("what depth covers in it", depth.width * across, depth.height * down)
+        self._depth, self._ideal = depth, color.pinhole()
+        _check_pixels("its ideal picture", self._ideal.width + 2 * self._margin, self._ideal.height + 2 * self._margin)
         self._places = _places(color, self._ideal, self._margin)
         """(height, width) of colour: where in the ideal picture each pixel is seen"""
         x, y = depth.slopes()
@@ -79,6 +87,11 @@ class DepthAlignment:
             np.minimum.at(nearest, first[drawn] + (down * stride + across), z[drawn])
         nearest[np.isinf(nearest)] = 0.0
         return nearest
+
+
+def _check_pixels(what: str, width: int, height: int) -> None:
+    if width * height > MOST_PIXELS:
+        raise ValueError(f"{what} has {width} x {height} px; expected {MOST_PIXELS} at most")
 
 
 def _covered(middle: Depth, half: float) -> tuple[_Index, _Mask, int]:

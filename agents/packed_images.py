@@ -15,7 +15,7 @@ from dsr.config.extras import MissingExtraError, missing_extra
 from dsr.errors import WireError
 
 MOST_PIXELS = 1 << 26
-"""Pixels that an image may have to be unpacked: 8192 by 8192."""
+"""Pixels that an image may have to be unpacked, or drawn: 8192 by 8192."""
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
 _PNG_SIZE = struct.Struct(">8s4x4sII")
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}

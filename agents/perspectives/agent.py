@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections import Counter
 from typing import Annotated
 
 import msgspec
@@ -11,10 +13,12 @@ from dsr.agent import Access, Agent
 from dsr.errors import DsrError, suggest
 from dsr.graph.access import EVERYTHING
 from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.shares import makers, shared_out
 from dsr.memory import Memory
 from dsr.network.keys import BASE, check_name
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+from dsr.vocabulary.perceived import MOST_PERSONS, seconds_unseen
 from dsr.vocabulary.relations import SURFACES
 
 PREFIX = "view_of_"
@@ -49,7 +53,8 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 class Perspectives(Agent):
     """Keeps worlds `view_of_<person>`, one for each person that comes: see `PersonalView` for their content.
 
-    A world stays when the person leaves; after a restart of the agent it goes on, if somebody else holds it.
+    A world stays when the person leaves, unless too many others come; after a restart of the agent it goes on, if
+    somebody else holds it.
     """
 
     name = "perspectives"
@@ -74,6 +79,9 @@ class Perspectives(Agent):
         self._monitor: VisibilityMonitor | None = None
         self._source: Memory | None = None
         self._warned: set[str] = set()
+        self._names_now: list[str] = []
+        self._made_by: dict[str, frozenset[str]] = {}
+        """Agents that made the nodes of those whose worlds are kept."""
 
     def tick(self, now: float) -> None:
         """Look with everybody's eyes."""
@@ -82,7 +90,7 @@ class Perspectives(Agent):
             return
         self._monitor.update()
         self.degraded = ""
-        names = self._names(source)
+        names = self._names_now = self._names(source)
         views = [view for name in names if (view := self._view(name, source)) is not None]
         removed = [view for name, view in sorted(self._views.items()) if name not in names and not view.world.closed]
         for view in (*views, *removed):
@@ -102,12 +110,15 @@ class Perspectives(Agent):
                 kinds=PERSPECTIVES if config.of else (PERSON,),
             )  # fmt: skip
             self._views.clear()
+            self._made_by.clear()
         return self._source
 
     def _names(self, source: Memory) -> list[str]:
         """Whose worlds are kept now."""
         if not self.config.of:
-            return sorted(node.name for node in source.nodes(PERSON))
+            now = source.clock.now()
+            lately = sorted(source.nodes(PERSON), key=lambda node: (seconds_unseen(node, now), node.name))
+            return sorted(node.name for node in shared_out(lately, MOST_PERSONS))
         known = sorted(node.name for node in source.nodes(PERSPECTIVES))
         for name in self.config.of:
             if name not in known and name not in self._views:
@@ -126,7 +137,8 @@ class Perspectives(Agent):
     def _view(self, name: str, source: Memory) -> PersonalView | None:
         view = self._views.get(name)
         if view is None or view.world.closed:
-            config = self.config
+            config, made_by = self.config, makers(source.node(name))
+            self._make_room()
             try:
                 world = self.memory.create_world(f"{PREFIX}{name}", exist_ok=True)
             except DsrError as error:
@@ -135,4 +147,15 @@ class Perspectives(Agent):
             self._views[name] = view = PersonalView(
                 name, source, world, empty_share=config.empty_share, patience=config.patience
             )
+            self._made_by[name] = made_by
         return view
+
+    def _make_room(self) -> None:
+        """Delete the world of somebody who is gone, if there are as many as persons: of whose agent there are most."""
+        while len(self._views) >= MOST_PERSONS and (gone := self._views.keys() - self._names_now):
+            counts = Counter(maker for makers in self._made_by.values() for maker in makers)
+            oldest = [name for name in self._views if name in gone]
+            name = max(oldest, key=lambda name: min(counts[maker] for maker in self._made_by[name]))
+            del self._views[name], self._made_by[name]
+            with contextlib.suppress(DsrError):
+                self.memory.delete_world(f"{PREFIX}{name}")

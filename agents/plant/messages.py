@@ -17,11 +17,8 @@ from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
 from dsr.vocabulary.arms import ARM
 from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.perceived import MOST_HANDS, MOST_PERSONS
 
-MOST_HANDS = 16
-"""Number of hands that one message may have."""
-MOST_PERSONS = 64
-"""Number of persons that one message may have."""
 LANDMARKS = 21
 """Number of landmarks of one hand."""
 MOST_POINTS = 5000

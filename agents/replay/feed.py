@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from typing import ClassVar
 
 from msgspec.structs import replace
@@ -11,97 +11,19 @@ from msgspec.structs import replace
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.index import TimedRecord
 from agents.recorder.opening import RecordingSource
+from agents.replay.rebinding import Rebinding
 from agents.replay.traffic import unpacked
 from dsr.agent import Agent
-from dsr.crdt.context import CausalContext, Dot, DotRange
-from dsr.crdt.delta import Add, Delta, Key, Write
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import Delta, Key
 from dsr.crdt.hlc import physical_time
+from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.memory import Memory
 from dsr.network.keys import agent_of, is_key
 from dsr.network.transport import Chunks, key_matches
 from dsr.replication.parcels import parcels
 from dsr.replication.wire import decode_kept
-
-LiveDots = Callable[[Key], list[Dot]]
-"""The creation dots under which an element lives now, of all its makers."""
-
-
-class Rebinding:
-    """Changes that wait for the new dots of their elements.
-
-    Args:
-        is_anew: whether a dot is one that the agents had made in the recording.
-    """
-
-    def __init__(self, is_anew: Callable[[Dot], bool]) -> None:
-        self._is_anew = is_anew
-        self._made: dict[Dot, Key] = {}
-        self._writes: dict[tuple[Dot, str], Write] = {}
-        self._adds: dict[Dot, Add] = {}
-
-    @property
-    def waiting(self) -> Counter[str]:
-        """Number of waiting changes, by the agents that made them."""
-        writers = [write.writer for write in self._writes.values()] + [add.dot[0] for add in self._adds.values()]
-        return Counter(map(agent_of, writers))
-
-    def note_made(self, add: Add) -> None:
-        """The agents had made this in the recording."""
-        self._made[add.dot] = add.key
-
-    def note_removed(self, dot: Dot) -> None:
-        """This was removed in the recording: nothing waits for it any more."""
-        self._adds.pop(dot, None)
-        if self._made.pop(dot, None) is not None:
-            self._writes = {key: write for key, write in self._writes.items() if key[0] != dot}
-
-    def take_add(self, add: Add) -> bool:
-        """Keep this edge waiting if it hangs at nodes of the agents, and tell whether it does."""
-        if not any(map(self._is_anew, (*add.sources, *add.destinations))):
-            return False
-        self._adds[add.dot] = add
-        return True
-
-    def take_write(self, write: Write) -> bool:
-        """Keep this write waiting if it goes into an element of the agents, and tell whether it does."""
-        if not self._is_anew(write.owner):
-            return False
-        if write.owner in self._made:
-            before = self._writes.get((write.owner, write.attribute))
-            if before is None or (before.stamp, before.writer) < (write.stamp, write.writer):
-                self._writes[write.owner, write.attribute] = write
-        return True
-
-    def without_waiting(self, context: list[DotRange]) -> list[DotRange]:
-        """`context` without the dots of edges that wait: who has seen a dot and has no edge takes it to be removed."""
-        holes: dict[str, list[int]] = {}
-        for rid, counter in sorted(self._adds):
-            holes.setdefault(rid, []).append(counter)
-        kept = []
-        for rid, first, last in context:
-            inside = [counter for counter in holes.get(rid, ()) if first <= counter <= last]
-            ends = zip([first, *(hole + 1 for hole in inside)], [*(hole - 1 for hole in inside), last], strict=True)
-            kept += [(rid, *pair) for pair in ends if pair[0] <= pair[1]]
-        return kept
-
-    def bound(self, live: LiveDots) -> Delta:
-        """Return the changes that have found their new dots; they wait no more."""
-        delta = Delta()
-        for dot, add in list(self._adds.items()):
-            sources, destinations = (
-                (*(end for end in ends if not self._is_anew(end)), *live(name))
-                for ends, name in zip((add.sources, add.destinations), add.key[:2], strict=True)
-            )
-            if sources and destinations:
-                del self._adds[dot]
-                delta.adds.append(replace(add, sources=sources, destinations=destinations))
-        for (owner, attribute), write in list(self._writes.items()):
-            if owners := live(self._made[owner]):
-                del self._writes[owner, attribute]
-                delta.writes += [replace(write, owner=new) for new in owners]
-        return delta
-
 
 _MICRO = 1e6
 _LATE = 1.0
@@ -137,6 +59,8 @@ class Feed:
         self._alive: dict[Dot, None] = {}
         self._is_first = True
         self._past: frozenset[Dot] = frozenset()
+        self._looked_at: dict[str, int] = {}
+        """By replica, the counter up to which it is known what was made anew."""
 
     @property
     def lost(self) -> Counter[str]:
@@ -173,9 +97,23 @@ class Feed:
                 self.malformed += 1
         if self.memory is not None:
             self.memory.poll()
+            for key in self._made_anew(self.memory.replica.graph.store):
+                self._rebinding.note_live(key)
             if bound := self._rebinding.bound(self._live):
                 self._note_alive(bound)
                 yield from _by_maker(bound)
+
+    def _made_anew(self, store: Store) -> Iterator[Key]:
+        """Elements of which the agents that run anew have made an incarnation since the last look."""
+        for rid, last in list(store.context.vector.items()):
+            before = self._looked_at.get(rid, 0)
+            if last > before and agent_of(rid) in self._anew:
+                self._looked_at[rid] = last
+                if last - before > len(store.entries):  # who writes a recording may say that any number was seen
+                    yield from [entry.key for dot, entry in store.entries.items() if dot[0] == rid and dot[1] > before]
+                else:
+                    dots = ((rid, counter) for counter in range(before + 1, last + 1))
+                    yield from [entry.key for dot in dots if (entry := store.entries.get(dot)) is not None]
 
     def _live(self, key: Key) -> list[Dot]:
         """Where the agents that run anew have made an element."""

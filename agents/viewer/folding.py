@@ -8,11 +8,17 @@ from typing import NamedTuple
 
 from agents.viewer.routing import EdgeKey
 from agents.viewer.texts import drawable
-from dsr import Memory, Node
+from dsr import Edge, Memory, Node
+from dsr.frames.tree import WORLD
 from dsr.graph.schema import SCHEMA_RECORD
+from dsr.graph.shares import shared_out
 from dsr.timeline import EVENT, SITUATION, SUMMARY, TIMELINE
 from dsr.vocabulary.intentions import ENDED
 
+MOST_NODES = 1000
+"""Nodes that are drawn: more have no room in a picture, and whoever may write could make any number"""
+MOST_EDGES = 4 * MOST_NODES
+"""Edges likewise: each node of a scene has some four"""
 _LEFT_OUT = (EVENT, SITUATION, SUMMARY, SCHEMA_RECORD)
 """Types of nodes that are not drawn: too many, and shown elsewhere."""
 _IMAGES_SHOW = "sees"
@@ -36,20 +42,31 @@ class Folded(NamedTuple):
 
 
 def fold(memory: Memory) -> Folded:
-    """Fold links into their arm, fingers into their hand, and actions that are over into their intention."""
+    """Fold links into their arm, fingers into their hand, and actions that are over into their intention.
+
+    Of more than a picture can show as much is drawn of what each agent made.
+    """
     nodes = {node.name: node for node in memory.nodes() if node.type not in _LEFT_OUT and node.name != TIMELINE}
-    edges = [edge.key for edge in memory.edges() if edge.src in nodes and edge.dst in nodes]
-    into = _folded_into(nodes, edges)
-    ends = {name: into.get(name, name) for name in nodes}
-    kept = {
-        (ends[src], ends[dst], type)
-        for src, dst, type in edges
-        if type != _IMAGES_SHOW and (ends[src] != ends[dst] or src == dst)
-    }
-    labels = {name: drawable(name, _LONGEST) for name in nodes if name not in into}
-    for name, count in Counter(into.values()).items():
+    edges = [edge for edge in memory.edges() if edge.src in nodes and edge.dst in nodes]
+    into = _folded_into(nodes, [edge.key for edge in edges])
+    unfolded = [node for name, node in nodes.items() if name not in into]
+    drawn = {node.name for node in shared_out(unfolded, MOST_NODES)}
+    ends = {name: end for name in nodes if (end := into.get(name, name)) in drawn}
+    between = [edge for edge in edges if edge.type != _IMAGES_SHOW and _is_drawn(edge, ends)]
+    kept = {(ends[edge.src], ends[edge.dst], edge.type) for edge in shared_out(between, MOST_EDGES)}
+    labels = {name: drawable(name, _LONGEST) for name in nodes if name in drawn}
+    for name, count in Counter(whole for whole in into.values() if whole in drawn).items():
         labels[name] += f" ({count} {_FOLDED[nodes[name].type][count > 1]})"
+    if WORLD in labels and (left := len(unfolded) - len(drawn)):
+        labels[WORLD] += f" ({left} nodes are not drawn)"
     return Folded({name: nodes[name].type for name in labels}, sorted(kept), labels)
+
+
+def _is_drawn(edge: Edge, ends: Mapping[str, str]) -> bool:
+    """Whether both ends are drawn, and are not folded into one."""
+    if edge.src not in ends or edge.dst not in ends:
+        return False
+    return ends[edge.src] != ends[edge.dst] or edge.src == edge.dst
 
 
 def _folded_into(nodes: Mapping[str, Node], edges: list[EdgeKey]) -> dict[str, str]:

@@ -9,9 +9,10 @@ from typing import Any
 import rerun as rr
 
 from agents.viewer.folding import Folded, fold
+from agents.viewer.free_places import LINE
 from agents.viewer.layout import Drawing, DrawnNode, arrange
 from agents.viewer.palette import Color
-from agents.viewer.routing import LINE, DrawnEdge, EdgeLabel
+from agents.viewer.routing import DrawnEdge, EdgeLabel
 from agents.viewer.texts import drawable
 from dsr import Change, Memory, Pose
 

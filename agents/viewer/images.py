@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 
 from agents.viewer import palette
 from agents.viewer.model import DrawnCamera
+from agents.viewer.places import Places
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
 from dsr.network.keys import is_key
+from dsr.vocabulary.perceived import MOST_CAMERAS
 from dsr.vocabulary.tags import COUNT
 
-MOST_CAMERAS = 64
-"""More than a graph has: whoever may make nodes of cameras could make any number, each with two subscriptions."""
-TURN = 2.0
-"""s that a camera has to send its first image while others wait; most send several a second"""
 _LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 
@@ -50,13 +48,11 @@ class ImageView:
         self._readers: dict[str, FrameReader] = {}
         self._last: dict[str, float] = {}
         self._shown: dict[str, tuple[NDArray[np.uint8], rr.EncodedImage]] = {}
-        self._waiting: list[str] = []
-        """Cameras that have sent no image, in the order of their turns"""
-        self._turn_began = -math.inf
+        self._places = Places(MOST_CAMERAS)
 
     @property
     def cameras(self) -> list[str]:
-        """Cameras that have sent an image."""
+        """Cameras that have a place, and have sent an image."""
         return sorted(self._last)
 
     def draw(self, cameras: Iterable[DrawnCamera], now: float) -> None:
@@ -69,6 +65,7 @@ class ImageView:
                 frame = self._reader(camera.stream).latest()
                 if frame is not None and self._draw_image(camera.name, frame):
                     self._last[camera.name] = now
+                    self._places.note(camera.name, now)
             detections = self._reader(f"{camera.stream}/detections").latest()
             if detections is not None:
                 self._draw_detections(camera.name, detections)
@@ -84,21 +81,15 @@ class ImageView:
             reader.close()
 
     def _in_turn(self, cameras: dict[str, DrawnCamera], now: float) -> list[DrawnCamera]:
-        """Of too many cameras first those that have sent an image, then the others in turn. What is gone is dropped."""
-        self._last = {name: time for name, time in self._last.items() if name in cameras}
-        self._shown = {name: shown for name, shown in self._shown.items() if name in cameras}
-        sent = list(self._last)[:MOST_CAMERAS]
-        room = MOST_CAMERAS - len(sent)
-        if not 0.0 <= now - self._turn_began < TURN:
-            self._turn_began = now
-            self._waiting = self._waiting[room:] + self._waiting[:room]
-        order = dict.fromkeys([*self._waiting, *cameras])
-        self._waiting = [name for name in order if name in cameras and name not in self._last]
-        chosen = [cameras[name] for name in [*sent, *self._waiting[:room]]]
-        streams = {stream for camera in chosen for stream in (camera.stream, f"{camera.stream}/detections")}
+        """Those that have a place. What was known of the others is dropped."""
+        given = self._places.given({name: camera.makers for name, camera in cameras.items()}, now)
+        chosen = {name: cameras[name] for name in given}
+        self._last = {name: time for name, time in self._last.items() if name in chosen}
+        self._shown = {name: shown for name, shown in self._shown.items() if name in chosen}
+        streams = {stream for camera in chosen.values() for stream in (camera.stream, f"{camera.stream}/detections")}
         for stream in self._readers.keys() - streams:
             self._readers.pop(stream).close()
-        return chosen
+        return list(chosen.values())
 
     def _reader(self, stream: str) -> FrameReader:
         if stream not in self._readers:

@@ -13,12 +13,11 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from agents.viewer import palette
+from agents.viewer.free_places import LINE, Column
 from agents.viewer.palette import Color
 from agents.viewer.routing import (
     LETTER,
-    LINE,
     TOWARDS_DESTINATION,
-    Column,
     DrawnEdge,
     EdgeKey,
     EdgeLabel,
@@ -37,7 +36,7 @@ _SHORT = 12
 """Letters of a label that always stands on one line: no wider than the arrows beside a node"""
 _WIDEST = 160.0  # by which a gap is widened at most
 _MARGIN = 30.0  # around everything, for labels at the border
-_TALLEST = 6  # leaves below one another
+_TALLEST = 6  # leaves below one another, unless there are very many
 _DEEPEST = 100  # columns; what stands deeper begins anew at the left
 _PARENTS = ("on", "in", "has", "next", "RT", "Virtual_RT")
 """Types of edges by which a node is placed, the best first."""
@@ -157,10 +156,11 @@ def _descend(item: _Item, column: int, row: float) -> float:
 
 def _place_grid(leaves: list[_Item], column: int, row: float) -> float:
     """Place many leaves side by side; returns the next free row."""
+    tallest = max(_TALLEST, -(-len(leaves) // _DEEPEST))
     for index, leaf in enumerate(leaves):
         leaf.placed = True
-        leaf.column, leaf.row = column + index // _TALLEST, row + index % _TALLEST
-    return row + min(len(leaves), _TALLEST)
+        leaf.column, leaf.row = column + index // tallest, row + index % tallest
+    return row + min(len(leaves), tallest)
 
 
 def in_two_lines(label: str) -> str:

@@ -10,6 +10,7 @@ from dsr import Memory, Node, Pose
 from dsr.believing.distribution import are_at_one_place, whereabouts_of
 from dsr.believing.worlds import LEAST
 from dsr.frames.tree import BELIEVED, WORLD
+from dsr.graph.shares import makers
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import THINGS, nodes_by_name
@@ -56,6 +57,8 @@ class DrawnCamera(msgspec.Struct, frozen=True):
     stream: str
     place: DrawnPlace | None
     intrinsics: Intrinsics | None
+    makers: frozenset[str]
+    """Agents that made its node"""
 
 
 class Gripper(msgspec.Struct, frozen=True):
@@ -190,4 +193,4 @@ def _gripper(memory: Memory, node: Node) -> Gripper | None:
 
 def _camera(memory: Memory, node: Node) -> DrawnCamera:
     stream = node.get("stream") or node.name
-    return DrawnCamera(node.name, stream, _place(memory, node.name), read_intrinsics(node))
+    return DrawnCamera(node.name, stream, _place(memory, node.name), read_intrinsics(node), makers(node))

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from agents.viewer import palette
+from agents.viewer.free_places import BESIDE, Column, FreeHeights, FreeLevels
 from agents.viewer.palette import Color
 
 EdgeKey = tuple[str, str, str]
@@ -20,17 +21,12 @@ Point = tuple[float, float]
 
 LETTER = 7.5
 """px, width of a letter of a label of 12 px."""
-LINE = 24.0
-"""px, from one line of a label to the next: lines do not touch in a drawing that is shrunk by a quarter."""
 TOWARDS_DESTINATION = ("on", "in")
 """Types of edges whose many ends meet at the destination; those of all others at the source."""
 _STRUCTURE = ("has", "next")
 """Types of edges of parts and plans. They have no label: where their nodes stand says enough."""
 _RADIUS = 9.0  # px from the middle of a node to the ends of its arrows; px all below, too
-_BESIDE = 4.0  # between arrows that run side by side
-_ABOVE, _BELOW = 12.0, 34.0  # from the middle of a node to the nearest arrow that passes, for arrow heads and label
 _BEND = 12.0  # from a column to an arrow between two of its nodes
-_LABEL_HEIGHT = 22.0
 _ROOM = 16.0  # beside the label of a bundle, within its gap
 
 
@@ -39,24 +35,6 @@ class Place(NamedTuple):
 
     column: int
     at: Point
-
-
-class Column(NamedTuple):
-    """A column of nodes, as wide as their labels."""
-
-    left: float
-    right: float
-    gap: float
-    """To the next column."""
-    rows: tuple[float, ...]
-    """y of each node."""
-    lines: int = 1
-    """Of the labels, at most."""
-
-    @property
-    def middle(self) -> float:
-        """The x of its nodes."""
-        return (self.left + self.right) / 2
 
 
 class DrawnEdge(NamedTuple):
@@ -156,7 +134,7 @@ def _ports(keys: Iterable[EdgeKey], places: Mapping[str, Place]) -> dict[tuple[s
     ports: dict[tuple[str, int, str], float] = {}
     for (name, side), types in others.items():
         lowest_first = sorted(types, key=lambda type: (-sum(types[type]) / len(types[type]), type))
-        ports |= {(name, side, type): -_BESIDE * index for index, type in enumerate(lowest_first)}
+        ports |= {(name, side, type): -BESIDE * index for index, type in enumerate(lowest_first)}
     return ports
 
 
@@ -170,7 +148,7 @@ def _passes(
 ) -> dict[_Bundle, dict[int, float]]:
     """The y at which each bundle passes each column on its way: near the straight way, where nothing else is."""
     passes: dict[_Bundle, dict[int, float]] = defaultdict(dict)
-    taken: dict[int, set[float]] = defaultdict(set)
+    free = {number: FreeLevels(column) for number, column in enumerate(columns)}
     for bundle, same in bundles.items():
         hub = places[bundle.hub]
         ends = [places[_hub(key)[1]] for key in same]
@@ -178,25 +156,13 @@ def _passes(
         for column in range(hub.column + bundle.side, farthest, bundle.side or 1):
             beyond = [end for end in ends if (end.column - column) * bundle.side > 0]
             straight = [_between(hub, end, column) for end in beyond]
-            y = _free(sum(straight) / len(straight), columns[column], taken[column])
-            taken[column].add(y)
-            passes[bundle][column] = y
+            passes[bundle][column] = free[column].take(sum(straight) / len(straight))
     return passes
 
 
 def _between(a: Place, b: Place, column: int) -> float:
     """The y of the straight line from a to b in a column between them."""
     return a.at[1] + (b.at[1] - a.at[1]) * (column - a.column) / (b.column - a.column)
-
-
-def _free(wanted: float, column: Column, taken: set[float]) -> float:
-    """The y nearest to the wanted one at which an arrow hides neither nodes nor labels nor other arrows."""
-    below, step = _BELOW + LINE * (column.lines - 1), 0
-    while True:
-        for y in (_BESIDE * (round(wanted / _BESIDE) + step), _BESIDE * (round(wanted / _BESIDE) - step)):
-            if y not in taken and not any(row - _ABOVE < y < row + below for row in column.rows):
-                return y
-        step += 1
 
 
 def _path(
@@ -235,7 +201,7 @@ def _bracket(begin: Place, end: Place, x: float, port: float, is_loop: bool) -> 
     """From a node to another one of the same column, or to itself: out of the column, along it and back."""
     out, back = begin.at[1] + port, end.at[1] + port
     if is_loop:
-        back -= 2 * _BESIDE
+        back -= 2 * BESIDE
     near = begin.at[0] + _RADIUS
     return (near, out), (x, out), (x, back), (near, back)
 
@@ -252,11 +218,9 @@ def _labels(
             x = columns[gap].right + columns[gap].gap / 2
             wanted.append((sorted({_height(paths[key], x) for key in same}, reverse=True), bundle, x))
     labels: list[EdgeLabel] = []
+    free: dict[float, FreeHeights] = defaultdict(FreeHeights)
     for heights, bundle, x in sorted(wanted, key=lambda one: len(one[0])):  # those with the least choice first
-        shifted = [heights[0] + sign * step * _LABEL_HEIGHT for step in range(1, len(wanted)) for sign in (1, -1)]
-        taken = [label.at[1] for label in labels if label.at[0] == x]
-        free = (y for y in [*heights, *shifted] if all(abs(other - y) >= _LABEL_HEIGHT for other in taken))
-        labels.append(EdgeLabel(bundle.type, palette.of_edge(bundle.type), (x, next(free, heights[0]))))
+        labels.append(EdgeLabel(bundle.type, palette.of_edge(bundle.type), (x, free[x].take(heights, len(wanted)))))
     return labels
 
 

@@ -17,12 +17,16 @@ from dsr.replication.piece_wire import decode_request, encode_piece
 from dsr.replication.wire import Digest, encode_digest
 
 Kind = Literal[
-    "tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew", "makes up", "repeats"
+    "tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew", "makes up", "repeats",
+    "trickles",
 ]  # fmt: skip
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """What it does: says not even whether it holds a part; says so and does not take part in it; takes part and does not
 answer; answers that it has not joined, whoever insists; gives the first piece and never the next; spoils the next;
-gives one after the other, of what never was; or says in each that its only element lives."""
+gives one after the other, of what never was; says in each that its only element lives; or makes a further element for
+each, as rarely as it is listened to."""
+RARELY = 15.0
+"""s between two answers of the last kind: others are waited for that long"""
 
 
 class Claimant:
@@ -41,6 +45,7 @@ class Claimant:
         self, kind: Kind, transport: Transport, clock: Clock, graph: str, rid: str, parts: tuple[str, ...]
     ) -> None:
         self._kind, self._transport, self._clock, self._rid = kind, transport, clock, rid
+        self._gave_at = clock.monotonic()
         base, agent = Keys(graph), agent_of(rid)
         self._speaks_as = {base.digest(rid): rid}
         self._held = {Keys(graph, part=part).place: part_rid(rid, part, 1) for part in parts}
@@ -68,6 +73,8 @@ class Claimant:
         begin = decode_request(payload).begin
         if begin == START:
             return encode_piece(Piece(START, (key.rpartition("/")[2], 1, ""), whole=[]))
+        if self._kind == "trickles":
+            return self._trickle(begin)
         if self._kind == "makes up":
             return encode_piece(self._made_up(begin))
         if self._kind == "repeats":
@@ -80,6 +87,14 @@ class Claimant:
         owner, counter = (rid, first), first + 1
         write = Write(owner, "seen", 1, rid, (rid, counter), 1)
         return Piece(begin, (rid, first + 2, ""), writes=[write], kept=[owner], examined=[(rid, first, counter)])
+
+    def _trickle(self, begin: Place) -> bytes | None:
+        """A piece with one further element, if the last one was long ago; else no answer."""
+        if self._clock.monotonic() - self._gave_at < RARELY:
+            return None
+        self._gave_at = self._clock.monotonic()
+        rid, counter, _ = begin
+        return encode_piece(Piece(begin, (rid, counter + 1, ""), adds=[Add((rid, counter), f"ball_{counter}", "ball")]))
 
     def _repeated(self, begin: Place) -> Piece:
         """A piece with one true element, or with nothing but its name, as if that were news."""

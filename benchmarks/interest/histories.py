@@ -32,9 +32,9 @@ _DELAY = (0.0, 0.4)
 """s, least and most, for which a message is under way on a network that loses some"""
 _TYPES = ("cube", "ball")
 _EDGES = ("RT", "on")
-_LIES: tuple[Kind | None, ...] = (None, *(kind for kind in KINDS if kind not in ("begins anew", "repeats")))
+_LIES: tuple[Kind | None, ...] = (None, *(kind for kind in KINDS if kind not in ("begins anew", "repeats", "trickles")))
 """By seed, what an agent does that claims to hold all parts. Nonsense is left out, for none may be counted; and who
-repeats, for its true element is shown where it was taken in."""
+repeats or trickles, for its true elements are shown where they were taken in."""
 
 
 @dataclass(frozen=True)

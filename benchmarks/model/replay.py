@@ -12,11 +12,12 @@ from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
+from dsr.replication.lacking import GRACE
 from dsr.replication.outputs import Ask
 from dsr.replication.pace import DIGEST_PERIOD
 from dsr.replication.peers import LAST_PAUSE
 from dsr.replication.piece_wire import decode_request, encode_piece
-from dsr.replication.sync import GRACE, Synchroniser
+from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import decode_delta, encode_delta
 
 Step = tuple[str, int, list[Any], dict[str, Any]]
@@ -133,7 +134,7 @@ class Room:
     def _ask(self, place: Place, other: Place) -> None:
         """The model asks whom it likes, whether a digest told of something or not."""
         place.sync.peer_appeared(other.graph.rid, self._time)
-        with mock.patch.object(place.sync, "_peer_to_ask", lambda now: other.graph.rid):
+        with mock.patch.object(place.sync.inquiry, "_peer_to_ask", lambda *now, **options: other.graph.rid):
             question = self._question(place)
         self._answer(place, question)
 
@@ -198,7 +199,7 @@ class Room:
             "regs": sorted(self._numbers_of([owner]) + self._numbers_of([dot]) for owner, dot in newest.items() if dot),
             "waits": self._numbers_of(write.dot for write in store.waiting_writes() if write.dot),
             "joined": place.sync.joined,
-            "asks": place.sync._fetch is not None,
+            "asks": place.sync.is_asking,
         }
 
     def _numbers_of(self, dots: Iterable[Dot]) -> list[list[int]]:

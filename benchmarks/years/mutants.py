@@ -33,6 +33,8 @@ from dsr.replication import replica
 from dsr.replication.claims import Claims
 from dsr.replication.clock_votes import ClockVerdict
 from dsr.replication.fetching import Fetch
+from dsr.replication.inquiry import Inquiry
+from dsr.replication.lacking import Lacking
 from dsr.replication.pace import Pace
 from dsr.replication.peers import Peers
 from dsr.replication.replica import Replica
@@ -234,15 +236,15 @@ def _silent_is_the_end(right: Any) -> Any:
 
 
 MUTANTS: list[Mutant] = [
-    Mutant("nobody asks for what it lacks", Synchroniser, "_is_behind", constant(False)),
-    Mutant("no digest shows that something is missing", Synchroniser, "_known_ahead", constant([])),
+    Mutant("nobody asks for what it lacks", Lacking, "_is_behind", constant(False)),
+    Mutant("no digest shows that something is missing", Lacking, "have_more", constant([])),
     Mutant("samples are never made durable", Synchroniser, "make_durable", constant(Delta())),
     Mutant("answers are not joined", Synchroniser, "_join_reply", constant(None)),
     Mutant("answers hold nothing", Synchroniser, "answer", _empty_answer),
     Mutant("no digest is due", Pace, "digest_due", constant(False)),
     Mutant("nothing is settled", Pace, "settling_due", constant(False)),
     Mutant("all peers are forgotten at each look", Peers, "forget_gone", _forget_at_once),
-    Mutant("no peer is ever asked", Synchroniser, "_peer_to_ask", constant(None)),
+    Mutant("no peer is ever asked", Inquiry, "_peer_to_ask", constant(None)),
     Mutant("deltas remove nothing", Claims, "own_part", _result_without("removed")),
     Mutant("deltas write nothing, and account for it", Claims, "own_part", _result_without("writes")),
     Mutant("additions of deltas are left out, and accounted for", Claims, "own_part", _result_without("adds")),

@@ -178,6 +178,23 @@ def piece_of(store: Store, seen: CausalContext, begin: Place = START) -> Piece:
     return piece
 
 
+def share_of_full(piece: Piece, store: Store) -> float:
+    """How much a piece holds that was joined into `store`, as a share of what one holds that others follow; 1 at most.
+
+    Only elements and writes count that are there now: of what is made up, refused or outdated, anybody has any number.
+    """
+    entries, weigher = store.entries, _Weigher()
+    added = [add for add in piece.adds if add.dot in entries]
+    kept = [dot for dot in piece.kept if piece.begin[:2] <= dot and dot in entries]
+    for add in added:
+        weigher.add(add)
+    for write in piece.writes:
+        entry = store.find(write.owner)
+        if entry is not None and entry.registers.get(write.attribute) == write:
+            weigher.writes(*weigher.weigh([write]))
+    return min(1.0, max((len(added) + len(kept)) / MAX_EXAMINED, weigher.bytes / MAX_WEIGHT))
+
+
 def _divided(ranges: list[DotRange]) -> tuple[list[DotRange], list[DotRange]]:
     """Those of the ranges, the first of them, that take no more than `MAX_SEEN`, and the others."""
     weigher = _Weigher()

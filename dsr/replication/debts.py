@@ -1,8 +1,10 @@
 """For how long a process is waited for that may hold a world or a part: who is there and gives nothing, only so long.
 
 Silence proves nothing of who is stopped or cut off: only words do, for who can speak can answer. So what counts is the
-time between two digests of a process that was asked, and owes its answer or its content. Whoever
-comes long after all were asked need not be waited for: it hears that the place is held here before it begins.
+time between two digests of a process that was asked, and owes its answer or its content. A piece of that takes off
+as much as it may take to come, and one that brings little takes off little: so nobody is waited for who gives one thing
+after the other. Whoever comes long after all were asked need not be waited for: it hears that the place is held here
+before it begins.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from dsr.clock import Clock
+from dsr.replication.inquiry import REQUEST_TIMEOUT
 from dsr.replication.peers import FORGET, MAX_PEERS, SILENCE
 
 
@@ -55,14 +58,16 @@ class Debts:
             return account.owed[process] <= FORGET
         return self._clock.monotonic() - account.opened_at <= FORGET
 
-    def count(self, place: str, there: Iterable[str], owing: Mapping[str, float], gave: set[str]) -> list[str]:
+    def count(
+        self, place: str, there: Iterable[str], owing: Mapping[str, float], gave: Mapping[str, float]
+    ) -> list[str]:
         """Count the words that were heard since this was called last; returns those that are given up now.
 
         Args:
             place: which others are asked for.
             there: all processes that may be waited for.
             owing: of those that were asked, and have not given all they may hold, when they were heard last.
-            gave: those whose answer has gone on since the last call; their count begins anew.
+            gave: how many pieces of answers came since the last call: each takes off the time that one may take.
         """
         account, now = self._accounts.get(place), self._clock.monotonic()
         if account is None:
@@ -73,8 +78,8 @@ class Debts:
                 if len(account.owed) < MAX_PEERS:
                     account.owed.setdefault(process, 0.0)
         account.since = {process: account.since.get(process, now) for process in owing}
-        for process in account.owed.keys() & gave:
-            account.owed[process], account.since[process] = 0.0, now
+        for process in account.owed.keys() & gave.keys():
+            account.owed[process] = max(0.0, account.owed[process] - REQUEST_TIMEOUT * gave[process])
         return [process for process, heard_at in owing.items() if _add(account, process, heard_at)]
 
 

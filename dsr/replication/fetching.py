@@ -7,13 +7,18 @@ from __future__ import annotations
 
 from dsr.crdt.context import CausalContext, Dot, DotRange, without
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, Place
+from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, Place, share_of_full
 from dsr.crdt.store import Store
 from dsr.replication.piece_wire import Request, encode_request
 
 MAX_UNJOINED = 1 << 20
 """Changes of one answer that cannot be joined, such as those that others may not hand on: 150 MB or about. Who has more
 of them to tell is not listened to any longer."""
+_LEAST = 1e-6
+"""Share of a piece that brought anything: less than any single change takes"""
+
+State = tuple[int, int]
+"""Hashes of what a replica has seen and holds."""
 
 
 class Fetch:
@@ -31,8 +36,8 @@ class Fetch:
         """Whether the peer had joined when it began to answer."""
         self.begin: Place | None = START
         """Of the piece to ask for; None if all have come."""
-        self.before = (0, 0)
-        """Hashes of what the asker had seen and held when it began to ask."""
+        self.before: State = (0, 0)
+        """Of the asker, when it began to ask."""
         self._seen = seen
         self._insists = insists
         self._whole: list[DotRange] = []
@@ -88,3 +93,25 @@ class Fetch:
 def is_refusal(piece: Piece) -> bool:
     """Whether the peer only says that it has not joined."""
     return not piece.joined and piece.begin == START and piece.whole is None
+
+
+def state_of(store: Store) -> State:
+    """By which it is told whether something has changed."""
+    return store.context.hash, store.fingerprint
+
+
+def brought(piece: Piece, store: Store, before: State, *, weighed: bool) -> float:
+    """How much a piece that was joined has brought, as a share of what those bring that others follow.
+
+    It is 1 for the last one, and 0 if nothing is new and nothing of it is here: made-up pieces have no end. Unless it
+    is to be `weighed`, whatever is more than nothing is 1.
+    """
+    begin, end, entries = piece.begin, piece.end, store.entries
+    if end is None:
+        return 1.0
+    is_new = state_of(store) != before
+    if begin[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
+        return float(is_new or end[0] != "" or len(piece.whole or ()) >= FEWEST_TOLD)
+    if not is_new and not any(begin[:2] <= dot < end[:2] and dot in entries for dot in piece.kept):
+        return 0.0
+    return max(share_of_full(piece, store), _LEAST) if weighed else 1.0

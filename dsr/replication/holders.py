@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated
 
@@ -21,10 +22,10 @@ from dsr.network.decoding import decoded
 from dsr.network.keys import Keys, agent_of
 from dsr.network.transport import Transport
 from dsr.replication.debts import Debts
+from dsr.replication.inquiry import REQUEST_TIMEOUT
 from dsr.replication.joining import listed
 from dsr.replication.peers import FORGET, MAX_PEERS
 from dsr.replication.replica import Replica
-from dsr.replication.sync import REQUEST_TIMEOUT
 from dsr.replication.wire import Name
 
 HOLDER_PATIENCE = 1.0
@@ -196,9 +197,11 @@ class Holders:
         claimants = {rid: processes.get(rid, rid) for rid in sync.joining.claimants}
         owing = {process: base.heard_at(process) for process in self._asked & known if process not in told}
         for rid, process in claimants.items():
-            if sync.joining.owes(rid) and sync.was_asked(rid) and not sync.keeps_waiting(rid):
+            if sync.joining.owes(rid) and sync.was_asked(rid) and not sync.inquiry.keeps_waiting(rid):
                 owing[process] = max(sync.heard_at(rid), base.heard_at(process))
-        gave = {claimants.get(rid, rid) for rid in sync.joining.take_went_on()}
+        gave: dict[str, float] = defaultdict(float)
+        for rid, pieces in sync.joining.take_went_on().items():
+            gave[claimants.get(rid, rid)] += pieces
         with self._lock:
             if not base.joined:  # others may be there of whom nothing is known yet
                 self._debts.close(place)
@@ -251,7 +254,7 @@ class Holders:
     def note(self, replica: Replica, place: str) -> bool:
         """Tell the replica of a place what is known of others; whether it has joined, or nobody else holds it."""
         sync = replica.synchroniser
-        sync.joining.holders = self.of(place)
+        sync.joining.holders, sync.joining.weighs_pieces = self.of(place), True
         self._count(replica, place)
         sync.joining.others_possible = self._may_be_others(place)
         return sync.joined or self.nobody_holds(replica, place)

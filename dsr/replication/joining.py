@@ -42,12 +42,14 @@ class Joining:
         """When it began to ask."""
         self.given_up: frozenset[str] = frozenset()
         """Replica ids of those that are not waited for: only what they have given counts."""
+        self.weighs_pieces = False
+        """Whether somebody counts how much answers bring (`debts.py`)."""
         self._trusts = trusts
         self._present: dict[str, None] = {}
         self._unjoined: dict[str, Sequence[str]] = {}
         self._exhausted: set[str] = set()
         self._reached: dict[str, Place] = {}
-        self._went_on: set[str] = set()
+        self._went_on: dict[str, float] = {}
         self._asked_again_at, self._asked_again_last = -math.inf, False
 
     def appeared(self, rid: str) -> None:
@@ -60,7 +62,7 @@ class Joining:
         self._unjoined.pop(rid, None)
         self._exhausted.discard(rid)
         self._reached.pop(rid, None)
-        self._went_on.discard(rid)
+        self._went_on.pop(rid, None)
 
     def declined(self, rid: str, waits_for: Sequence[str]) -> None:
         """Note that a replica said that it has not joined itself, and for whom it waits."""
@@ -70,18 +72,21 @@ class Joining:
         """Note that a replica gave its whole content, though that may not be all there is."""
         self._exhausted.add(rid)
 
-    def went_on(self, rid: str, end: Place | None) -> bool:
-        """Note that a piece came which ends there, and tell whether no answer of that replica had gone so far."""
+    def went_on(self, rid: str, end: Place | None, share: float) -> bool:
+        """Note that a piece came which ends there, and tell whether no answer of that replica had gone so far.
+
+        `share` is how much it brought, as `fetching.brought` tells.
+        """
         if rid in self._exhausted or (end is not None and end <= self._reached.get(rid, START)):
             return False
         if end is not None:
             self._reached[rid] = end
-        self._went_on.add(rid)
+        self._went_on[rid] = self._went_on.get(rid, 0.0) + share
         return True
 
-    def take_went_on(self) -> set[str]:
-        """Ids of those whose answers have gone on since this was called last."""
-        taken, self._went_on = self._went_on, set()
+    def take_went_on(self) -> dict[str, float]:
+        """How many pieces those have brought, by id, whose answers have gone on since this was called last."""
+        taken, self._went_on = self._went_on, {}
         return taken
 
     def owes(self, rid: str) -> bool:

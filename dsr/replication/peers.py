@@ -70,6 +70,10 @@ class Peer:
         """Time that must pass between two requests to it, s."""
         return min(FIRST_PAUSE * 2.0 ** min(self.in_vain - 1, 10), LAST_PAUSE) if self.in_vain else 0.0
 
+    def is_due(self, now: float) -> bool:
+        """Whether it was not asked since its last digest, nor too soon after an answer that changed nothing."""
+        return self.asked_at < self.heard_at and now - self.asked_at >= self.pause
+
     def is_gone(self, now: float) -> bool:
         """Whether the peer counts as gone: nothing is expected of it any more."""
         if self.withdrawn_at is not None and now - max(self.withdrawn_at, self.heard_at) > DEPARTURE:
@@ -154,6 +158,11 @@ class Peers(dict[str, Peer]):
         """An answer came in time; if it took long, so may the next."""
         if rid in self:
             self[rid].patience = max(FIRST_PATIENCE, self[rid].patience / 2)
+
+    def gave(self, rid: str, *, useful: bool) -> None:
+        """Note that an answer has ended, and whether it changed anything: who gives none is asked ever more rarely."""
+        if rid in self:
+            self[rid].in_vain = 0 if useful else self[rid].in_vain + 1
 
     def came_late(self, rid: str) -> None:
         """Note that no answer came in time: it may be long, so wait longer next time."""

@@ -21,6 +21,7 @@ from dsr.graph.graph import Graph
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Subscription, Transport
 from dsr.replication.holding import Hold
+from dsr.replication.inquiry import REQUEST_TIMEOUT
 from dsr.replication.outbox import Outbox
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.parcels import parcels
@@ -28,7 +29,7 @@ from dsr.replication.piece_wire import asker_of, encode_piece
 from dsr.replication.polling import Poller
 from dsr.replication.renaming import going_on_as, next_id, unconfirmed
 from dsr.replication.statistics import Statistics
-from dsr.replication.sync import REQUEST_TIMEOUT, ChangeGate, Synchroniser
+from dsr.replication.sync import ChangeGate, Synchroniser
 from dsr.replication.wire import encode_delta
 from dsr.threads import new_thread
 

@@ -8,11 +8,11 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
 3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen, which costs
    the same whatever its history (`dsr.crdt.summary`); digests are more frequent for a moment when a peer appears, or
    after this process was stopped (`dsr.replication.pace`).
-4. A replica that still lacks something `GRACE` after a digest told so, or may lack it, asks that peer for it with all
-   that it has seen (one request at a time until patience ends, one for each digest). It only ever pulls, so that nobody
-   has to remember what others know. Answers come in pieces of bounded size, each asked for when the one before has
-   come (`fetching.py`): so nothing is computed for who has given up. Whose answers change nothing is asked ever
-   more rarely (`Peer.pause`).
+4. A replica that still lacks something `GRACE` after a digest told so, or may lack it (`lacking.py`), asks that peer
+   for it with all that it has seen: one request at a time until patience ends, one for each digest (`inquiry.py`). It
+   only ever pulls, so that nobody has to remember what others know. Answers come in pieces of bounded size, each asked
+   for when the one before has come (`fetching.py`): so nothing is computed for who has given up. Whose answers change
+   nothing is asked ever more rarely (`Peer.pause`).
 5. Equal contexts with different fingerprints: a removal has reached one of the two without its dot, as a piece of an
    answer that was broken off, or before it had joined. Then each asks the other for everything, and says so.
 6. A replica whose clock most other agents see in their future must not write (`clocks`).
@@ -32,9 +32,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Protocol
 
-from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, piece_of, seen_by
+from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
@@ -43,32 +42,24 @@ from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
 from dsr.replication.collector import collector_paused
 from dsr.replication.complaints import Complaints
-from dsr.replication.fetching import Fetch, is_refusal
+from dsr.replication.fetching import Fetch, brought, is_refusal, state_of
 from dsr.replication.impersonation import Impersonation
+from dsr.replication.inquiry import Inquiry
 from dsr.replication.joining import Joining
+from dsr.replication.lacking import Lacking
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.pace import Pace
-from dsr.replication.peers import LAST_PATIENCE, MAX_PEERS, SILENCE, Peer, Peers
+from dsr.replication.peers import SILENCE, Peer, Peers
 from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.portions import parts_in, portion
 from dsr.replication.wire import Digest, decode_delta, decode_digest, encode_digest
 
-GRACE = 0.15
-"""s that a delta on its way may be later than the digest that mentions it."""
-REQUEST_TIMEOUT = 10.0
-"""s after which an answer is of no use any more."""
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 LONG_WAIT = 1.0
 """s of waiting after which a newcomer says for which replicas it waits."""
-JOIN_RETRY = 0.02
-"""s after which a newcomer asks the same peer again, whose answer found no way yet."""
-TURN = SILENCE
-"""s after which another peer is asked, if there is one that may have something else: an answer may never end."""
 MOST_NAMED = 32
 """Replicas that one message names to people, or for votes about clocks: those known longest."""
-MAX_PAUSED = 8
-"""Answers that wait for their next turn; of others the next request begins at the beginning."""
 
 
 class ChangeGate(Protocol):
@@ -108,24 +99,14 @@ class Synchroniser:
     behind_since: float | None = None
     """Monotonic time since when it is known that something is missing here; None if nothing is."""
     _peers: Peers = field(default_factory=Peers)
-    _fetch: Fetch | None = None
-    _paused: dict[str, Fetch] = field(default_factory=dict)
-    _turn_ends: float = math.inf
-    _turn_over: bool = False
-    _turn_brought: bool = False
-    _ready: set[str] = field(default_factory=set)
-    _broken_off: set[str] = field(default_factory=set)
-    _requests: int = 0
     _pieces_before: int = 0
     _came_at: float = -math.inf
-    _under_way: int | None = None
-    _asked_at: float = 0.0
-    _asked_ahead: bool = False
     _pace: Pace = field(default_factory=Pace)
-    _wants_everything: bool = False
 
     def __post_init__(self) -> None:
         self.joining = Joining(self.graph.rid, self._trusts)
+        self.lacking = Lacking(self.graph, self._peers, self.complaints, self._trusts)
+        self.inquiry = Inquiry(self.graph, self._peers, self.joining, self.lacking, self.ask_ahead)
         self.claims = Claims(self.graph)
         self.impersonation = Impersonation(self.graph, self.complaints)
 
@@ -146,16 +127,13 @@ class Synchroniser:
         self._peers.withdrawn(rid, now)
         if rid not in self._peers:
             self._forget(rid)
-        elif self._fetch is not None and self._fetch.peer == rid:
-            self._under_way = None  # the same piece is asked for again: who is gone does not answer that
+        else:
+            self.inquiry.ask_again(rid)
 
     def _forget(self, rid: str) -> None:
         """Expect nothing more of a replica."""
         self.joining.gone(rid)
-        self._paused.pop(rid, None)
-        self._ready.discard(rid)
-        if self._fetch is not None and self._fetch.peer == rid:
-            self._give_up()
+        self.inquiry.forget(rid)
 
     def receive_delta(self, sender: str, payload: bytes, physical: float) -> None:
         """A delta or a bundle of stream samples arrived at physical time `physical` (s)."""
@@ -176,7 +154,7 @@ class Synchroniser:
             return
         if not self.joined:  # it has nothing that could show a false claim, and is told of all that it lacks anyway
             delta.context = accounted_for(sender, delta)
-        if self.claims.may_grow(sender, delta, fetching=self._fetch is not None):
+        if self.claims.may_grow(sender, delta, fetching=self.is_asking):
             self.graph.join(delta, physical)
         else:
             self.complaints.say(sender, "too many gaps or newcomers: what %s sends is left to the repair")
@@ -206,6 +184,7 @@ class Synchroniser:
         peer = self._peers.heard(sender, digest, now)
         if peer is None:
             return
+        self.lacking.note(peer, digest)
         self._note_acknowledged(sender, peer, digest)
         peer.ahead = digest.now - physical > MAX_DRIFT
         if peer.ahead:
@@ -216,9 +195,6 @@ class Synchroniser:
     def _note_acknowledged(self, sender: str, peer: Peer, digest: Digest) -> None:
         """Take note of how much of ours a peer has seen, and if that is more than there is."""
         counter = self.graph.counter
-        listed, peer.rest_known = self.graph.store.context.compare(digest.seen)
-        if listed and peer.rest_known and not self._differs(digest):
-            peer.covered = digest  # what changes here from now on does not matter
         last = digest.seen.last(self.graph.rid)
         if last is not None and last > counter:
             self.impersonation.notice(sender)
@@ -229,68 +205,55 @@ class Synchroniser:
 
     def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
-        if sender in self._peers and number == self._under_way:  # what was asked before its token went proves nothing
+        fetch, before = self.inquiry.answer_to(number), state_of(self.graph.store)
+        if fetch is not None and sender in self._peers:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
-        fetch, before = self._fetch if number == self._under_way else None, self._state
         try:
             with collector_paused():
                 piece = decode_piece(payload)
                 delta = piece.as_delta()
                 self._check_piece(sender, piece, delta)
-                taken = fetch is not None and self._take(fetch, piece)
+                taken = fetch is not None and self.inquiry.take(piece)
                 self._join_reply(sender, delta, physical)
         except WireError as error:
             self.complaints.drop(sender, error)
-            self._note_answer(sender, useful=False)
+            self._peers.gave(sender, useful=False)
             if fetch is not None:
-                self._break_off(fetch)
+                self._break_off(fetch.peer)
             return
         except BaseException:  # the piece may not be joined: the end of this answer must not account for it
             if fetch is not None:
-                self._give_up()
+                self.inquiry.give_up()
             raise
         counts = taken if fetch is not None else not is_refusal(piece) and sender in self._peers
-        went_on = counts and self._brought(piece, before) and self.joining.went_on(sender, piece.end)
-        if fetch is None:
-            self._ready |= {sender} if went_on else set()  # late, but who gives it gets on
-            return
-        self._peers.answered(sender)
-        self.pieces += went_on
-        self._turn_brought |= went_on
+        weighed = self.joining.weighs_pieces
+        share = brought(piece, self.graph.store, before, weighed=weighed) if counts else 0.0
+        if share and self.joining.went_on(sender, piece.end, share):
+            self.pieces += fetch is not None
+            self.inquiry.went_on(sender, in_time=fetch is not None)
+        if fetch is not None:
+            self._peers.answered(sender)
+            self._go_on(fetch, piece, physical, taken=taken)
+
+    def _go_on(self, fetch: Fetch, piece: Piece, physical: float, *, taken: bool) -> None:
+        """Go on with an answer of which a piece came in time, or end it."""
         if is_refusal(piece):
-            self.joining.declined(sender, piece.waits_for)
-            self._give_up()
+            self.joining.declined(fetch.peer, piece.waits_for)
+            self.inquiry.give_up()
         elif not taken:
-            self.complaints.drop(sender, WireError("another piece than was asked for"))
-            self._note_answer(sender, useful=False)
-            self._give_up()
+            self._reject(fetch.peer, "another piece than was asked for")
         else:
             fetch.note_joined(piece, self.graph.store)
             if fetch.begin is None:
                 self._finish(fetch, physical)
             elif fetch.is_useless:
-                self.complaints.drop(sender, WireError("too many changes in one answer that cannot be joined"))
-                self._note_answer(sender, useful=False)
-                self._give_up()
+                self._reject(fetch.peer, "too many changes in one answer that cannot be joined")
 
-    def _brought(self, piece: Piece, before: tuple[int, int]) -> bool:
-        """Whether a joined piece is the last, told something new, or of what is here: made-up ones have no end."""
-        begin, end, entries = piece.begin, piece.end, self.graph.store.entries
-        if end is None or self._state != before:
-            return True
-        if begin[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
-            return end[0] != "" or len(piece.whole or ()) >= FEWEST_TOLD
-        return any(begin[:2] <= dot < end[:2] and dot in entries for dot in piece.kept)
-
-    def _take(self, fetch: Fetch, piece: Piece) -> bool:
-        """Whether it is the piece that was asked for; then the next one is asked for, if there is any."""
-        self._under_way = None
-        if not fetch.take(piece):
-            return False
-        if fetch.begin is not None and self.ask_ahead is not None and not self._turn_over:
-            self._asked_ahead = True
-            self.ask_ahead(self._request(fetch))
-        return True
+    def _reject(self, peer: str, why: str) -> None:
+        """Drop an answer that makes no sense."""
+        self.complaints.drop(peer, WireError(why))
+        self._peers.gave(peer, useful=False)
+        self.inquiry.give_up()
 
     def _check_piece(self, sender: str, piece: Piece, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name; leave out of it what nobody can have seen."""
@@ -313,14 +276,12 @@ class Synchroniser:
         """All pieces have come."""
         rest = self.claims.reply_part(fetch.rest(), joining=not self.joined)
         self._join_reply(fetch.peer, rest, physical)
-        self._broken_off.discard(fetch.peer)
-        self._fetch = self._under_way = None
-        if fetch.joined and not self._broken_off and self.claims.tidy(fetch.peer, rest):
+        nothing_broken_off = self.inquiry.end(fetch)
+        if fetch.joined and nothing_broken_off and self.claims.tidy(fetch.peer, rest):
             self.complaints.say(fetch.peer, "after a reply of %s too many gaps were left: the lowest are given up")
             self.graph.look_again()
-        changed = self._state != fetch.before
-        self._note_answer(fetch.peer, useful=changed)
-        self._wants_everything = False
+        changed = state_of(self.graph.store) != fetch.before
+        self._peers.gave(fetch.peer, useful=changed)
         if self.joined:
             self.repairs += changed
             return
@@ -328,38 +289,22 @@ class Synchroniser:
         self.joined = fetch.joined and self._trusts(fetch.peer)
         self._join_if_nobody_has_more()
 
-    @property
-    def _state(self) -> tuple[int, int]:
-        return self.graph.store.context.hash, self.graph.store.fingerprint
-
-    def _note_answer(self, sender: str, *, useful: bool) -> None:
-        peer = self._peers.get(sender)
-        if peer is not None:
-            peer.in_vain = 0 if useful else peer.in_vain + 1
-
     def _join_if_nobody_has_more(self) -> None:
         if not self.joined and self.joining.nobody_has_more and not self.joining.others_possible:
             self.joined = True
 
     def request_done(self, number: int) -> None:
         """No more answers to that `Ask` will come."""
-        if number == self._under_way and self._fetch is not None:
-            self._break_off(self._fetch)
+        fetch = self.inquiry.answer_to(number)
+        if fetch is not None:
+            self._break_off(fetch.peer)
 
-    def _break_off(self, fetch: Fetch) -> None:
+    def _break_off(self, peer: str) -> None:
         """Expect no more of an answer, and perhaps of who gave it."""
-        self._give_up()
-        self._peers.unanswered(fetch.peer)
-        if fetch.peer not in self._peers:
-            self._forget(fetch.peer)
-
-    def _give_up(self) -> None:
-        """Ask for no further piece."""
-        if self._fetch is not None and self._fetch.begin != START and len(self._broken_off) < MAX_PEERS:
-            self._broken_off.add(self._fetch.peer)  # what it had not sent yet is a gap that somebody can fill
-        if self._fetch is not None and self._turn_brought and self._fetch.peer in self._peers:
-            self._ready.add(self._fetch.peer)
-        self._fetch = self._under_way = None
+        self.inquiry.give_up()
+        self._peers.unanswered(peer)
+        if peer not in self._peers:
+            self._forget(peer)
 
     def nobody_there(self) -> None:
         """Note that there is nothing to wait for: the caller knows that the graph begins here, or wants this."""
@@ -398,70 +343,9 @@ class Synchroniser:
             outputs.append(PublishDigest(self.digest(physical)))
         if self._pace.renewal_due(now):
             outputs.append(Renew())
-        outputs += self._ask(now)
-        return outputs
-
-    def _ask(self, now: float) -> list[Output]:
-        """Ask for the next piece, of the same peer or of another one."""
         self._note_time(now)
-        if self._asked_ahead:
-            self._asked_at, self._asked_ahead = now, False
-        if self._fetch is not None and now >= self._turn_ends and not self._turn_over:
-            self._turn_over = self._others_wait(now)
-        if self._under_way is not None:
-            if now - self._asked_at < self._patience():
-                return []
-            if self._fetch is not None:
-                self._peers.came_late(self._fetch.peer)
-            self._turn_over = True
-        if self._fetch is not None and self._turn_over:
-            self._pause(self._fetch)
-        if self._fetch is None:
-            peer = self._peer_to_ask(now)
-            if peer is None:
-                return []
-            self._peers[peer].asked += 1
-            self._peers[peer].asked_at = now
-            self._fetch, self._turn_ends, self._turn_over = self._begun(peer), now + TURN, False
-            self._turn_brought = False
-            self._ready.discard(peer)
-        self._asked_at = now
-        return [self._request(self._fetch)]
-
-    def _patience(self) -> float:
-        """How long the piece that was asked for is waited for, s; the longest for one who has begun to answer."""
-        peer = self._peers.get(self._fetch.peer) if self._fetch is not None and self._fetch.begin == START else None
-        return LAST_PATIENCE if peer is None else peer.patience
-
-    def _begun(self, peer: str) -> Fetch:
-        """The answer of a peer that is asked next: a new one, or one that goes on."""
-        paused = self._paused.pop(peer, None)
-        if paused is not None and not self._wants_everything:
-            return paused
-        ranges = () if self._wants_everything else seen_by(self.graph.store)
-        fetch = Fetch(peer, CausalContext(ranges), insists=self.joined or self.joining.insists)
-        fetch.before = self._state
-        return fetch
-
-    def _pause(self, fetch: Fetch) -> None:
-        """Let others answer; this answer goes on, with the same piece, when it is the turn of who gives it."""
-        self._give_up()
-        if self._turn_brought:
-            self._ready.add(fetch.peer)
-        if fetch.begin != START and len(self._paused) < MAX_PAUSED:
-            self._paused[fetch.peer] = fetch
-
-    def _others_wait(self, now: float) -> bool:
-        """Whether somebody else may have what is missing here."""
-        answering = self._fetch.peer if self._fetch is not None else ""
-        if not self.joined:
-            return any(rid != answering and self.joining.may_have_more(rid) for rid in self._peers)
-        return any(rid != answering and self._is_due(self._peers[rid], now) for rid in self._known_ahead(now))
-
-    def _request(self, fetch: Fetch) -> Ask:
-        self._requests += 1
-        self._under_way = self._requests
-        return Ask(fetch.peer, fetch.request(self.graph.rid), self._requests)
+        question = self.inquiry.question(now, joined=self.joined)
+        return outputs if question is None else [*outputs, question]
 
     def _note_time(self, now: float) -> None:
         """For how long something has been missing here."""
@@ -472,8 +356,8 @@ class Synchroniser:
                 self._pieces_before, self._came_at = self.pieces, now
             if now - max(self.joining.since, self._came_at) > LONG_WAIT and self.joining.others:
                 self.complaints.say(self.graph.rid, "%s has not joined yet: %s", self.joining.why(now))
-        ahead = [rid for rid in self._known_ahead(now) if not self._peers[rid].in_vain]
-        complete = self.joined and self._fetch is None and not ahead
+        lacked = any(not self._peers[rid].in_vain for rid in self.lacking.have_more(now))
+        complete = self.joined and not self.is_asking and not lacked
         self.behind_since = None if complete else now if self.behind_since is None else self.behind_since
 
     def make_durable(self) -> Delta:
@@ -490,7 +374,7 @@ class Synchroniser:
     @property
     def is_asking(self) -> bool:
         """Whether an answer is under way."""
-        return self._fetch is not None
+        return self.inquiry.fetch is not None
 
     @property
     def peers(self) -> list[str]:
@@ -511,10 +395,6 @@ class Synchroniser:
         """Whether a replica was asked for what it has, or cannot be, for nobody there goes by that id."""
         peer = self._peers.get(rid)
         return peer is None or peer.asked > 0
-
-    def keeps_waiting(self, rid: str) -> bool:
-        """Whether a replica gave what it was asked for last, and is not asked now: it is others' turn."""
-        return rid in self._ready
 
     @property
     def heard(self) -> list[str]:
@@ -571,55 +451,6 @@ class Synchroniser:
         ahead = tuple(sorted(islice((rid for rid, peer in self._peers.items() if peer.ahead), MOST_NAMED)))
         rid, store = self.graph.rid, self.graph.store
         return encode_digest(Digest(rid, physical, store.context.summary(rid), store.fingerprint, ahead))
-
-    def _peer_to_ask(self, now: float) -> str | None:
-        if not self.joined:
-            asked = {rid: peer.asked for rid, peer in self._peers.items() if now - peer.asked_at >= JOIN_RETRY}
-            return self.joining.choose(asked, asked, now)
-        leaving = [rid for rid, peer in self._peers.items() if peer.is_leaving]
-        if leaving:
-            return leaving[0]
-        return self._least_asked([rid for rid in self._known_ahead(now) if self._is_due(self._peers[rid], now)])
-
-    def _known_ahead(self, now: float) -> list[str]:
-        """Peers of which a digest told of something that is not here, though it had the time to come."""
-        return [
-            rid
-            for rid, peer in self._peers.items()
-            if peer.digest
-            and peer.digest is not peer.covered
-            and GRACE <= now - peer.heard_at < SILENCE
-            and self._is_behind(rid, peer, peer.digest)
-        ]
-
-    @staticmethod
-    def _is_due(peer: Peer, now: float) -> bool:
-        """Whether it was not asked since its last digest, nor too soon after an answer that changed nothing."""
-        return peer.asked_at < peer.heard_at and now - peer.asked_at >= peer.pause
-
-    def _least_asked(self, rids: list[str]) -> str | None:
-        """The peers in turn, so that one that does not answer is not asked for ever; last those that seem to leave."""
-        peers = self._peers
-        return min(rids, key=lambda rid: (peers[rid].withdrawn_at is not None, peers[rid].asked), default=None)
-
-    def _is_behind(self, rid: str, peer: Peer, digest: Digest) -> bool:
-        listed, rest = self.graph.store.context.compare(digest.seen)
-        if not listed or not (rest or peer.rest_known):
-            return True
-        if self._differs(digest) and self._trusts(rid):
-            self.complaints.say(rid, "a removal has come to %s or to us without its dot: asking for everything")
-            self._wants_everything = True
-            return True
-        peer.covered, peer.in_vain = digest, 0
-        return False
-
-    def _differs(self, digest: Digest) -> bool:
-        """Whether somebody holds something else and has seen the same: one of us cannot account for a removal."""
-        store = self.graph.store
-        if digest.fingerprint == store.fingerprint or digest.seen.hash != store.context.hash:
-            return False
-        self.graph.look_between()  # edges that turned out to be dead may still be here
-        return digest.fingerprint != store.fingerprint
 
     def _trusts(self, rid: str) -> bool:
         return self.gate is None or self.gate.trusts(rid)

@@ -7,12 +7,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsr.graph.shares import shared_out
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
 from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, VisibleScene, is_enough
-from dsr.visibility.perspectives import PERSON, PERSPECTIVES, WIDTH, Perspective, read_perspectives
+from dsr.visibility.perspectives import (
+    CAMERA,
+    PERSON,
+    PERSPECTIVES,
+    WIDTH,
+    Perspective,
+    persons_there,
+    read_perspectives,
+)
 from dsr.visibility.picture import Picture, VisibleFraction
+from dsr.vocabulary.perceived import MOST_CAMERAS
+from dsr.vocabulary.relations import nodes_by_name
 
 _STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
 _SWAYS = 5e-3  # likewise, of persons
@@ -114,9 +125,14 @@ class VisibilityMonitor:
         ]
 
     def _wanted(self) -> list[str]:
-        """Names of the perspectives that are there and count."""
-        names = (node.name for kind in sorted(self._kinds) for node in self._memory.nodes(kind))
-        return sorted(name for name in names if self._names is None or name in self._names)
+        """Names of the perspectives that are there and count; unless they were named, no more than are usual."""
+        memory = self._memory
+        if self._names is not None:
+            return [node.name for node in nodes_by_name(memory, self._kinds) if node.name in self._names]
+        found = persons_there(memory, memory.clock.now()) if PERSON in self._kinds else []
+        if CAMERA in self._kinds:
+            found += shared_out(nodes_by_name(memory, CAMERA), MOST_CAMERAS)
+        return sorted(node.name for node in found)
 
     def _look(self) -> None:
         """Draw the pictures that are not up to date."""

@@ -14,10 +14,12 @@ from typing import NamedTuple
 from dsr.errors import ConfigError, suggest
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
+from dsr.graph.shares import shared_out
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.perceived import is_perceived
+from dsr.vocabulary.perceived import MOST_PERSONS, is_perceived
+from dsr.vocabulary.relations import nodes_by_name
 
 _log = logging.getLogger("dsr.visibility")
 
@@ -38,6 +40,12 @@ _MOST_TOLD = 256
 _told: set[str] = set()  # nodes whose field of view was warned of
 GAZE = Pose((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
 """person_from_optical: z of the optical frame is x of the person's, and its x is minus the person's y."""
+
+
+def persons_there(memory: Memory, now: float) -> list[Node]:
+    """Nodes of persons whom somebody perceives at `now` (s), by name; of too many as many of each agent's."""
+    there = [node for node in nodes_by_name(memory, PERSON) if is_perceived(node, now)]
+    return shared_out(there, MOST_PERSONS)
 
 
 class Perspective(NamedTuple):

@@ -15,6 +15,12 @@ MOST_SILENT = 1.0
 """s since `last_seen`, from which what a node says of being perceived counts no more: longer than writers wait."""
 MOST_AHEAD = 0.5
 """s that a stamp may be ahead of this machine's clock: more than clocks in step differ by"""
+MOST_CAMERAS = 64
+"""Cameras at one time that are looked at: whoever may make their nodes could make any number."""
+MOST_HANDS = 16
+"""Human hands at one time that are looked at."""
+MOST_PERSONS = 64
+"""Persons at one time that are looked at."""
 
 CAMERA_SPEED = 0.02
 """m/s up to which a camera counts as at rest: what it shows while it moves faster is not used."""

@@ -25,6 +25,7 @@ from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
+from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
@@ -114,16 +115,11 @@ class GraphReader:
 
     def _hands(self, now: float) -> dict[str, HandPercept]:
         """The human hands whose place is known."""
-        fingers = {node.name: node for node in nodes_by_name(self._memory, ("finger",))}
         hands: dict[str, HandPercept] = {}
-        for node in nodes_by_name(self._memory, ("hand",)):
+        for node, fingers in hand_nodes(self._memory, now):
             with self._skipping(node.name):
                 pose = self._placed(node)
-                tips = {
-                    edge.dst: tip
-                    for edge in self._memory.edges("has", src=node.name)
-                    if edge.dst in fingers and (tip := self._placed(fingers[edge.dst])) is not None
-                }
+                tips = {finger.name: tip for finger in fingers if (tip := self._placed(finger)) is not None}
                 if pose is not None:
                     hands[node.name] = HandPercept(pose, tips, is_perceived(node, now))
         return hands

@@ -18,10 +18,12 @@ from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright
+from dsr.visibility.perspectives import persons_there
 from dsr.vocabulary.calibration import pose_of, provisional
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.perceived import MOST_SILENT, is_perceived, seconds_unseen
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
+from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.reading import MODELLED
 from simulation_handler.hands.figures import hand_solid
 from simulation_handler.perception.visibility import CameraView
@@ -113,15 +115,13 @@ def modelled(memory: Memory, forms: Forms) -> list[Solid]:
 def hands(memory: Memory, now: float) -> list[Solid]:
     """Human hands that are in sight, or were until just before `now` (s): they may still hide something."""
     found = []
-    for node in nodes_by_name(memory, "hand"):
+    for node, fingers in hand_nodes(memory, now):
         pose = _measured(memory, node)
         if pose is not None and seconds_unseen(node, now) <= MOST_SILENT:
-            fingers = (memory.get_node(edge.dst) for edge in memory.edges("has", src=node.name))
             tips = {
                 int(match[1]): tip.t
                 for finger in fingers
-                if finger is not None and (match := _FINGER.search(finger.name))
-                if (tip := _measured(memory, finger)) is not None
+                if (match := _FINGER.search(finger.name)) and (tip := _measured(memory, finger)) is not None
             }
             found.append(hand_solid(node.name, pose, tips, is_left=node.get("side") == "left"))
     return found
@@ -129,8 +129,7 @@ def hands(memory: Memory, now: float) -> list[Solid]:
 
 def persons(memory: Memory, now: float) -> list[Solid]:
     """Heads and trunks, as boxes, of those who are there at `now` (s); who has `bounds` is among the `obstacles`."""
-    there = [node for node in memory.nodes(PERSON) if is_perceived(node, now) and "bounds" not in node]
-    there.sort(key=lambda node: node.name)
+    there = [node for node in persons_there(memory, now) if "bounds" not in node]
     return [
         Solid(node.name, part.size, placed.t, placed.q, fixed=True)
         for node, pose in zip(there, _places(memory, there), strict=True)

@@ -25,7 +25,7 @@ from dsr.crdt.delta import Delta
 from dsr.files import private_files
 from dsr.files.private_files import new_file, replacing
 from dsr.persistence.generations import Generations
-from dsr.replication.sync import Synchroniser
+from dsr.replication.lacking import Lacking
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -83,7 +83,7 @@ def test_meshes_come_in_pieces_and_wrong_ones_are_not_taken() -> None:
 
 def test_a_failure_is_made_shorter() -> None:
     setting = Setting(5, days=1, steps=100)
-    with mock.patch.object(Synchroniser, "_is_behind", lambda *arguments: False):
+    with mock.patch.object(Lacking, "_is_behind", lambda *arguments: False):
         problem = run(setting).problem
         assert problem
         steps = shortest(setting, setting.history(), problem)

@@ -221,7 +221,7 @@ def test_only_time_between_words_of_who_owes_something_counts() -> None:
     def after(seconds: float, *, heard: bool = True, owing: bool = True, gave: bool = False) -> list[str]:
         clock.advance(seconds)
         word = clock.monotonic() if heard else clock.monotonic() - 1000.0
-        return debts.count(place, ["a-1"], {"a-1": word} if owing else {}, {"a-1"} if gave else set())
+        return debts.count(place, ["a-1"], {"a-1": word} if owing else {}, {"a-1": 3.0} if gave else {})
 
     assert after(1.0) == [] and not debts._accounts  # nobody has asked
     debts.open(place)
@@ -239,12 +239,27 @@ def test_only_time_between_words_of_who_owes_something_counts() -> None:
     assert debts.waits_for(place, "late-1") and debts.waits_for(place, "a-1")
 
 
+@pytest.mark.parametrize(("share", "pause", "waited"), [(1.0, 9.0, 1000.0), (1e-3, 1.0, 40.0), (0.5, 6.0, 220.0)])
+def test_pieces_that_bring_little_take_little_off(share: float, pause: float, waited: float) -> None:
+    """A whole one takes off as much as one may take, 10 s; waited is for s at most, or for ever."""
+    clock = ManualClock()
+    debts, given_up = Debts(clock), 1000.0
+    debts.open("part/kitchen")
+    for second in range(1000):
+        gave = {"a-1": share} if second % pause == pause - 1.0 else {}
+        clock.advance(1.0)
+        if debts.count("part/kitchen", ["a-1"], {"a-1": clock.monotonic()}, gave):
+            given_up = min(given_up, second)
+    assert given_up <= waited
+    assert (given_up == 1000.0) is (share * 10.0 >= pause)
+
+
 def test_what_is_counted_is_bounded() -> None:
     clock = ManualClock()
     debts = Debts(clock)
     for place in range(100):
         debts.open(f"part/{place}")
-        debts.count(f"part/{place}", [f"made_up-{number}" for number in range(2 * MAX_PEERS)], {}, set())
+        debts.count(f"part/{place}", [f"made_up-{number}" for number in range(2 * MAX_PEERS)], {}, {})
     assert all(len(account.owed) == MAX_PEERS for account in debts._accounts.values())
     clock.advance(FORGET + 1.0)
     debts.open("part/other")

@@ -172,7 +172,7 @@ def test_a_digest_that_differs_finds_no_edge_that_should_be_gone() -> None:
     for delta, sender in ((Delta(context=[(LIAR, 1, 300)]), LIAR), (Delta(context=[("nobody-1", 1, 9)]), "nobody-1")):
         sent(peer, delta, sender)
     synchroniser.receive_digest("peer-1", peer.digest(0.0), 0.0, 0.0)
-    assert not list(synchroniser._known_ahead(1.0))
+    assert not list(synchroniser.lacking.have_more(1.0))
     assert not synchroniser.graph.store.entries
 
 

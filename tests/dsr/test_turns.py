@@ -11,9 +11,10 @@ from dsr.crdt.delta import Add, Write
 from dsr.crdt.pieces import START, Piece, Place
 from dsr.graph.graph import Graph
 from dsr.replication import fetching
+from dsr.replication.inquiry import TURN
 from dsr.replication.outputs import Ask
 from dsr.replication.piece_wire import Request, decode_request, encode_piece
-from dsr.replication.sync import TURN, Synchroniser
+from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, encode_digest
 
 STEP = 0.25
@@ -81,7 +82,7 @@ def test_an_endless_answer_keeps_no_newcomer_out() -> None:
 def test_what_does_not_live_here_is_not_kept_in_mind() -> None:
     room = Room(10, endless)
     room.live(2.0, honest=False)
-    assert room.mine._fetch is not None and not room.mine._fetch._live
+    assert room.mine.inquiry.fetch is not None and not room.mine.inquiry.fetch._live
 
 
 def test_an_answer_goes_on_where_it_was_when_others_had_their_turn() -> None:
@@ -117,7 +118,7 @@ def test_an_answer_without_end_of_what_cannot_be_joined_is_not_listened_to() -> 
     finally:
         fetching.MAX_UNJOINED = bound
     assert room.mine.dropped == {"liar-1": 1}
-    assert room.mine._fetch is None or not room.mine._fetch.is_useless
+    assert room.mine.inquiry.fetch is None or not room.mine.inquiry.fetch.is_useless
 
 
 def test_additions_that_are_refused_count_too() -> None:

@@ -11,7 +11,10 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import to_numbers
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import PICK, deeds_of
+from dsr.vocabulary.perceived import MOST_HANDS
 from simulation_handler import SimulationHandler
+from simulation_handler.graph_io.hand_nodes import hand_nodes
+from simulation_handler.hands.state import FINGERS
 from tests.simulation_handler.occluded import BOX, standing
 from tests.simulation_handler.test_agent import NAME, Table
 from tests.simulation_handler.worlds import CUBE, WALL, container, cube_at
@@ -186,3 +189,24 @@ def test_malformed_hands_do_no_harm(table: Table, kind: str) -> None:
     agent = table.lockstep.runner(NAME).agent
     assert isinstance(agent, SimulationHandler)
     assert ("at most" in agent.degraded) is (kind in ("far away", "strange fingers"))
+
+
+def test_however_many_hands_somebody_makes_up_those_of_others_count(table: Table) -> None:
+    liar = table.lockstep._join("liar", "liar-1", None)
+    now = table.lockstep.clock.now()
+    for number in range(3 * MOST_HANDS):
+        liar.add_node(f"a_{number}", "hand", perceived=True, last_seen=now)
+        liar.add_edge("world", f"a_{number}", "RT", pose=Pose((0.4, 0.1, 0.1)).with_stamp(now))
+    run_with_hand(table, ((0.4, 0.1, 0.04), (0.44, 0.1, 0.04)), 0.1)
+    liar.poll()
+    for number in range(50):
+        liar.add_node(f"a_finger_{number}", "finger", perceived=True)
+        liar.add_edge("human_hand_0", f"a_finger_{number}", "has")
+        liar.add_edge("world", f"a_finger_{number}", "RT", pose=Pose((0.4, 0.1, 0.04)).with_stamp(now))
+    liar.flush()
+    run_with_hand(table, ((0.4, 0.1, 0.04), (0.44, 0.1, 0.04)), 0.5)
+    hands = {node.name: parts for node, parts in hand_nodes(table.memory, table.lockstep.clock.now())}
+    assert len(hands) == MOST_HANDS and len(hands["human_hand_0"]) == FINGERS
+    assert {"human_hand_0_finger_0", "human_hand_0_finger_1"} <= {finger.name for finger in hands["human_hand_0"]}
+    belief = table.lockstep.runner(NAME).agent.belief
+    assert belief._touching.hands.keys() <= hands.keys() and "human_hand_0" in belief._touching.hands

@@ -46,9 +46,9 @@ class DepthInColor:
         if own is None or color is None:
             self._tally.count(f"depth before {self._topics.depth_info}")
             return None
-        if self._made is None or self._made[:2] != (own, color):
-            self._made = own, color, DepthAlignment(own, color, self._pose)
         try:
+            if self._made is None or self._made[:2] != (own, color):
+                self._made = own, color, DepthAlignment(own, color, self._pose)
             return self._made[2].align(depth)
         except ValueError as error:
             text = f"{self._topics.depth_info} is not about {self._topics.depth}: {error}"

@@ -46,7 +46,7 @@ class BridgeCore:
         self.own: set[bytes] = set()
         """Gids of our publishers"""
         self._agent = agent
-        self._closers: list[Callable[[], None]] = []
+        self._closers: dict[Callable[[], None], None] = {}
 
     def inbox(
         self, name: str, type: str, most: int, qos: Qos = SENSOR, take: Callable[[], None] | None = None
@@ -59,24 +59,28 @@ class BridgeCore:
         turns = self.turns
         notify = turns.notify if take is None else lambda: turns.do_now(take)
         inbox = RosInbox(self.link, Topic(name, type, qos), most, self.clock, self.tally, self.own, notify)
-        self._closers.append(inbox.close)
+        self.on_close(inbox.close)
         return inbox
 
     def outlet(self, name: str, type: str, qos: Qos | None = None) -> RosOutlet:
         """Publish on a topic. Raises `RosMessageError` for a name or type that there is not."""
         publisher = self.link.publisher(Topic(name, type, qos or Qos()))
         self.own.add(publisher.writer)
-        self._closers.append(publisher.close)
+        self.on_close(publisher.close)
         return RosOutlet(self, publisher, name, type)
 
     def on_close(self, close: Callable[[], None]) -> None:
-        """Call `close` in the end."""
-        self._closers.append(close)
+        """Call `close` in the end, unless that is taken back (`forget`)."""
+        self._closers[close] = None
+
+    def forget(self, close: Callable[[], None]) -> None:
+        """Do not call `close` in the end any more: it has been done."""
+        self._closers.pop(close, None)
 
     def close(self) -> None:
         """Take all back, last one first."""
         while self._closers:
-            self._closers.pop()()
+            self._closers.popitem()[0]()
 
     def came_from_ros(self, element: Node | Edge, attribute: str) -> bool:
         """Whether a bridge of our name wrote the present value, now or in an earlier life: it is not sent back."""
@@ -117,4 +121,5 @@ class RosOutlet:
     def close(self) -> None:
         """Publish no more."""
         self._core.own.discard(self._publisher.writer)
+        self._core.forget(self._publisher.close)
         self._publisher.close()

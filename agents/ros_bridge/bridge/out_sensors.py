@@ -7,14 +7,18 @@ import re
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
+from agents.ros_bridge.bridge.stamping import is_to_come
 from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
 from agents.ros_bridge.mapping.images import IMAGE, to_image
 from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
 from dsr.graph.elements import Node
+from dsr.graph.shares import shared_out
 from dsr.images.blobs import Frame
 from dsr.images.frame_reader import FrameReader
 from dsr.vocabulary.intrinsics import read_intrinsics
+from dsr.vocabulary.perceived import MOST_CAMERAS
+from dsr.vocabulary.relations import nodes_by_name
 
 _LOOK = 0.5
 """s until it is looked again whether anybody wants the images of a camera"""
@@ -57,7 +61,8 @@ class JointsOut:
             names = [name.strip() for name in node.get("joint_names", "").split(",")]
             if len(names) != len(positions):
                 continue
-            stamp = self._core.times.to_ros(node.written_at("joint_positions") or self._core.times.now())
+            now = self._core.times.now()  # a stamp of a time to come is outdone by all later ones, and says nothing
+            stamp = self._core.times.to_ros(min(node.written_at("joint_positions") or now, now))
             velocities = node.get("joint_velocities", ())
             known = velocities if len(velocities) == len(names) else ()
             self._send(self._outlet, stamp, names, positions, known)
@@ -96,7 +101,7 @@ class _Stream:
         if self._reader is None:
             self._reader = self._core.memory.frames(self.node)
         frame = self._reader.latest() if self._throttle.is_due else None
-        if frame is not None:
+        if frame is not None and not is_to_come(self._core, frame.stamp, self.node):
             self._throttle.take()
             self._send(frame)
 
@@ -131,20 +136,41 @@ class ImagesOut:
         if self._wanted:
             self._watch = core.memory.watch(node_type="camera")
             core.on_close(self._watch.close)
+            core.on_close(self._close)
 
     def update(self, now: float) -> None:
         """Take note of cameras that came or went, and send their newest frames at time `now` (s)."""
         if not self._wanted:
             return
         if self._watch.poll():
-            present = {node.name for node in self._core.memory.nodes("camera") if self._is_ours(node)}
+            present = self._present()
             for name in self._streams.keys() - present:
                 self._streams.pop(name).close()
             for name in sorted(present - self._streams.keys()):
                 self._streams[name] = _Stream(self._core, self._config, name)
-                self._core.on_close(self._streams[name].close)
         for stream in self._streams.values():
             stream.update(now)
+
+    def _present(self) -> set[str]:
+        """The cameras that have topics: of several with one topic that which it is named after, else that which has it.
+
+        Of too many cameras these are as many of each agent.
+        """
+        ours = [node for node in nodes_by_name(self._core.memory, "camera") if self._is_ours(node)]
+        ours.sort(key=lambda node: (sensor_topic(node.name) != f"/dsr/{node.name}", node.name not in self._streams))
+        owners: dict[str, Node] = {}
+        for node in ours:
+            owner = owners.setdefault(sensor_topic(node.name), node)
+            if owner is not node:
+                text = f"camera {node.name!r} is not sent: its topic is that of {owner.name!r}"
+                self._core.tally.tell("not sent", node.name, text)
+        return {node.name for node in shared_out(owners.values(), MOST_CAMERAS)}
+
+    def _close(self) -> None:
+        """Publish nothing any more."""
+        for stream in self._streams.values():
+            stream.close()
+        self._streams.clear()
 
     def _is_ours(self, node: Node) -> bool:
         return node.get("stream") is not None and not self._core.came_from_ros(node, "stream")

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import LATCHED, BridgeCore
+from agents.ros_bridge.bridge.stamping import is_to_come
 from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
@@ -79,7 +80,7 @@ class TfOut:
             write = None if edge is None else edge.newest_write(_POSE)
             if edge is None or write is None or not isinstance(pose := write.value, Pose):
                 continue
-            if not self._is_to_be_sent(edge, pose, write):
+            if is_to_come(self._core, pose.stamp, edge.dst) or not self._is_to_be_sent(edge, pose, write):
                 continue
             try:
                 transform = self._transform(edge, pose)
@@ -130,6 +131,8 @@ class TfOut:
     def _transform(self, edge: Edge, pose: Pose) -> StampedTransform:
         core = self._core
         parent, child = core.names.frame(edge.src), core.names.frame(edge.dst)
+        if edge.type == _RT and child.startswith(BELIEF):
+            raise RosMessageError(f"node {edge.dst!r} has the name of something that is believed")
         if edge.type == _BELIEVED:
             child = BELIEF + child
             if core.memory.edges(_BELIEVED, dst=edge.src):

@@ -1,4 +1,4 @@
-"""Whether a stamp of ROS can be used in the memory, for sensors of all kinds."""
+"""Whether a stamp of ROS can be used in the memory, for sensors of all kinds, and one of the memory in ROS."""
 
 from __future__ import annotations
 
@@ -22,12 +22,7 @@ def usable_stamp(core: BridgeCore, told: float, arrival: float, *, restamp: bool
         core.tally.count("before the first /clock")
         return None
     stamp, now = core.times.to_graph(told), core.times.now()
-    if stamp > now + MOST_AHEAD:
-        core.tally.tell(
-            "from the future", subject,
-            f"{subject!r} is stamped {stamp - now:.1f} s ahead of our clock, and dropped: "
-            "set the clocks, or `restamp = true`",
-        )  # fmt: skip
+    if _is_ahead(core, stamp, subject, "set the clocks, or `restamp = true`"):
         return None
     if stamp < now - MOST_BEHIND:
         core.tally.tell(
@@ -36,3 +31,17 @@ def usable_stamp(core: BridgeCore, told: float, arrival: float, *, restamp: bool
             "a bag is played with --clock, and dsr ros run with --use-sim-time",
         )  # fmt: skip
     return stamp
+
+
+def is_to_come(core: BridgeCore, stamp: float, subject: str) -> bool:
+    """Whether a stamp of the memory (s) is of a time to come: in ROS that would hide all that is true until then."""
+    return _is_ahead(core, stamp, subject, "set the clocks, or look who wrote it (`dsr stamps`)")
+
+
+def _is_ahead(core: BridgeCore, stamp: float, subject: str, advice: str) -> bool:
+    ahead = stamp - core.times.now()
+    if ahead <= MOST_AHEAD:
+        return False
+    text = f"{subject!r} is stamped {ahead:.1f} s ahead of our clock, and dropped: {advice}"
+    core.tally.tell("from the future", subject, text)
+    return True

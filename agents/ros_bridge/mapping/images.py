@@ -31,6 +31,8 @@ _FORMATS: dict[str, tuple[str, int]] = {
 _BLUE_FIRST = ("bgr8", "bgra8", "bgr16", "8uc3", "8uc4")
 """Encodings with blue first; OpenCV's plain ones have it so by custom."""
 _LUMA_FIRST = ("yuv422_yuy2", "yuyv")
+_PAIRS = 1 << 15
+"""Pairs of pixels that are converted at once: few enough for the cache, and for memory"""
 _DEPTH_HEADER = struct.Struct("<iff")
 """Of `compressedDepth`: format, then the two constants of a depth that is coded as its inverse"""
 
@@ -146,11 +148,20 @@ def _from_yuv(array: NDArray[np.uint8], luma: int) -> Color:
     height, width, _ = array.shape
     if width % 2:
         raise RosMessageError(f"a YUV image {width} px wide: expected an even number")
-    y = 1.164 * (array[:, :, luma].astype(np.float32) - 16.0)
-    chroma = array[:, :, 1 - luma].reshape(height, width // 2, 2).astype(np.float32) - 128.0
-    u, v = np.repeat(chroma[:, :, 0], 2, axis=1), np.repeat(chroma[:, :, 1], 2, axis=1)
-    rgb = np.stack([y + 1.596 * v, y - 0.391 * u - 0.813 * v, y + 2.018 * u], axis=2)
-    return np.clip(rgb + 0.5, 0.0, 255.0).astype(np.uint8)
+    pairs = array.reshape(-1, 2, 2)
+    rgb = np.empty((len(pairs), 2, 3), np.uint8)
+    for begin in range(0, len(pairs), _PAIRS):
+        _convert(pairs[begin : begin + _PAIRS], luma, rgb[begin : begin + _PAIRS])
+    return rgb.reshape(height, width, 3)
+
+
+def _convert(pairs: NDArray[np.uint8], luma: int, rgb: NDArray[np.uint8]) -> None:
+    """RGB (n, 2, 3) of pairs of pixels (n, 2, 2), each with its luma and one of the two values of their chroma."""
+    y = np.float32(1.164) * (pairs[:, :, luma].astype(np.float32) - np.float32(16.0))
+    u, v = (pairs[:, place : place + 1, 1 - luma].astype(np.float32) - np.float32(128.0) for place in (0, 1))
+    for channel, by_u, by_v in ((0, 0.0, 1.596), (1, -0.391, -0.813), (2, 2.018, 0.0)):
+        value = y + np.float32(by_u) * u + np.float32(by_v) * v + np.float32(0.5)
+        np.clip(value, 0.0, 255.0, out=rgb[:, :, channel], casting="unsafe")
 
 
 def _bytes(message: Any) -> bytes:

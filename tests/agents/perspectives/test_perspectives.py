@@ -11,6 +11,7 @@ from agents.perspectives.containment import carried, covers
 from agents.perspectives.falling import fallen
 from dsr import LocalNetwork, ManualClock, Memory, Mesh, Pose
 from dsr.timeline import kept_by, query
+from dsr.vocabulary.perceived import MOST_PERSONS
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
 
 HERE, THERE = (100, 0, 20), (100, 250, 20)
@@ -441,3 +442,24 @@ def test_a_person_whose_node_is_removed_learns_nothing_and_is_seen_by_nobody(tab
     table.memory.add_node("human_4", "person", perceived=True)  # nobody knows where
     table.run(1.0)
     assert "human_4" not in table.view("human_4")
+
+
+def test_however_many_persons_somebody_makes_up_the_worlds_are_few_and_those_of_others_stay() -> None:
+    table = Table()
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run()
+    liar = table.lockstep._join("liar", "liar-1", None)
+    for turn in range(3):
+        for number in range(MOST_PERSONS):
+            liar.add_node(f"a_{turn}_{number}", "person", perceived=True)
+            liar.add_edge("world", f"a_{turn}_{number}", "RT", pose=Pose((0.8, 0.1, 0.4), TURNED))
+        liar.flush()
+        table.run(0.4)
+        if turn == 1:
+            table.leave("human_1")
+        for number in range(MOST_PERSONS):
+            liar.remove_node(f"a_{turn}_{number}")
+        liar.flush()
+    table.run(0.4)
+    worlds = [info.name for info in table.memory.worlds() if info.name.startswith("view_of_")]
+    assert len(worlds) <= MOST_PERSONS and "view_of_human_1" in worlds

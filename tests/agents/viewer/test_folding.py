@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from agents.viewer.folding import fold
-from dsr import Pose
+from agents.viewer.folding import MOST_EDGES, MOST_NODES, fold
+from dsr import LocalNetwork, ManualClock, Memory, Pose
 
 
 def build_arm(memory: Any) -> None:
@@ -83,3 +83,24 @@ def test_a_circle_of_links_is_drawn(stage: Any) -> None:
     memory.add_edge("a", "b", "has")
     memory.add_edge("b", "a", "has")
     assert set(fold(memory).nodes) == {"a", "b"}
+
+
+def test_however_many_nodes_somebody_makes_up_those_of_others_are_drawn() -> None:
+    network = LocalNetwork(ManualClock())
+    liar, honest = (Memory("g", name, transport=network.connect(name), clock=network.clock) for name in ("liar", "me"))
+    for number in range(MOST_NODES):
+        liar.add_node(f"a_{number}", "cube")
+        for type in ("behind", "left_of", "above", "on", "in"):
+            liar.add_edge(f"a_{number}", "a_0", type)
+    honest.add_node("world", "world")
+    honest.add_node("cube", "cube")
+    honest.add_edge("world", "cube", "RT")
+    for _ in range(3):
+        for memory in (liar, honest):
+            memory.flush()
+            network.deliver()
+            memory.poll()
+    folded = fold(liar)
+    assert len(folded.nodes) == MOST_NODES and {"world", "cube"} <= folded.nodes.keys()
+    assert len(folded.edges) <= MOST_EDGES and ("world", "cube", "RT") in folded.edges
+    assert folded.labels["world"] == "world (2 nodes are not drawn)"

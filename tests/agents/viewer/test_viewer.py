@@ -19,7 +19,7 @@ import pytest
 
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
-from agents.viewer.images import MOST_CAMERAS, TURN
+from agents.viewer.places import TURN
 from dsr import Alternative, Frame, Pose, Whereabouts
 from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.believing.distribution import encoded
@@ -27,6 +27,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.timeline import Chronicle
+from dsr.vocabulary.perceived import MOST_CAMERAS
 from dsr.vocabulary.scenario_start import Start, start_key
 
 
@@ -300,7 +301,7 @@ def test_cameras_that_are_gone_leave_nothing(stage: Any) -> None:
     assert set(images._readers) == {"other", "other/detections"}
     stage.memory.remove_node("camera")
     stage.run(0.5)
-    assert not images.cameras and not images._shown and not images._readers and not images._waiting
+    assert not images.cameras and not images._shown and not images._readers
 
 
 def test_a_camera_behind_many_made_up_ones_has_its_turn(stage: Any) -> None:
@@ -314,6 +315,25 @@ def test_a_camera_behind_many_made_up_ones_has_its_turn(stage: Any) -> None:
         stage.run(0.5)
         assert len(images._readers) <= 2 * MOST_CAMERAS
     assert images.cameras == ["camera"]
+
+
+def test_a_camera_behind_as_many_as_have_places_that_sent_one_image_each_has_its_turn(stage: Any) -> None:
+    viewer = stage.start_viewer()
+    fakes = [f"a_{number}" for number in range(MOST_CAMERAS)]
+    for name in fakes:
+        stage.memory.add_node(name, "camera")
+    stage.run(0.5)
+    picture = Frame(1.0, {"color": np.zeros((4, 4, 3), np.uint8)}, {})
+    for name in fakes:
+        stage.memory.put_frame(name, picture)
+    stage.run(0.5)
+    images = viewer._views.images
+    assert images.cameras == sorted(fakes)
+    stage.build_table()
+    for _ in range(round(3 * TURN / 0.5)):
+        stage.memory.put_frame("camera", picture)
+        stage.run(0.5)
+    assert "camera" in images.cameras
 
 
 @pytest.mark.parametrize("stream", ["**", "a//b", "#", "/", "a\x1b[2J", "x" * 1000])

@@ -281,10 +281,10 @@ def test_dots_of_another_part_are_dropped_by_everybody_alike(net: Net, caplog: p
         assert "odd" not in memory and not any("hall" in rid for rid, _, _ in memory._graph.store.context.ranges())
     assert a.dropped[rid] == 1 and b.replica.synchroniser.dropped[rid] == plain.dropped[rid] == 1
     assert plain.dropped["evil-1"] > 1
-    asked = [memory.replica.synchroniser._requests for memory in (a, b, plain)]
+    asked = [memory.replica.synchroniser.inquiry._requests for memory in (a, b, plain)]
     evil.close()
     net.pump(20.0)
-    more = [memory.replica.synchroniser._requests for memory in (a, b, plain)]
+    more = [memory.replica.synchroniser.inquiry._requests for memory in (a, b, plain)]
     assert max(later - before for later, before in zip(more, asked, strict=True)) <= 2
 
 

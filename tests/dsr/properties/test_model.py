@@ -24,7 +24,7 @@ from dsr.crdt.store import Incarnation, Store
 from dsr.graph.graph import Graph
 from dsr.replication import sync
 from dsr.replication.fetching import Fetch
-from dsr.replication.sync import Synchroniser
+from dsr.replication.lacking import Lacking
 
 FILE = Path(__file__).with_name("traces.json")
 TRACES = read(FILE)
@@ -102,7 +102,7 @@ CODE: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
         Fetch, "rest", lambda right: lambda self: Delta(live=frozenset(), examined=[])),
     "answers remove nothing": (Store, "_remove_absent", lambda right: lambda self, delta: None),
     "who differs does not ask for all": (
-        Synchroniser, "_differs", lambda right: lambda self, digest: False),
+        Lacking, "_differs", lambda right: lambda self, digest: False),
     "a newcomer accounts for what it cannot judge": (
         sync, "accounted_for", lambda right: lambda sender, delta: delta.context),
     "a newcomer has joined whatever it was told": (

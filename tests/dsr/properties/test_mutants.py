@@ -24,6 +24,7 @@ from dsr.replication import replica as replica_module
 from dsr.replication.claims import Claims
 from dsr.replication.clock_votes import ClockVerdict
 from dsr.replication.impersonation import Impersonation
+from dsr.replication.lacking import Lacking
 from dsr.replication.peers import Peer, Peers
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest
@@ -185,8 +186,8 @@ def add_twice(original: Any) -> Any:
 def compare_what_is_live_only(original: Any) -> Any:
     """A replica asks only when the live dots differ, not when writes are missing."""
 
-    def is_behind(self: Synchroniser, rid: str, peer: Peer, digest: Digest) -> bool:
-        return digest.fingerprint != self.graph.store.fingerprint
+    def is_behind(self: Lacking, rid: str, peer: Peer, digest: Digest) -> bool:
+        return digest.fingerprint != self._graph.store.fingerprint
 
     return is_behind
 
@@ -326,8 +327,8 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Deltas, HybridClock, "observe", do_nothing),
     (Deltas, Soup, "new_rid", reuse_the_name),
     (Deltas, Watch, "offer", forget_removals),
-    (Memories, Synchroniser, "_is_behind", never),
-    (Memories, Synchroniser, "_is_behind", compare_what_is_live_only),
+    (Memories, Lacking, "_is_behind", never),
+    (Memories, Lacking, "_is_behind", compare_what_is_live_only),
     (Memories, Synchroniser, "_verdict", nobody_is_off),
     (Memories, clock_votes, "agent_of", count_replicas),
     (Memories, ClockVerdict, "_most", let_one_decide),

@@ -14,10 +14,11 @@ from agents.ros_bridge.mapping.detections import Believed, to_detections
 from agents.ros_bridge.mapping.images import to_image
 from agents.ros_bridge.messages.transforms import StampedTransform, encode_transforms
 from dsr import Pose
-from dsr.vocabulary.intrinsics import read_intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from tests.agents.ros_bridge.bridge.test_sensors import (
     CAMERA,
     COLOR,
+    DEPTH,
     DETECTIONS,
     DETECTOR,
     IMAGE,
@@ -164,3 +165,24 @@ def test_a_name_with_half_a_character_stops_no_other_frame() -> None:
             system.memory.add_edge("world", name, "RT", pose=A)
         system.run()
         assert {one.child for one in found} == {"a-d800-b", "table"}
+
+
+def test_intrinsics_that_would_fill_all_memory_cost_only_depth() -> None:
+    """A few hundred bytes: the colour is said to be 10^10 pixels large, or a pixel of depth to cover most of it."""
+    topics = {"color": "/c/image", "depth": "/d/image", "depth_info": "/d/camera_info", "depth_pose": {}}
+    for seen, measured in (
+        (Intrinsics(1e5, 1e5, 2.5, 1.5, 6, 4), Intrinsics(1.0, 1.0, 2.5, 1.5, 6, 4)),
+        (Intrinsics(500.0, 500.0, 2.5, 1.5, 100_000, 100_000), INTRINSICS),
+        (INTRINSICS, Intrinsics(500.0, 500.0, 2.5, 1.5, 100_000, 100_000)),
+    ):
+        with bridged({"receive": {"cameras": {"eye": topics}}}) as system:
+            frames = system.memory.frames("eye")
+            for name, intrinsics in (("/c/camera_info", seen), ("/d/camera_info", measured)):
+                publish(system.robot, name, INFO, to_camera_info(TYPES, system.now, "eye_optical", intrinsics))
+            publish(system.robot, "/c/image", IMAGE, to_image(TYPES, system.now, "eye_optical", COLOR))
+            publish(system.robot, "/d/image", IMAGE, to_image(TYPES, system.now, "eye_optical", DEPTH))
+            system.run(0.3)
+            frame = frames.latest()
+            assert frame is not None and frame.arrays.keys() == {"color"}
+            told = system.lockstep.runner("ros_bridge").agent.told
+            assert any("/d/camera_info is not about /d/image" in text for text in told)

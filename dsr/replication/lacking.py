@@ -1,0 +1,69 @@
+"""What is lacking here: which peers have seen or hold something else, by their digests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dsr.graph.graph import Graph
+from dsr.replication.complaints import Complaints
+from dsr.replication.peers import SILENCE, Peer, Peers
+from dsr.replication.wire import Digest
+
+GRACE = 0.15
+"""s that a delta on its way may be later than the digest that mentions it."""
+
+
+class Lacking:
+    """Compares the digests of peers with what is here; all times are of the monotonic clock, in s.
+
+    Args:
+        graph: what is here.
+        peers: whose digests.
+        complaints: where a lost removal is told.
+        trusts: tells who may speak for others.
+    """
+
+    def __init__(self, graph: Graph, peers: Peers, complaints: Complaints, trusts: Callable[[str], bool]) -> None:
+        self.everything = False
+        """Whether a removal has come somewhere without its dot: then only what all hold tells who is right."""
+        self._graph, self._peers, self._complaints, self._trusts = graph, peers, complaints, trusts
+
+    def note(self, peer: Peer, digest: Digest) -> None:
+        """Compare a digest that has just come: if nothing is unknown here, what changes from now on does not matter."""
+        listed, peer.rest_known = self._graph.store.context.compare(digest.seen)
+        if listed and peer.rest_known and not self._differs(digest):
+            peer.covered = digest
+
+    def have_more(self, now: float) -> list[str]:
+        """Peers of which a digest told of something that is not here, though it had the time to come."""
+        return [
+            rid
+            for rid, peer in self._peers.items()
+            if peer.digest
+            and peer.digest is not peer.covered
+            and GRACE <= now - peer.heard_at < SILENCE
+            and self._is_behind(rid, peer, peer.digest)
+        ]
+
+    def due(self, now: float) -> list[str]:
+        """Those of them that were not asked since their last digest, nor too soon after an answer in vain."""
+        return [rid for rid in self.have_more(now) if self._peers[rid].is_due(now)]
+
+    def _is_behind(self, rid: str, peer: Peer, digest: Digest) -> bool:
+        listed, rest = self._graph.store.context.compare(digest.seen)
+        if not listed or not (rest or peer.rest_known):
+            return True
+        if self._differs(digest) and self._trusts(rid):
+            self._complaints.say(rid, "a removal has come to %s or to us without its dot: asking for everything")
+            self.everything = True
+            return True
+        peer.covered, peer.in_vain = digest, 0
+        return False
+
+    def _differs(self, digest: Digest) -> bool:
+        """Whether somebody holds something else and has seen the same: one of us cannot account for a removal."""
+        store = self._graph.store
+        if digest.fingerprint == store.fingerprint or digest.seen.hash != store.context.hash:
+            return False
+        self._graph.look_between()  # edges that turned out to be dead may still be here
+        return digest.fingerprint != store.fingerprint
