@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, insort
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +37,36 @@ class ErrorOfAnother(NamedTuple):
     """1, degrees of freedom; infinite for a Gaussian"""
 
 
+class KnownErrors:
+    """The systematic errors of all objects that tell one, in ascending order.
+
+    Args:
+        shared: m, as of `error_of_another`.
+    """
+
+    def __init__(self, shared: float) -> None:
+        self._shared = shared
+        self._of: dict[str, KnownError] = {}
+        self._ordered: list[KnownError] = []
+
+    def note(self, name: str, error: KnownError | None) -> None:
+        """Take in the error of an object; None if it tells none any more."""
+        before = self._of.pop(name, None)
+        if before is not None:
+            del self._ordered[bisect_left(self._ordered, before)]
+        if error is not None:
+            self._of[name] = error
+            insort(self._ordered, error)
+
+    def of_another(self, name: str) -> ErrorOfAnother:
+        """The error of an object by those of all others."""
+        others, own = self._ordered, self._of.get(name)
+        if own is not None:
+            place = bisect_left(others, own)
+            others = others[:place] + others[place + 1 :]
+        return error_of_another(others, self._shared)
+
+
 def error_of_another(known: Iterable[KnownError], shared: float) -> ErrorOfAnother:
     """The systematic error of an object by those of others.
 
@@ -58,20 +90,33 @@ def error_of_another(known: Iterable[KnownError], shared: float) -> ErrorOfAnoth
 def _likeliest_set(ordered: Sequence[KnownError], shared: float) -> NDArray[np.float64]:
     """The errors (m) of the objects that rest as believed, of all in ascending order.
 
-    Errors of a set follow each other: another one of as many is no likelier. What may not lean is in each set.
+    Errors of a set follow each other: another one of as many is no likelier. What may not lean is in each set. Sets of
+    so few that they would be less likely than the whole, even if all their errors were 0, are not looked at.
     """
     count = len(ordered)
     resting = [i for i, error in enumerate(ordered) if not error.may_lean]
     first, end = (resting[0], resting[-1] + 1) if resting else (count - 1, 1)
+    metres = np.array([error.metres for error in ordered])
+    if (first, end) == (0, count):
+        return metres
+    whole = _log_evidence(np.array(count), metres.mean(), ((metres - metres.mean()) ** 2).sum(), count, shared)
+    fewest = 1 + int(np.argmax(_most_evidence(count, shared) >= whole))
+    first, end = min(first, count - fewest), max(end, fewest)
     begins, ends = np.meshgrid(np.arange(first + 1), np.arange(end, count + 1), indexing="ij")
     begins, ends = begins[begins < ends], ends[begins < ends]
-    metres = np.array([error.metres for error in ordered])
-    sums, sums_of_squares = np.cumsum([np.zeros(2), *np.column_stack([metres, metres**2])], axis=0).T
+    sums, sums_of_squares = np.cumsum([np.r_[0.0, metres], np.r_[0.0, metres**2]], axis=1)
     counts = ends - begins
     means = (sums[ends] - sums[begins]) / counts
     squares = np.maximum(sums_of_squares[ends] - sums_of_squares[begins] - counts * means**2, 0.0)
     best = int(np.argmax(_log_evidence(counts, means, squares, count, shared)))
     return metres[begins[best] : ends[best]]
+
+
+@lru_cache(maxsize=256)
+def _most_evidence(known: int, shared: float) -> NDArray[np.float64]:
+    """(known,) the most that `_log_evidence` can be for sets of 1, 2, ... of so many `known` errors."""
+    nothing = np.zeros(known)
+    return _log_evidence(np.arange(1, known + 1), nothing, nothing, known, shared)
 
 
 def _log_evidence(

@@ -22,6 +22,7 @@ from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.perception.systematic import ErrorOfAnother, KnownError
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.scales import TILTED, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
@@ -185,6 +186,23 @@ class BelievedObject:
         """(3, 3) m^2 of the position of `percept`."""
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
+
+    def known_error(self) -> KnownError | None:
+        """The systematic error of its percepts, if it rests on something as is believed for sure."""
+        if self.bias is None or self.leans or not self.is_sure_of_stance:
+            return None
+        return KnownError(self.bias, self.may_lean)
+
+    def told_by_others(self, error: ErrorOfAnother) -> PerceivedBody:
+        """Where it is perceived by what other objects tell of the systematic error.
+
+        What its own percepts told was learned from how it was taken to rest.
+        """
+        estimate, (mean, std, freedom) = self.track.estimate, error
+        assert estimate is not None
+        x, y, z = estimate.corrected(mean).tolist()
+        turning = self.turning() if self.shows_stance else self.turning_of_one()
+        return PerceivedBody(self.percept().moved((x, y, z)), estimate.total_covariance(std), turning, freedom)
 
     def turning(self) -> Array:
         """(3, 3) rad^2 of the rotation of `percept`."""
