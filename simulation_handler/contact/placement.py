@@ -22,7 +22,9 @@ from simulation_handler.shapes.geometry import Solid
 
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
-_ASKEW = 0.003  # rad, from which something leans; the floor of a container seems to be beside what lies on it then
+_ASKEW = 0.003
+"""rad, from which something leans: what it is beside is not to be seen from above then. The floor of a container seems
+to be beside what lies on it."""
 _SWEEPS = 25  # count of passes over all pairs: piles of ten have come apart by then
 
 _Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side
@@ -186,15 +188,9 @@ def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_
         for i, a in enumerate(solids)
         for b in _near(a, solids[i + 1 :])
         if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
-        if not (_is_askew(a) or _is_askew(b))
     )
-    pairs = ((a.name, b.name, _side_by_side_parts(a, b)) for a, b in near)
-    return [pair for pair in pairs if pair[2]]
-
-
-def _is_askew(solid: Solid) -> bool:
-    """Whether it leans: what it is beside is then not to be seen from above."""
-    return solid.face_down()[1] > _ASKEW
+    pairs = ((a, b, parts) for a, b in near if (parts := _side_by_side_parts(a, b)))
+    return [(a.name, b.name, parts) for a, b, parts in pairs if max(a.tilt, b.tilt) <= _ASKEW]
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:

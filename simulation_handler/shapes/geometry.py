@@ -154,6 +154,11 @@ class Solid:
         rotation, tilt = face_down(self.rotation, self._sides())
         return self.turned(rotation), tilt
 
+    @cached_property
+    def tilt(self) -> float:
+        """By how much a face is off being down, rad; 0 for a ball."""
+        return self.face_down()[1]
+
     def stances(self) -> list[Quaternion]:
         """The rotations that put one of its faces down, each the nearest to how it is turned; none for a ball."""
         return [face_down(self.rotation, (side,))[0] for side in self._faces()]
