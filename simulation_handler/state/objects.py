@@ -275,13 +275,8 @@ class BelievedObject:
             return False
         return not PoseTolerance(config.divergence, config.divergence_angle).covers(self.put, pose)
 
-    def covariance(self, rotation: Quaternion) -> Array | None:
-        """(6, 6) covariance of the believed pose in the object's frame (m, rad), once it was perceived."""
+    def covariances(self) -> tuple[Array, Array] | None:
+        """(3, 3) m^2 and rad^2 of the believed position and rotation, in the world frame, once it was perceived."""
         if self.placement is None or self.track.estimate is None:
             return None
-        turn = np.array(quaternions.to_matrix(rotation)).T
-        covariance = np.zeros((6, 6))
-        covariance[:3, :3] = turn @ self.placement.covariance @ turn.T
-        covariance[3:, 3:] = turn @ self.track.estimate.rotation_covariance @ turn.T
-        symmetric: Array = 0.5 * (covariance + covariance.T)
-        return symmetric
+        return self.placement.covariance, self.track.estimate.rotation_covariance
