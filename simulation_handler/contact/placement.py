@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsr.math3d.polygons import Point, area, contains, hull, intersection, overlap
+from dsr.math3d.polygons import Point, are_apart, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.perception.scales import RESOLUTION
 from simulation_handler.config import BeliefConfig
@@ -190,7 +190,7 @@ def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_
         if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
     )
     pairs = ((a, b, parts) for a, b in near if (parts := _side_by_side_parts(a, b)))
-    return [(a.name, b.name, parts) for a, b, parts in pairs if max(a.tilt, b.tilt) <= _ASKEW]
+    return [(a.name, b.name, parts) for a, b, parts in pairs if max(a.face_down()[1], b.face_down()[1]) <= _ASKEW]
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:
@@ -221,7 +221,9 @@ def are_side_by_side(a: Solid, b: Solid) -> bool:
 def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float]) -> bool:
     """Move the two so that the parts that overlap most do not; false if none did."""
     a, b = placed[pair[0]], placed[pair[1]]
-    depth, (x, y) = max(overlap(a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
+    outlines = ((a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
+    overlaps = [overlap(*both) for both in outlines if not are_apart(*both)]
+    depth, (x, y) = max(overlaps, default=(0.0, (0.0, 0.0)))
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))

@@ -92,10 +92,10 @@ class Leaning:
         is_upright = seen.solid.face_down()[1] <= self._config.tilt_tolerance
         if seen.solid.kind == "sphere" or (is_held and is_upright):
             return Judged(None)
-        standing = seen.cost(flat.solid) + is_held * nats.HELD
         is_flat = item.placement is None or self._is_flat(item.placement.solid)
-        if is_flat and standing <= seen.cost(seen.solid) + nats.AS_GOOD:
+        if is_flat and seen.misfit(flat.solid) + is_held * nats.HELD <= nats.AS_GOOD:
             return Judged(None)
+        standing = seen.cost(flat.solid) + is_held * nats.HELD
         leans = self._leans(item, seen, flat, around, scene)
         ways = [(seen.cost(lean.solid, PLACE_FLOOR) + nats.LEANS, lean) for lean in leans]
         ways.sort(key=lambda way: way[0])

@@ -149,15 +149,14 @@ class Solid:
         """Turn the solid to the nearest rotation that puts a face down, and tell by how much (tilt, rad); a ball has no
         face.
         """
+        return self._faced_down
+
+    @cached_property
+    def _faced_down(self) -> tuple[Solid, float]:
         if self.kind == "sphere":
             return self, 0.0
         rotation, tilt = face_down(self.rotation, self._sides())
         return self.turned(rotation), tilt
-
-    @cached_property
-    def tilt(self) -> float:
-        """By how much a face is off being down, rad; 0 for a ball."""
-        return self.face_down()[1]
 
     def stances(self) -> list[Quaternion]:
         """The rotations that put one of its faces down, each the nearest to how it is turned; none for a ball."""

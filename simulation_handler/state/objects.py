@@ -116,6 +116,8 @@ class BelievedObject:
     """Whether the object was taken out of the scene."""
     seen_by: dict[str, float] = field(default_factory=dict)
     """Stamp (s) of the newest percept from each camera."""
+    _percept: tuple[tuple[Array, Array, Quaternion, float | None], Solid] | None = None
+    """What `percept` was worked out of the last time, and what it was"""
 
     def estimate_at(self, now: float) -> Estimate | None:
         """The estimate from percepts at `now` (s); None while the object is not seen."""
@@ -175,8 +177,12 @@ class BelievedObject:
         """
         estimate = self.track.estimate
         assert estimate is not None
-        x, y, z = estimate.corrected(self.bias or 0.0).tolist()
-        return self.solid((x, y, z), estimate.rotation if self.shows_stance else self.stance or estimate.rotation)
+        rotation = estimate.rotation if self.shows_stance else self.stance or estimate.rotation
+        told = estimate.position, estimate.ray, rotation, self.bias
+        if self._percept is None or any(one is not other for one, other in zip(told, self._percept[0], strict=True)):
+            x, y, z = estimate.corrected(self.bias or 0.0).tolist()
+            self._percept = told, self.solid((x, y, z), rotation)
+        return self._percept[1]
 
     def solid(self, position: Vector3, rotation: Quaternion) -> Solid:
         """The object there."""
