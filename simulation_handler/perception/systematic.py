@@ -99,37 +99,35 @@ def _likeliest_set(ordered: Sequence[KnownError], shared: float) -> NDArray[np.f
     metres = np.array([error.metres for error in ordered])
     if (first, end) == (0, count):
         return metres
-    whole = _log_evidence(np.array(count), metres.mean(), ((metres - metres.mean()) ** 2).sum(), count, shared)
-    fewest = 1 + int(np.argmax(_most_evidence(count, shared) >= whole))
-    first, end = min(first, count - fewest), max(end, fewest)
-    begins, ends = np.meshgrid(np.arange(first + 1), np.arange(end, count + 1), indexing="ij")
-    begins, ends = begins[begins < ends], ends[begins < ends]
     sums, sums_of_squares = np.cumsum([np.r_[0.0, metres], np.r_[0.0, metres**2]], axis=1)
-    counts = ends - begins
-    means = (sums[ends] - sums[begins]) / counts
-    squares = np.maximum(sums_of_squares[ends] - sums_of_squares[begins] - counts * means**2, 0.0)
-    best = int(np.argmax(_log_evidence(counts, means, squares, count, shared)))
-    return metres[begins[best] : ends[best]]
+    most = _most_evidence(count, shared)
+
+    def evidence(counts: NDArray[np.int_], begins: NDArray[np.int_]) -> NDArray[np.float64]:
+        """Of sets of so many errors from those places on, as of `_most_evidence`."""
+        ends = begins + counts
+        means = (sums[ends] - sums[begins]) / counts
+        squares = np.maximum(sums_of_squares[ends] - sums_of_squares[begins] - counts * means**2, 0.0)
+        return np.asarray(most[counts] - 0.5 * (counts * np.log1p(squares / OWN_ERROR**2) + (means / shared) ** 2))
+
+    fewest = int(np.argmax(most >= evidence(np.array([count]), np.array([0]))))
+    first, end = min(first, count - fewest), max(end, fewest)
+    begins = np.arange(first + 1)[:, None]
+    counts = np.maximum(np.arange(end, count + 1) - begins, 1)
+    begin, column = divmod(int(np.argmax(evidence(counts, begins))), counts.shape[1])
+    return metres[begin : begin + counts[begin, column]]
 
 
 @lru_cache(maxsize=256)
 def _most_evidence(known: int, shared: float) -> NDArray[np.float64]:
-    """(known,) the most that `_log_evidence` can be for sets of 1, 2, ... of so many `known` errors."""
-    nothing = np.zeros(known)
-    return _log_evidence(np.arange(1, known + 1), nothing, nothing, known, shared)
+    """Logarithm of how probable `known` errors are if those of a set alone rest as believed, and all in it are 0.
 
-
-def _log_evidence(
-    counts: NDArray[np.int_], means: NDArray[np.float64], squares: NDArray[np.float64], known: int, shared: float
-) -> NDArray[np.float64]:
-    """Logarithm of how probable all `known` errors are if those of each set alone rest as believed."""
-    prior = OWN_ERROR**2
+    Of sets of 0, 1, 2, ... errors (known + 1,); none is empty.
+    """
+    counts = np.arange(1, known + 1)
     anywhere = nats.LEANS + math.log(2.0 * LIKELY_SIGMAS * shared)
-    density: NDArray[np.float64] = (
+    density = (
         gammaln(0.5 * counts) - math.lgamma(0.5)
-        + 0.5 * math.log(prior) - 0.5 * counts * np.log(prior + squares)
-        - 0.5 * (counts - 1) * math.log(math.pi) - 0.5 * np.log(counts)
-        - 0.5 * (means / shared) ** 2 - math.log(math.sqrt(2.0 * math.pi) * shared)
-        - anywhere * (known - counts)
+        - 0.5 * (counts - 1) * math.log(math.pi * OWN_ERROR**2) - 0.5 * np.log(counts)
+        - math.log(math.sqrt(2.0 * math.pi) * shared) - anywhere * (known - counts)
     )  # fmt: skip
-    return density
+    return np.r_[-np.inf, density]
