@@ -96,7 +96,7 @@ def find_support(
     while touching:
         level = touching[0][0]
         carrying = [entry for entry in touching if level - entry[0] <= PLACE_FLOOR]
-        carried = hull([point for entry in carrying for point in entry[2]])
+        carried = hull([point for entry in carrying for point in entry[2]]) if len(carrying) > 1 else touching[0][2]
         if contains(carried, solid.position[:2]):
             return tuple(sorted({entry[1] for entry in carrying})), level
         touching = touching[len(carrying) :]

@@ -29,6 +29,7 @@ class Bodies:
         self.objects: dict[str, BelievedObject] = {}
         self.fixtures: dict[str, Solid] = {}
         self._config = config
+        self._solids: dict[str, Solid] = {}
         self._lay_floor()
 
     def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
@@ -78,6 +79,7 @@ class Bodies:
         if name in self.sim:
             self.sim.remove(name)
         self.objects.pop(name, None)
+        self._solids.pop(name, None)
         self.fixtures.pop(name, None)
 
     def object(self, name: str) -> BelievedObject:
@@ -92,8 +94,12 @@ class Bodies:
         return Pose.unchecked(*self.sim.pose(name))
 
     def solid(self, name: str) -> Solid:
-        """The object at its believed pose."""
-        return self.objects[name].solid(*self.sim.pose(name))
+        """The object at its believed pose; the same solid, with all that was worked out of it, while it stays there."""
+        position, rotation = self.sim.pose(name)
+        solid = self._solids.get(name)
+        if solid is None or solid.position != position or solid.rotation != rotation:
+            solid = self._solids[name] = self.objects[name].solid(position, rotation)
+        return solid
 
     def above(self, item: BelievedObject, percept: Vector3) -> set[str]:
         """Names of compound bodies that stand higher than an object and so do not carry it; none if it has left.

@@ -201,7 +201,7 @@ class EvidenceReader:
         name, now, estimate, pose = item.name, moment.now, item.track.estimate, moment.places.get(item.name)
         trail = item.track.trail
         return ObjectEvidence(
-            solid=None if pose is None else item.solid(pose.t, pose.q),
+            solid=None if pose is None else self._bodies.solid(name),
             believed=moment.believed.get(name),
             velocity=(0.0, 0.0, 0.0) if pose is None or item.static else self._bodies.sim.velocity(name)[0],
             percept=_pose_of(trail[-1], item) if trail else None,
