@@ -86,7 +86,7 @@ def find_support(
     """
     touching = [
         (lower.top - above, lower.name, shared)
-        for other in _near(solid, others)
+        for other in near(solid, others)
         for part, lower in itertools.product(solid.parts, other.parts)
         if lower.position[2] <= part.position[2] or not _is_content(other, solid)
         for above in [part.bottom - solid.bottom]
@@ -107,7 +107,7 @@ def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence
     """The area in which `solid` would touch the top of `other`; empty if that is out of reach."""
     gap = bottom - other.top
     inside_fixed = other.fixed and gap < 0.0 and bottom + solid.half_height > other.bottom
-    if not (abs(gap) <= reach or inside_fixed) or not _near(solid, (other,)):
+    if not (abs(gap) <= reach or inside_fixed) or not near(solid, (other,)):
         return ()
     common = intersection(solid.footprint, other.footprint)
     return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
@@ -121,7 +121,7 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
     """An unsupported solid, moved along the viewing ray until it does not reach into what it partly is above."""
     levels = [
         lower.top - (part.bottom - solid.bottom)
-        for other in _near(solid, others)
+        for other in near(solid, others)
         for part, lower in itertools.product(solid.parts, other.parts)
         if _reaches_into(part, lower)
     ]
@@ -134,13 +134,13 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
 def _reaches_into(solid: Solid, lower: Solid) -> bool:
     """Whether the bottom of `solid` is inside the upper part of `lower`."""
     is_lower = lower.top > solid.bottom and lower.position[2] < solid.position[2]
-    if not is_lower or not _near(solid, (lower,)) or are_side_by_side(solid, lower):
+    if not is_lower or not near(solid, (lower,)) or are_side_by_side(solid, lower):
         return False
     return area(intersection(solid.footprint, lower.footprint)) > 0.0
 
 
-def _near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
-    """Those whose footprints can overlap with that of `solid` at all."""
+def near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
+    """The other solids whose footprints can overlap with that of `solid` at all."""
     (x, y, _), radius = solid.position, solid.radius
     return [
         other
@@ -158,7 +158,7 @@ def given_height(position: Vector3, covariance: Array, height: float) -> Vector3
 def covariance_given_height(covariance: Array) -> Array:
     """(3, 3) m^2 of a Gaussian position, once its height is known, up to what counts as touching."""
     column = covariance[:, 2]
-    rest: Array = covariance - np.outer(column, column) / column[2]
+    rest: Array = covariance - column[:, None] * column / column[2]
     rest[2, 2] += even_spread(RESOLUTION) ** 2
     return rest
 
@@ -183,13 +183,13 @@ def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str,
 
 def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_Pair]:
     """Pairs of which parts share a height and are, or could soon be, in each other's way."""
-    near = (
+    both = (
         (a, b)
         for i, a in enumerate(solids)
-        for b in _near(a, solids[i + 1 :])
+        for b in near(a, solids[i + 1 :])
         if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
     )
-    pairs = ((a, b, parts) for a, b in near if (parts := _side_by_side_parts(a, b)))
+    pairs = ((a, b, parts) for a, b in both if (parts := _side_by_side_parts(a, b)))
     return [(a.name, b.name, parts) for a, b, parts in pairs if max(a.face_down()[1], b.face_down()[1]) <= _ASKEW]
 
 

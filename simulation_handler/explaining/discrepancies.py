@@ -51,6 +51,8 @@ class Discrepancies:
 
     def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
         """Objects that only some of these cameras see or, if none does, should see."""
+        if not cameras:
+            return frozenset()
         by = {name: item.cameras_at(now) for name, item in self._bodies.objects.items()}
         by = {name: seeing or frozenset(self._expected_by.get(name, ())) for name, seeing in by.items()}
         return frozenset(name for name, telling in by.items() if telling and telling <= cameras)

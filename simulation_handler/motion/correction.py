@@ -15,7 +15,7 @@ from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.contact.stances import Stance, stances
 from simulation_handler.contact.supports import find_beneath
-from simulation_handler.motion.leaning import Leaning, beside
+from simulation_handler.motion.leaning import Leaning, neighbours
 from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
 from simulation_handler.perception.systematic import KnownErrors
 from simulation_handler.scales import ROUNDING, UNSEEN_VARIANCE
@@ -145,7 +145,7 @@ class Correction:
             others.append(item.prop)
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
         scene = around.of(item)
-        near = beside(flat, scene)
+        near = neighbours(flat, scene)
         item.may_lean, item.leans, item.aslant = bool(near), False, None
         if not near:
             return flat

@@ -16,7 +16,7 @@ from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.contact.placement import Placement, covariance_given_height, given_height
+from simulation_handler.contact.placement import Placement, covariance_given_height, given_height, near
 from simulation_handler.explaining.piles import BREADTH
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
@@ -83,7 +83,7 @@ class Leaning:
             item: the object.
             seen: where it is perceived, by what other objects tell of systematic errors.
             flat: how it would rest with a face down.
-            around: the solids that are `beside` it.
+            around: the solids that are its `neighbours`.
             scene: all other solids.
 
         What is believed to lean does so while standing explains what is perceived only as well.
@@ -179,14 +179,14 @@ def _heights(solid: Solid) -> float:
     return even_spread(solid.radius - 0.5 * min(solid.size))
 
 
-def beside(flat: Placement, scene: Mapping[str, Solid]) -> dict[str, Solid]:
+def neighbours(flat: Placement, scene: Mapping[str, Solid]) -> dict[str, Solid]:
     """The solids of a scene that may stop a body that tips over: they are near, and carry it not."""
     (x, y, _), radius, bottom = flat.solid.position, flat.solid.radius, flat.solid.bottom
     return {
-        name: other
-        for name, other in scene.items()
+        other.name: other
+        for other in near(flat.solid, scene.values())
         if math.hypot(other.position[0] - x, other.position[1] - y) < other.radius + radius
-        if other.top > bottom and name not in flat.supports
+        if other.top > bottom and other.name not in flat.supports
     }
 
 
