@@ -118,7 +118,8 @@ class _Pixels(NamedTuple):
         """(n,) the medians over the pixels that are used, of values (n, m), as exactly as depth images are stored."""
         told = np.where(self.used, values.astype(np.float32), np.float32(np.inf))  # these are sorted twice as fast
         ordered, rows = np.sort(told, axis=1), np.arange(len(values))
-        return 0.5 * (ordered[rows, (self.known - 1) // 2].astype(np.float64) + ordered[rows, self.known // 2])
+        middles = ordered[rows, (self.known - 1) // 2].astype(np.float64) + ordered[rows, self.known // 2]
+        return np.asarray(0.5 * middles)
 
     def scales(self, residuals: Array, noise_floor: float) -> Array:
         """(n,) standard deviations of residuals (n, m), from the medians so that outliers do not matter."""

@@ -10,8 +10,6 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from dsr.math3d.polygons import Point, are_apart, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.perception.scales import RESOLUTION
@@ -22,9 +20,7 @@ from simulation_handler.shapes.geometry import Solid
 
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
-_ASKEW = 0.003
-"""rad, from which something leans: what it is beside is not to be seen from above then. The floor of a container seems
-to be beside what lies on it."""
+_ASKEW = 0.003  # rad, from which something leans; the floor of a container seems to be beside what lies on it then
 _SWEEPS = 25  # count of passes over all pairs: piles of ten have come apart by then
 
 _Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side

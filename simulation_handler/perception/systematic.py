@@ -125,9 +125,9 @@ def _most_evidence(known: int, shared: float) -> NDArray[np.float64]:
     """
     counts = np.arange(1, known + 1)
     anywhere = nats.LEANS + math.log(2.0 * LIKELY_SIGMAS * shared)
-    density = (
+    density: NDArray[np.float64] = (
         gammaln(0.5 * counts) - math.lgamma(0.5)
         - 0.5 * (counts - 1) * math.log(math.pi * OWN_ERROR**2) - 0.5 * np.log(counts)
         - math.log(math.sqrt(2.0 * math.pi) * shared) - anywhere * (known - counts)
     )  # fmt: skip
-    return np.r_[-np.inf, density]
+    return np.concatenate([[-np.inf], density])
