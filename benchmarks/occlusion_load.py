@@ -5,8 +5,8 @@
 
 `carried`: 20 objects, four of them containers with unseen contents; two hands carry two containers about.
 `pushed`: the same objects; two hands push two of the containers, which nobody sees, with five fingertips each.
-`resting`: 100 cubes in sight. CPU time of `Belief.step`, without reading and writing the graph; the first 3 s (placing)
-are not counted.
+`resting`: 100 cubes in sight, 8 cm apart. `crowded`: 5 cm apart, so that each has neighbours. CPU time of
+`Belief.step`, without reading and writing the graph; the first 3 s (placing) are not counted.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.live.crowd import PITCH
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Pose
@@ -59,7 +60,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated, of each load (default: 10)")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
-    loads = {"carried": _carried, "pushed": _pushed, "resting": _resting}
+    loads = {"carried": _carried, "pushed": _pushed, "resting": _resting, "crowded": _crowded}
     rows = [_row(name, load(options.seconds)) for name, load in loads.items()]
     columns = {"median ms": "median_ms", "95 % ms": "p95_ms", "99 % ms": "p99_ms", "worst ms": "worst_ms"}
     table = Table("load", "steps", *columns, title=f"CPU of a step; limit {LIMIT * 1e3:.0f} ms")
@@ -120,7 +121,16 @@ def _standing(now: float) -> dict[str, Pose]:
 
 
 def _resting(seconds: float) -> list[float]:
-    poses = {f"cube_{k}": Pose((0.08 * (k % 10 - 4.5), 0.08 * (k // 10 - 4.5), 0.5 * _CUBE[2])) for k in range(100)}
+    return _grid(seconds, 2.0 * _CUBE[0])
+
+
+def _crowded(seconds: float) -> list[float]:
+    return _grid(seconds, PITCH)
+
+
+def _grid(seconds: float, pitch: float) -> list[float]:
+    """A hundred cubes whose centres are `pitch` m apart."""
+    poses = {f"cube_{k}": Pose((pitch * (k % 10 - 4.5), pitch * (k // 10 - 4.5), 0.5 * _CUBE[2])) for k in range(100)}
     return _timed(_belief(dict.fromkeys(poses, ())), lambda _: poses, seconds, lambda _: [])
 
 

@@ -73,6 +73,8 @@ class Belief:
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
+        self._places: dict[str, Pose | None] = {}
+        """world_from_object at the last step, as long as nobody has put an object elsewhere since"""
         self._now: float | None = None
 
     def close(self) -> None:
@@ -130,6 +132,7 @@ class Belief:
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""
         item = self._bodies.object(name)
+        self._places.pop(name, None)
         self._bodies.put(item, world_pose.t, world_pose.q)
         self._bodies.set_static(item, held)
         item.track.forget()
@@ -158,6 +161,7 @@ class Belief:
 
     def remove(self, name: str) -> None:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
+        self._places.pop(name, None)
         self._holding.forget(name)
         self._touching.forget(name)
         self._deeds.forget(name)
@@ -208,6 +212,7 @@ class Belief:
 
     def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
         """Take in the objects, by name, that are in a gripper from now on; others are not."""
+        self._places.clear()
         self._holding.update(grasps)
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
@@ -267,8 +272,9 @@ class Belief:
         self._courses.update(now)
         self._worlds.update(self.evidence())
         self._following.update()
-        places = {name: self.pose(name) for name in self._bodies.objects}
-        self._deeds.update(places, self._explainer.in_doubt(now), self._worlds.worlds, now)
+        known = self._worlds.poses()
+        self._places = {name: self._place(name, known.get(name)) for name in self._bodies.objects}
+        self._deeds.update(self._places, self._explainer.in_doubt(now), self._worlds.worlds, now)
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
@@ -279,12 +285,16 @@ class Belief:
 
         Of what is on its way, that is where it is by now: its body follows a little late.
         """
-        if self._bodies.object(name).name not in self._bodies.sim:
+        item = self._bodies.object(name)
+        return self._places[name] if name in self._places else self._place(item.name, self._worlds.pose(name))
+
+    def _place(self, name: str, known: Pose | None) -> Pose | None:
+        """As `pose`, with the covariance of what is `known` of the object."""
+        if name not in self._bodies.sim:
             return None
         position, rotation = self._bodies.sim.pose(name)
         lead = self._driving.lead(name)
         position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
-        known = self._worlds.pose(name)
         return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)
 
     def evidence(self) -> Evidence:

@@ -304,10 +304,11 @@ def _perspective_starts(rays: Array, sizes: Array) -> Array:
     NaN where there are less, and for the start that depth gives.
     """
     twists = np.full((len(rays), _STARTS, 6), np.nan)
+    square, eye = tag_corners(1.0), np.eye(3)
     for tag, (four, size) in enumerate(zip(rays, sizes, strict=True)):
         try:
             _, rotations, translations, _ = cv2.solvePnPGeneric(
-                tag_corners(size), np.ascontiguousarray(four[:, :2]), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+                size * square, np.ascontiguousarray(four[:, :2]), eye, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
             )
         except cv2.error:
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,6 +18,8 @@ from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.search import TagSearch
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
+from dsr.math3d.batches import Array, adjoints, inverses
+from dsr.math3d.quaternions import rotate
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary import tags
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -84,12 +86,30 @@ class FrameSource:
         objects = [self._object_size(tag.marker_id) for tag in tags]
         sides = [self._tag_ratio * min(width, length) for width, length, _ in objects]
         poses = self._follower.poses(tags, depth, intrinsics, sides, stamp)
-        sightings = []
-        for tag, (_, _, height), camera_from_tag in zip(tags, objects, poses, strict=True):
-            if camera_from_tag is not None:
-                camera_from_object = camera_from_tag @ Pose((0.0, 0.0, -0.5 * height))
-                sightings.append(Sighting(tag.marker_id, camera_from_object.with_stamp(stamp)))
-        return sightings
+        found = [
+            (tag.marker_id, height, pose)
+            for tag, (_, _, height), pose in zip(tags, objects, poses, strict=True)
+            if pose is not None
+        ]
+        if not found:
+            return []
+        ids, heights, camera_from_tags = zip(*found, strict=True)
+        return list(map(Sighting, ids, _centres(camera_from_tags, np.array(heights), stamp)))
+
+
+def _centres(camera_from_tags: Sequence[Pose], heights: Array, stamp: float) -> list[Pose]:
+    """camera_from_object at the centres of objects of those heights (m), which carry tags on their upper sides."""
+    tag_from_object = np.tile(np.eye(4), (len(heights), 1, 1))
+    tag_from_object[:, 2, 3] = -0.5 * heights
+    back = adjoints(inverses(tag_from_object))
+    covariances = back @ np.array([pose.covariance for pose in camera_from_tags]) @ back.mT
+    rows = (0.5 * (covariances + covariances.mT)).reshape(-1, 36).tolist()
+    normals = (rotate(pose.q, (0.0, 0.0, 1.0)) for pose in camera_from_tags)
+    places = np.array([pose.t for pose in camera_from_tags]) - 0.5 * heights[:, None] * np.array(list(normals))
+    return [
+        Pose.unchecked((x, y, z), pose.q, stamp, tuple(row))
+        for (x, y, z), pose, row in zip(places.tolist(), camera_from_tags, rows, strict=True)
+    ]
 
 
 def _tag(found: TagCorners) -> Tag:

@@ -100,6 +100,16 @@ def overlap(a: Polygon, b: Polygon) -> tuple[float, Point]:
     return depth, way
 
 
+def are_apart(a: Polygon, b: Polygon) -> bool:
+    """Whether two convex polygons have no area in common: `overlap` is not positive, found sooner."""
+    return _is_parting(a, b) or _is_parting(b, a)
+
+
+def _is_parting(a: Polygon, b: Polygon) -> bool:
+    """Whether all of `b` is on the outer side of an edge of `a`."""
+    return any(all(_cross(a[i - 1], a[i], point) <= 0.0 for point in b) for i in range(len(a)))
+
+
 def inclusion(a: Polygon, b: Polygon) -> float:
     """How far (m) a polygon stays within a convex one `b`; negative: how far it sticks out."""
     edges = list(zip(b, normals(b), strict=True))

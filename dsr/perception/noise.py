@@ -48,7 +48,7 @@ class PerceptNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             (3, 3) m^2, without the systematic error.
         """
         covariance = own + self.position_noise**2 * _EYE
-        return covariance if ray is None else covariance + self.depth_noise**2 * np.outer(ray, ray)
+        return covariance if ray is None else covariance + self.depth_noise**2 * (ray[:, None] * ray)
 
     def rotation_covariance(self, own: Array | None) -> Array:
         """Covariance (3, 3) rad^2 of a percept's rotation in the world frame, z upwards.

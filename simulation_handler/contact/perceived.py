@@ -31,10 +31,18 @@ class PerceivedBody(NamedTuple):
         `floor` (m) is the standard deviation of the height of that pose. It is 0 on a level support: how far models are
         off there, systematic errors tell that were learned alike.
         """
+        _, logarithm = np.linalg.slogdet(self._spread(floor))
+        return 0.5 * float(logarithm) + self.misfit(solid, floor)
+
+    def misfit(self, solid: Solid, floor: float = 0.0) -> float:
+        """By how much `cost` is more for `solid` than for the body where it is perceived, nats."""
         shift = np.subtract(solid.position, self.solid.position)
-        spread = self.covariance + np.diag((PLACE_FLOOR**2, PLACE_FLOOR**2, floor**2))
-        distance2, freedom = float(shift @ np.linalg.solve(spread, shift)), self.freedom
+        distance2, freedom = float(shift @ np.linalg.solve(self._spread(floor), shift)), self.freedom
         tail = distance2 if math.isinf(freedom) else (freedom + 1.0) * math.log1p(distance2 / freedom)
         between = quaternions.product(solid.rotation, quaternions.conjugate(self.solid.rotation))
         turn = np.array(quaternions.to_rotvec(between))
-        return 0.5 * (float(np.linalg.slogdet(spread)[1]) + tail + float(turn @ np.linalg.solve(self.turning, turn)))
+        return 0.5 * (tail + float(turn @ np.linalg.solve(self.turning, turn)))
+
+    def _spread(self, floor: float) -> Array:
+        """(3, 3) m^2, covariance of the percept about a pose."""
+        return self.covariance + np.diag((PLACE_FLOOR**2, PLACE_FLOOR**2, floor**2))

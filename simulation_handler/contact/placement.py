@@ -10,9 +10,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from dsr.math3d.polygons import Point, area, contains, hull, intersection, overlap
+from dsr.math3d.polygons import Point, are_apart, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.perception.scales import RESOLUTION
 from simulation_handler.config import BeliefConfig
@@ -84,7 +82,7 @@ def find_support(
     """
     touching = [
         (lower.top - above, lower.name, shared)
-        for other in _near(solid, others)
+        for other in near(solid, others)
         for part, lower in itertools.product(solid.parts, other.parts)
         if lower.position[2] <= part.position[2] or not _is_content(other, solid)
         for above in [part.bottom - solid.bottom]
@@ -94,7 +92,7 @@ def find_support(
     while touching:
         level = touching[0][0]
         carrying = [entry for entry in touching if level - entry[0] <= PLACE_FLOOR]
-        carried = hull([point for entry in carrying for point in entry[2]])
+        carried = hull([point for entry in carrying for point in entry[2]]) if len(carrying) > 1 else touching[0][2]
         if contains(carried, solid.position[:2]):
             return tuple(sorted({entry[1] for entry in carrying})), level
         touching = touching[len(carrying) :]
@@ -105,7 +103,7 @@ def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence
     """The area in which `solid` would touch the top of `other`; empty if that is out of reach."""
     gap = bottom - other.top
     inside_fixed = other.fixed and gap < 0.0 and bottom + solid.half_height > other.bottom
-    if not (abs(gap) <= reach or inside_fixed) or not _near(solid, (other,)):
+    if not (abs(gap) <= reach or inside_fixed) or not near(solid, (other,)):
         return ()
     common = intersection(solid.footprint, other.footprint)
     return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
@@ -119,7 +117,7 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
     """An unsupported solid, moved along the viewing ray until it does not reach into what it partly is above."""
     levels = [
         lower.top - (part.bottom - solid.bottom)
-        for other in _near(solid, others)
+        for other in near(solid, others)
         for part, lower in itertools.product(solid.parts, other.parts)
         if _reaches_into(part, lower)
     ]
@@ -132,13 +130,13 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
 def _reaches_into(solid: Solid, lower: Solid) -> bool:
     """Whether the bottom of `solid` is inside the upper part of `lower`."""
     is_lower = lower.top > solid.bottom and lower.position[2] < solid.position[2]
-    if not is_lower or not _near(solid, (lower,)) or are_side_by_side(solid, lower):
+    if not is_lower or not near(solid, (lower,)) or are_side_by_side(solid, lower):
         return False
     return area(intersection(solid.footprint, lower.footprint)) > 0.0
 
 
-def _near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
-    """Those whose footprints can overlap with that of `solid` at all."""
+def near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
+    """The other solids whose footprints can overlap with that of `solid` at all."""
     (x, y, _), radius = solid.position, solid.radius
     return [
         other
@@ -156,7 +154,7 @@ def given_height(position: Vector3, covariance: Array, height: float) -> Vector3
 def covariance_given_height(covariance: Array) -> Array:
     """(3, 3) m^2 of a Gaussian position, once its height is known, up to what counts as touching."""
     column = covariance[:, 2]
-    rest: Array = covariance - np.outer(column, column) / column[2]
+    rest: Array = covariance - column[:, None] * column / column[2]
     rest[2, 2] += even_spread(RESOLUTION) ** 2
     return rest
 
@@ -181,20 +179,14 @@ def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str,
 
 def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_Pair]:
     """Pairs of which parts share a height and are, or could soon be, in each other's way."""
-    near = (
+    both = (
         (a, b)
         for i, a in enumerate(solids)
-        for b in _near(a, solids[i + 1 :])
+        for b in near(a, solids[i + 1 :])
         if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
-        if not (_is_askew(a) or _is_askew(b))
     )
-    pairs = ((a.name, b.name, _side_by_side_parts(a, b)) for a, b in near)
-    return [pair for pair in pairs if pair[2]]
-
-
-def _is_askew(solid: Solid) -> bool:
-    """Whether it leans: what it is beside is then not to be seen from above."""
-    return solid.face_down()[1] > _ASKEW
+    pairs = ((a, b, parts) for a, b in both if (parts := _side_by_side_parts(a, b)))
+    return [(a.name, b.name, parts) for a, b, parts in pairs if max(a.face_down()[1], b.face_down()[1]) <= _ASKEW]
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:
@@ -225,7 +217,9 @@ def are_side_by_side(a: Solid, b: Solid) -> bool:
 def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float]) -> bool:
     """Move the two so that the parts that overlap most do not; false if none did."""
     a, b = placed[pair[0]], placed[pair[1]]
-    depth, (x, y) = max(overlap(a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
+    outlines = ((a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
+    overlaps = [overlap(*both) for both in outlines if not are_apart(*both)]
+    depth, (x, y) = max(overlaps, default=(0.0, (0.0, 0.0)))
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))

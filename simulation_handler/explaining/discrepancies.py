@@ -9,8 +9,8 @@ from dsr.believing.absence import missed, most_missed
 from dsr.perception.scales import FRAME
 from dsr.vocabulary.nats import SURPRISING
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.scoring import is_displaced, is_far
-from simulation_handler.explaining.situation import VisibilityQuery, seen_now, shown_now
+from simulation_handler.explaining.scoring import seems_displaced
+from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -51,6 +51,8 @@ class Discrepancies:
 
     def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
         """Objects that only some of these cameras see or, if none does, should see."""
+        if not cameras:
+            return frozenset()
         by = {name: item.cameras_at(now) for name, item in self._bodies.objects.items()}
         by = {name: seeing or frozenset(self._expected_by.get(name, ())) for name, seeing in by.items()}
         return frozenset(name for name, telling in by.items() if telling and telling <= cameras)
@@ -96,9 +98,7 @@ class Discrepancies:
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
         if item.is_led or item.name not in self._bodies.sim or item.estimate_at(now) is None:
             return False
-        believed, config = self._bodies.solid(item.name), self._config
-        is_apart = is_far(shown_now(item, config)[0], believed, config)  # of most nothing more must be worked out
-        return is_apart and is_displaced(seen_now(item, config, now), believed, config)
+        return seems_displaced(item, self._bodies.solid(item.name), self._config, now)
 
     def _is_missing(self, name: str, seconds: float) -> bool:
         """Whether it is surprising that an object is missing for so long (s)."""

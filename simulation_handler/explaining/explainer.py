@@ -99,8 +99,8 @@ class Explainer:
 
     def sure(self, now: float) -> frozenset[str]:
         """Objects that a camera sees that is known not to have moved."""
-        items = self._bodies.objects.items()
-        return frozenset(name for name, item in items if item.cameras_at(now) & self.cameras_standing)
+        items, standing = self._bodies.objects.items(), self.cameras_standing
+        return frozenset(name for name, item in items if standing and item.cameras_at(now) & standing)
 
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""

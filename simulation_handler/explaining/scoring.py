@@ -19,10 +19,11 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.situation import Seen, Situation
+from simulation_handler.explaining.situation import Seen, Situation, seen_now, shown_now
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.scales import UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.objects import BelievedObject
 
 
 @dataclass(frozen=True)
@@ -167,6 +168,12 @@ def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:
         return False
     hovers = abs(solid.position[2] - seen.percept.position[2]) > config.hover_tolerance
     return hovers or seen.misfit(solid) > nats.SURPRISING
+
+
+def seems_displaced(item: BelievedObject, solid: Solid, config: BeliefConfig, now: float) -> bool:
+    """Whether an object that is seen at `now` (s) is displaced from a pose, as of `is_displaced`."""
+    is_apart = is_far(shown_now(item, config)[0], solid, config)  # of most nothing more must be worked out
+    return is_apart and is_displaced(seen_now(item, config, now), solid, config)
 
 
 def displaced(situation: Situation) -> tuple[str, ...]:

@@ -15,8 +15,9 @@ from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.contact.stances import Stance, stances
 from simulation_handler.contact.supports import find_beneath
-from simulation_handler.motion.leaning import Leaning
+from simulation_handler.motion.leaning import Leaning, neighbours
 from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
+from simulation_handler.perception.systematic import KnownErrors
 from simulation_handler.scales import ROUNDING, UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -76,7 +77,14 @@ class Correction:
         scene = self._bodies.scene(leaving_out={item.name for item in changed})
         by_height = sorted(changed, key=lambda item: (self._height(item), item.name))
         around = Neighbourhood(self._bodies, scene, self._config)
-        moving = [item for item in by_height if self._reconsider(item, scene, around, now)]
+        errors = KnownErrors(self._config.depth_bias)
+        for item in self._bodies.objects.values():
+            errors.note(item.name, item.known_error())
+        moving = []
+        for item in by_height:
+            if self._reconsider(item, around, errors, now):
+                moving.append(item)
+            errors.note(item.name, item.known_error())
         self._realise(moving, scene, now)
 
     def _height(self, item: BelievedObject) -> float:
@@ -93,17 +101,17 @@ class Correction:
         has_place = item.name in self._bodies.sim
         return (item.estimate_at(now) if has_place else item.track.estimate) is not None
 
-    def _reconsider(self, item: BelievedObject, scene: Scene, around: Neighbourhood, now: float) -> bool:
+    def _reconsider(self, item: BelievedObject, around: Neighbourhood, errors: KnownErrors, now: float) -> bool:
         """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
         item.notice_restart()
         if not item.shows_stance:
-            item.take_stances(self._stances(item, around), self._config)
+            item.take_stances(self._stances(item, around, errors), self._config)
         is_astray = self._bodies.has_left(item)
         if is_astray:
             item.strike(now)
-        placement = self._placed(item, scene, around)
-        if self._is_unexplained(item, placement, now) and self._find_beneath(item, scene):
-            placement = self._placed(item, scene, around)
+        placement = self._placed(item, around, errors)
+        if self._is_unexplained(item, placement, now) and self._find_beneath(item, around):
+            placement = self._placed(item, around, errors)
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
             is_recalled = self._is_recalled(item, placement)
@@ -111,12 +119,12 @@ class Correction:
             item.is_recalled = is_recalled
         item.know(placement)
         if item.leans:  # how high it leans is not known so well
-            item.bias = self._bodies.error_by_others(item).mean
+            item.bias = errors.of_another(item.name).mean
         else:
             item.learn_bias(placement)
         must_move = is_new or is_astray or self._may_return(item)
         believed = item.placement.solid if item.placement and (must_move or item.static) else None
-        scene[item.name] = believed or self._bodies.solid(item.name)
+        around.put(believed or self._bodies.solid(item.name))
         return must_move
 
     def _may_return(self, item: BelievedObject) -> bool:
@@ -129,22 +137,27 @@ class Correction:
         scene = self._bodies.scene(leaving_out={item.name})
         return not separate([*scene.values(), solid], {item.name: 1.0})
 
-    def _placed(self, item: BelievedObject, scene: Scene, around: Neighbourhood) -> Placement:
+    def _placed(self, item: BelievedObject, around: Neighbourhood, errors: KnownErrors) -> Placement:
         percept = item.percept()
         above = self._bodies.above(item, percept.position)
-        others = [solid for name, solid in scene.items() if name not in above]
+        others = [solid for name, solid in around.scene.items() if name not in above]
         if item.prop is not None:
             others.append(item.prop)
         flat = place(percept, item.percept_covariance(self._config), others, self._config)
-        seen = self._bodies.told_by_others(item)
-        judged = self._leaning.judge(item, seen, flat, around.of(item))
-        item.may_lean, item.leans = judged.may_lean, judged.leaning is not None
-        item.aslant = (judged.aslant, seen) if judged.aslant > ROUNDING else None
-        return judged.leaning or flat
+        scene = around.of(item)
+        near = neighbours(flat, scene)
+        item.may_lean, item.leans, item.aslant = bool(near), False, None
+        if not near:
+            return flat
+        seen = item.told_by_others(errors.of_another(item.name))
+        leaning, aslant = self._leaning.judge(item, seen, flat, near, scene)
+        item.leans = leaning is not None
+        item.aslant = (aslant, seen) if aslant > ROUNDING else None
+        return leaning or flat
 
-    def _stances(self, item: BelievedObject, around: Neighbourhood) -> list[Stance]:
+    def _stances(self, item: BelievedObject, around: Neighbourhood, errors: KnownErrors) -> list[Stance]:
         """How an object, whose percepts do not tell, may be turned by its height."""
-        seen = self._bodies.told_by_others(item)
+        seen = item.told_by_others(errors.of_another(item.name))
         above = self._bodies.above(item, seen.solid.position)
         others = [solid for name, solid in around.of(item).items() if name not in above]
         return stances(seen, others, self._config)
@@ -161,7 +174,7 @@ class Correction:
             return False
         return item.hovering_since is not None and now - item.hovering_since >= self._config.explain_after
 
-    def _find_beneath(self, item: BelievedObject, scene: Scene) -> bool:
+    def _find_beneath(self, item: BelievedObject, around: Neighbourhood) -> bool:
         """Put beneath a hovering object what can explain it; false if nothing can."""
         percept = item.percept()
         flat, tilt = percept.face_down()
@@ -171,7 +184,7 @@ class Correction:
             flat,
             item.percept_covariance(self._config),
             self._bodies.unplaced(),
-            scene.values(),
+            around.scene.values(),
             self._config.explain_sigmas,
         )
         if beneath is None:
@@ -179,7 +192,7 @@ class Correction:
         for solid in beneath.stack:
             self._bodies.put(self._bodies.object(solid.name), solid.position, solid.rotation)
             self._bodies.object(solid.name).track.forget()
-            scene[solid.name] = solid
+            around.put(solid)
         item.prop = beneath.prop
         return True
 

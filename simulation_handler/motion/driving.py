@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from itertools import combinations
 
 import numpy as np
 
@@ -37,8 +36,7 @@ from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.contact.stances import beside, likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.drafting import UNSEEN_COVARIANCE
-from simulation_handler.explaining.scoring import is_displaced
-from simulation_handler.explaining.situation import seen_now
+from simulation_handler.explaining.scoring import seems_displaced
 from simulation_handler.hands.state import ELSEWHERE, UNSEEN, Hand
 from simulation_handler.motion.bumps import seem_bumped
 from simulation_handler.motion.drives import (
@@ -178,11 +176,10 @@ class Driving:
         Their thin walls would get into each other by the noise of that, and not out again without a kick.
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
-        seen = [item.name for item in objects if now - item.track.last_stamp <= UNSEEN]
         led = {name for name, drive in self._drives.items() if not drive.runs}
-        names = sorted(led | {name for name in seen if name in sim})
-        supported = {name: self._supported.supported([name]) for name in names}
-        pairs = [pair for pair in combinations(names, 2) if not led.isdisjoint(pair)]
+        seen = {item.name for item in objects if now - item.track.last_stamp <= UNSEEN and item.name in sim}
+        pairs = sorted({(min(a, b), max(a, b)) for a in led for b in led | seen if a != b})
+        supported = {name: self._supported.supported([name]) for name in {name for pair in pairs for name in pair}}
         sim.let_pass(
             {(a, b) for a, b in pairs if b not in supported[a] and a not in supported[b] and self._beside(a, b)}
         )
@@ -251,7 +248,7 @@ class Driving:
         strays = self._strays(item, solid.pose)
         if item.hand and (strays or goes_with_hand(item, solid.position)):
             return item.path.newest
-        if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
+        if not strays and not seems_displaced(item, solid, self._config, now):
             return None
         is_explained = self._movers.explain_way(item, solid, self._drives.keys())
         start = item.path.start(solid.pose, GONE_FROM) if is_explained else None

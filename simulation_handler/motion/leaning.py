@@ -16,7 +16,7 @@ from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.contact.placement import Placement, covariance_given_height, given_height
+from simulation_handler.contact.placement import Placement, covariance_given_height, given_height, near
 from simulation_handler.explaining.piles import BREADTH
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
@@ -43,8 +43,6 @@ class Judged(NamedTuple):
 
     leaning: Placement | None
     """How it leans; None if it stands, or lies"""
-    may_lean: bool
-    """Whether something is beside it on which it may lean"""
     aslant: float = 0.0
     """Probability that it leans, known how or not"""
 
@@ -75,26 +73,29 @@ class Leaning:
         if self._engine is not None:
             self._engine.close()
 
-    def judge(self, item: BelievedObject, seen: PerceivedBody, flat: Placement, scene: Mapping[str, Solid]) -> Judged:
+    def judge(
+        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Mapping[str, Solid],
+        scene: Mapping[str, Solid],
+    ) -> Judged:  # fmt: skip
         """Whether and how an object leans.
 
         Args:
             item: the object.
             seen: where it is perceived, by what other objects tell of systematic errors.
             flat: how it would rest with a face down.
+            around: the solids that are its `neighbours`.
             scene: all other solids.
 
         What is believed to lean does so while standing explains what is perceived only as well.
         """
-        around = {name: other for name, other in scene.items() if _is_beside(other, flat)}
         is_held = not flat.rests  # by something unknown, unless it leans
         is_upright = seen.solid.face_down()[1] <= self._config.tilt_tolerance
-        if not around or seen.solid.kind == "sphere" or (is_held and is_upright):
-            return Judged(None, bool(around))
-        standing = seen.cost(flat.solid) + is_held * nats.HELD
+        if seen.solid.kind == "sphere" or (is_held and is_upright):
+            return Judged(None)
         is_flat = item.placement is None or self._is_flat(item.placement.solid)
-        if is_flat and standing <= seen.cost(seen.solid) + nats.AS_GOOD:
-            return Judged(None, True)
+        if is_flat and seen.misfit(flat.solid) + is_held * nats.HELD <= nats.AS_GOOD:
+            return Judged(None)
+        standing = seen.cost(flat.solid) + is_held * nats.HELD
         leans = self._leans(item, seen, flat, around, scene)
         ways = [(seen.cost(lean.solid, PLACE_FLOOR) + nats.LEANS, lean) for lean in leans]
         ways.sort(key=lambda way: way[0])
@@ -105,8 +106,8 @@ class Leaning:
         aslant = 1.0 / (1.0 + math.exp(min(least - standing, nats.MOST_MISFIT)))
         if ways and ways[0][0] < standing + (0.0 if is_flat else nats.AS_GOOD):
             _, (solid, supports) = ways[0]
-            return Judged(Placement(solid, supports, covariance_given_height(seen.covariance)), True, aslant)
-        return Judged(None, True, aslant)
+            return Judged(Placement(solid, supports, covariance_given_height(seen.covariance)), aslant)
+        return Judged(None, aslant)
 
     def _leans(
         self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Mapping[str, Solid],
@@ -178,15 +179,15 @@ def _heights(solid: Solid) -> float:
     return even_spread(solid.radius - 0.5 * min(solid.size))
 
 
-def _is_beside(other: Solid, flat: Placement) -> bool:
-    """Whether something may stop a body that tips over: it is near, and carries it not."""
-    solid = flat.solid
-    reach = other.radius + solid.radius
-    return (
-        other.name not in flat.supports
-        and other.top > solid.bottom
-        and math.dist(other.position[:2], solid.position[:2]) < reach
-    )  # fmt: skip
+def neighbours(flat: Placement, scene: Mapping[str, Solid]) -> dict[str, Solid]:
+    """The solids of a scene that may stop a body that tips over: they are near, and carry it not."""
+    (x, y, _), radius, bottom = flat.solid.position, flat.solid.radius, flat.solid.bottom
+    return {
+        other.name: other
+        for other in near(flat.solid, scene.values())
+        if math.hypot(other.position[0] - x, other.position[1] - y) < other.radius + radius
+        if other.top > bottom and other.name not in flat.supports
+    }
 
 
 def _ways_to(other: Solid, solid: Solid) -> Iterator[Vector3]:

@@ -17,35 +17,35 @@ class Neighbourhood:
 
     Args:
         bodies: as they were before.
-        scene: the solids of what was placed already. Who places something puts the solid there.
+        scene: the solids of what was placed already.
         config: the noise of percepts.
     """
 
     def __init__(self, bodies: Bodies, scene: Scene, config: BeliefConfig) -> None:
         self._bodies = bodies
         self._config = config
-        self._before = bodies.scene(leaving_out=())
-        self._scene = scene
-        self._perceived: dict[str, tuple[Solid, Solid]] = {}
+        self.scene = scene
+        """All that was placed already, where it is believed to be"""
+        solids = bodies.scene(leaving_out=()) | scene
+        self._perceived = {name: self._where_perceived(solid) for name, solid in solids.items()}
+
+    def put(self, solid: Solid) -> None:
+        """Take in where something was placed."""
+        self.scene[solid.name] = solid
+        self._perceived[solid.name] = self._where_perceived(solid)
 
     def of(self, item: BelievedObject) -> Scene:
         """The scene without an object, but with what is to be placed after it; all where it is perceived.
 
         What had to give way to the object is where it would be without that.
         """
-        scene = self._before | self._scene
+        scene = self._perceived.copy()
         scene.pop(item.name, None)
-        return {name: self._where_perceived(name, solid) for name, solid in scene.items()}
+        return scene
 
-    def _where_perceived(self, name: str, solid: Solid) -> Solid:
-        """A solid moved to its percept, at its own height. It is worked out once as long as the solid stays there."""
-        known = self._perceived.get(name)
-        if known is None or known[0] is not solid:
-            known = self._perceived[name] = solid, self._moved(name, solid)
-        return known[1]
-
-    def _moved(self, name: str, solid: Solid) -> Solid:
-        item = self._bodies.objects.get(name)
+    def _where_perceived(self, solid: Solid) -> Solid:
+        """A solid moved to its percept, at its own height."""
+        item = self._bodies.objects.get(solid.name)
         if item is None or item.holder or item.track.estimate is None:
             return solid
         covariance = item.percept_covariance(self._config)

@@ -96,7 +96,7 @@ class Estimate:
 
     def total_covariance(self, bias_std: float) -> Array:
         """Covariance (3, 3) of the position, m^2: remaining noise, and bias along the viewing ray."""
-        total: Array = self.position_covariance + bias_std**2 * np.outer(self.ray, self.ray)
+        total: Array = self.position_covariance + bias_std**2 * (self.ray[:, None] * self.ray)
         return total
 
     def standard_deviations(self) -> tuple[float, float]:

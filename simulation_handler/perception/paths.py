@@ -111,8 +111,10 @@ class Path:
         if len(self._poses) < 3:  # count: a single wrong percept shows no motion
             return False
         before, last = self._poses[-2], self._poses[-1]
+        if min(math.dist(before.t, pose.t), math.dist(last.t, pose.t)) <= metres:
+            return False
         smoothed = self._smooth(len(self._poses) - 2)  # of that the last one is a part: alone it would drag it along
-        return min(math.dist(one.t, pose.t) for one in (before, smoothed, last)) > metres
+        return math.dist(smoothed.t, pose.t) > metres
 
     def goes_away(self, pose: Pose, metres: float) -> bool:
         """Whether the last three percepts are farther than `metres` from `pose`, each farther than the one before."""

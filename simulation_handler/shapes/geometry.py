@@ -116,8 +116,8 @@ class Solid:
         level = [edge for edge, slope in zip(edges, rows[2], strict=True) if abs(slope) < ROUNDING]
         if len(level) == 2:
             return _parallelogram((x, y), *level)
-        offsets = [_combined(signs, edges) for signs in _CORNERS]
-        return hull([(x + dx, y + dy) for dx, dy in offsets])
+        (ax, ay), (bx, by), (cx, cy) = edges
+        return hull([(x + (r * ax + s * bx + t * cx), y + (r * ay + s * by + t * cy)) for r, s, t in _CORNERS])
 
     @property
     def is_round(self) -> bool:
@@ -149,6 +149,10 @@ class Solid:
         """Turn the solid to the nearest rotation that puts a face down, and tell by how much (tilt, rad); a ball has no
         face.
         """
+        return self._faced_down
+
+    @cached_property
+    def _faced_down(self) -> tuple[Solid, float]:
         if self.kind == "sphere":
             return self, 0.0
         rotation, tilt = face_down(self.rotation, self._sides())
@@ -193,12 +197,6 @@ def _parallelogram(centre: Point, a: Point, b: Point) -> Polygon:
         a, b = b, a
     around = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
     return [(centre[0] + s * a[0] + t * b[0], centre[1] + s * a[1] + t * b[1]) for s, t in around]
-
-
-def _combined(signs: Vector3, edges: Sequence[Point]) -> Point:
-    """The corner of a box in direction `signs` (halves), from its projected edges."""
-    x, y = (sum(s * edge[i] for s, edge in zip(signs, edges, strict=True)) for i in (0, 1))
-    return x, y
 
 
 def half_height(size: Vector3, rotation: Quaternion) -> float:

@@ -11,8 +11,6 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import RESOLUTION, SLOW
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.perception.systematic import ErrorOfAnother, KnownError, error_of_another
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
@@ -31,6 +29,7 @@ class Bodies:
         self.objects: dict[str, BelievedObject] = {}
         self.fixtures: dict[str, Solid] = {}
         self._config = config
+        self._solids: dict[str, Solid] = {}
         self._lay_floor()
 
     def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
@@ -80,6 +79,7 @@ class Bodies:
         if name in self.sim:
             self.sim.remove(name)
         self.objects.pop(name, None)
+        self._solids.pop(name, None)
         self.fixtures.pop(name, None)
 
     def object(self, name: str) -> BelievedObject:
@@ -94,8 +94,12 @@ class Bodies:
         return Pose.unchecked(*self.sim.pose(name))
 
     def solid(self, name: str) -> Solid:
-        """The object at its believed pose."""
-        return self.objects[name].solid(*self.sim.pose(name))
+        """The object at its believed pose; the same solid, with all that was worked out of it, while it stays there."""
+        position, rotation = self.sim.pose(name)
+        solid = self._solids.get(name)
+        if solid is None or solid.position != position or solid.rotation != rotation:
+            solid = self._solids[name] = self.objects[name].solid(position, rotation)
+        return solid
 
     def above(self, item: BelievedObject, percept: Vector3) -> set[str]:
         """Names of compound bodies that stand higher than an object and so do not carry it; none if it has left.
@@ -167,28 +171,6 @@ class Bodies:
     def has_left(self, item: BelievedObject) -> bool:
         """Whether physics has moved an object from the pose at which it was put."""
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
-
-    def error_by_others(self, item: BelievedObject) -> ErrorOfAnother:
-        """The systematic error along the viewing ray of an object, by those of the others that rest on something."""
-        others = [other for other in self.objects.values() if other is not item]
-        known = [
-            KnownError(other.bias, other.may_lean)
-            for other in others
-            if other.bias is not None and other.is_sure_of_stance and not other.leans
-        ]
-        return error_of_another(known, self._config.depth_bias)
-
-    def told_by_others(self, item: BelievedObject) -> PerceivedBody:
-        """Where an object is perceived by what other objects tell of systematic errors.
-
-        What its own percepts told was learned from how it was taken to rest.
-        """
-        estimate = item.track.estimate
-        assert estimate is not None
-        mean, std, freedom = self.error_by_others(item)
-        x, y, z = estimate.corrected(mean).tolist()
-        turning = item.turning() if item.shows_stance else item.turning_of_one()
-        return PerceivedBody(item.percept().moved((x, y, z)), estimate.total_covariance(std), turning, freedom)
 
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""

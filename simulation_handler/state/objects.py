@@ -22,6 +22,7 @@ from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.perception.systematic import ErrorOfAnother, KnownError
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.scales import TILTED, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
@@ -115,6 +116,8 @@ class BelievedObject:
     """Whether the object was taken out of the scene."""
     seen_by: dict[str, float] = field(default_factory=dict)
     """Stamp (s) of the newest percept from each camera."""
+    _percept: tuple[tuple[Array, Array, Quaternion, float | None], Solid] | None = None
+    """What `percept` was worked out of the last time, and what it was"""
 
     def estimate_at(self, now: float) -> Estimate | None:
         """The estimate from percepts at `now` (s); None while the object is not seen."""
@@ -174,8 +177,12 @@ class BelievedObject:
         """
         estimate = self.track.estimate
         assert estimate is not None
-        x, y, z = estimate.corrected(self.bias or 0.0).tolist()
-        return self.solid((x, y, z), estimate.rotation if self.shows_stance else self.stance or estimate.rotation)
+        rotation = estimate.rotation if self.shows_stance else self.stance or estimate.rotation
+        told = estimate.position, estimate.ray, rotation, self.bias
+        if self._percept is None or any(one is not other for one, other in zip(told, self._percept[0], strict=True)):
+            x, y, z = estimate.corrected(self.bias or 0.0).tolist()
+            self._percept = told, self.solid((x, y, z), rotation)
+        return self._percept[1]
 
     def solid(self, position: Vector3, rotation: Quaternion) -> Solid:
         """The object there."""
@@ -185,6 +192,23 @@ class BelievedObject:
         """(3, 3) m^2 of the position of `percept`."""
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
+
+    def known_error(self) -> KnownError | None:
+        """The systematic error of its percepts, if it rests on something as is believed for sure."""
+        if self.bias is None or self.leans or not self.is_sure_of_stance:
+            return None
+        return KnownError(self.bias, self.may_lean)
+
+    def told_by_others(self, error: ErrorOfAnother) -> PerceivedBody:
+        """Where it is perceived by what other objects tell of the systematic error.
+
+        What its own percepts told was learned from how it was taken to rest.
+        """
+        estimate, (mean, std, freedom) = self.track.estimate, error
+        assert estimate is not None
+        x, y, z = estimate.corrected(mean).tolist()
+        turning = self.turning() if self.shows_stance else self.turning_of_one()
+        return PerceivedBody(self.percept().moved((x, y, z)), estimate.total_covariance(std), turning, freedom)
 
     def turning(self) -> Array:
         """(3, 3) rad^2 of the rotation of `percept`."""
@@ -257,13 +281,8 @@ class BelievedObject:
             return False
         return not PoseTolerance(config.divergence, config.divergence_angle).covers(self.put, pose)
 
-    def covariance(self, rotation: Quaternion) -> Array | None:
-        """(6, 6) covariance of the believed pose in the object's frame (m, rad), once it was perceived."""
+    def covariances(self) -> tuple[Array, Array] | None:
+        """(3, 3) m^2 and rad^2 of the believed position and rotation, in the world frame, once it was perceived."""
         if self.placement is None or self.track.estimate is None:
             return None
-        turn = np.array(quaternions.to_matrix(rotation)).T
-        covariance = np.zeros((6, 6))
-        covariance[:3, :3] = turn @ self.placement.covariance @ turn.T
-        covariance[3:, 3:] = turn @ self.track.estimate.rotation_covariance @ turn.T
-        symmetric: Array = 0.5 * (covariance + covariance.T)
-        return symmetric
+        return self.placement.covariance, self.track.estimate.rotation_covariance

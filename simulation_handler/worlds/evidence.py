@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,12 +17,12 @@ from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations, Relation, SupportedPose
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.touching import Touching
-from simulation_handler.perception.percepts import WeighedPercept
+from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
 from simulation_handler.worlds.model import innermost_first
-from simulation_handler.worlds.spread import with_world_covariances
+from simulation_handler.worlds.spread import all_with_world_covariances, with_world_covariances
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,27 @@ class Evidence:
         return tuple(solid.name for solid in sorted(around, key=lambda solid: solid.radius))
 
 
+class _Moment(NamedTuple):
+    """What is read of all objects at once."""
+
+    now: float
+    """s"""
+    contents: frozenset[Relation]
+    """Pairs (object, container)"""
+    below: Mapping[str, tuple[str, ...]]
+    """Names of what each object rests on"""
+    touches: Sequence[Relation]
+    """Pairs (hand, object), sorted"""
+    doubted: frozenset[str]
+    """Objects of which only cameras tell that may have moved"""
+    places: Mapping[str, Pose]
+    """world_from_object of each body"""
+    believed: Mapping[str, Pose]
+    """As `ObjectEvidence.believed`"""
+    seen: Mapping[str, Pose]
+    """As `ObjectEvidence.seen`"""
+
+
 class EvidenceReader:
     """Takes the evidence from the parts of a belief.
 
@@ -171,12 +193,12 @@ class EvidenceReader:
         for upper, lower in self._relations.current():
             if lower != FLOOR:
                 below[upper] = (*below.get(upper, ()), lower)
-        touches = sorted(self._touching.grasps)
-        doubted = self._in_doubt(now)
-        objects = {
-            name: self._read_object(item, now, contents, below.get(name, ()), touches, name in doubted)
-            for name, item in self._bodies.objects.items()
-        }
+        places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
+        moment = _Moment(
+            now, contents, below, sorted(self._touching.grasps), self._in_doubt(now), places,
+            self._believed(places, now), self._seen(now),
+        )  # fmt: skip
+        objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
         hands = {
             name: HandEvidence(hand.path.last, hand.perceived, tuple(path.last.t for path in tips))
             for name, hand in self._touching.hands.items()
@@ -186,38 +208,28 @@ class EvidenceReader:
         fixtures = tuple(self._bodies.fixtures.values())
         return Evidence(now, objects, hands, self._touching.visibility, contents, fixtures)
 
-    def _read_object(
-        self,
-        item: BelievedObject,
-        now: float,
-        contents: frozenset[Relation],
-        supports: tuple[str, ...],
-        touches: list[Relation],
-        is_doubted: bool,
-    ) -> ObjectEvidence:
-        name, sim, estimate = item.name, self._bodies.sim, item.track.estimate
-        has_place = name in sim
-        pose = self._bodies.pose(name) if has_place else None
+    def _read_object(self, item: BelievedObject, moment: _Moment) -> ObjectEvidence:
+        name, now, estimate, pose = item.name, moment.now, item.track.estimate, moment.places.get(item.name)
         trail = item.track.trail
         return ObjectEvidence(
-            solid=None if pose is None else item.solid(pose.t, pose.q),
-            believed=None if pose is None else self._believed(item, pose, now),
-            velocity=sim.velocity(name)[0] if has_place and not item.static else (0.0, 0.0, 0.0),
+            solid=None if pose is None else self._bodies.solid(name),
+            believed=moment.believed.get(name),
+            velocity=(0.0, 0.0, 0.0) if pose is None or item.static else self._bodies.sim.velocity(name)[0],
             percept=_pose_of(trail[-1], item) if trail else None,
             is_recognised=item.track.is_fresh(now),
             agreeing=0 if estimate is None else estimate.count,
             is_moving=item.track.is_restless,
-            seen=None if item.estimate_at(now) is None else self._seen(item),
-            is_doubted=is_doubted,
+            seen=moment.seen.get(name),
+            is_doubted=name in moment.doubted,
             gone=item.gone,
             driven=item.driven,
             rides=item.rides,
             hovers=item.static and not item.holder,
             hand=item.hand,
             gripper=item.holder,
-            containers=innermost_first(name, contents),
-            supports=supports,
-            touched_by=tuple(hand for hand, thing in touches if thing == name),
+            containers=innermost_first(name, moment.contents),
+            supports=moment.below.get(name, ()),
+            touched_by=tuple(hand for hand, thing in moment.touches if thing == name),
             aloft=item.static or item.hovering_since is not None,
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
@@ -226,19 +238,33 @@ class EvidenceReader:
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 
-    def _believed(self, item: BelievedObject, pose: Pose, now: float) -> Pose:
+    def _believed(self, places: Mapping[str, Pose], now: float) -> dict[str, Pose]:
         """world_from_object, with the covariance of perception: the pose of its body and how far it is beyond that."""
-        lead = self._lead(item.name)
-        position = pose.t[0] + lead[0], pose.t[1] + lead[1], pose.t[2] + lead[2]
-        covariance = item.covariance(pose.q)
-        flat = None if covariance is None else tuple(covariance.ravel().tolist())
-        return Pose.unchecked(position, pose.q, now, flat)
+        believed: dict[str, Pose] = {}
+        for name, pose in places.items():
+            lead = self._lead(name)
+            position = pose.t[0] + lead[0], pose.t[1] + lead[1], pose.t[2] + lead[2]
+            believed[name] = Pose.unchecked(position, pose.q, now)
+        told = ((name, self._bodies.objects[name].covariances()) for name in places)
+        return believed | _with_covariances({name: (believed[name], *both) for name, both in told if both is not None})
 
-    def _seen(self, item: BelievedObject) -> Pose:
+    def _seen(self, now: float) -> dict[str, Pose]:
         """world_from_object by the mean of the percepts that agree, with its covariance."""
-        solid = item.percept()
-        pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
-        return with_world_covariances(pose, item.percept_covariance(self._config), item.turning())
+        seen: dict[str, tuple[Pose, Array, Array]] = {}
+        for name, item in self._bodies.objects.items():
+            if item.estimate_at(now) is not None:
+                solid = item.percept()
+                pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
+                seen[name] = pose, item.percept_covariance(self._config), item.turning()
+        return _with_covariances(seen)
+
+
+def _with_covariances(told: Mapping[str, tuple[Pose, Array, Array]]) -> dict[str, Pose]:
+    """Poses with covariances (3, 3) of position and rotation in the world frame."""
+    if not told:
+        return {}
+    poses, places, turns = zip(*told.values(), strict=True)
+    return dict(zip(told, all_with_world_covariances(poses, np.array(places), np.array(turns)), strict=True))
 
 
 def _otherwise(item: BelievedObject, pose: Pose, config: BeliefConfig) -> tuple[tuple[float, Quaternion], ...]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.math3d.quaternions import to_matrix
 from dsr.math3d.transforms import Pose
 from simulation_handler.worlds.parameters import PlaceNoise
 
@@ -82,19 +84,38 @@ def with_spread(
     pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array, reach: float = math.inf
 ) -> Pose:
     """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
-    own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
-    place = position_covariance(noise, own[0], np.array(age), np.array(moved), velocity, np.array(reach))
-    turn = rotation_covariance(noise, own[1], np.array(moved))
-    return with_world_covariances(pose, place, turn)
+    return with_spreads([pose], noise, np.array([age]), np.array([moved]), velocity[None], np.array([reach]))[0]
+
+
+def with_spreads(
+    poses: Sequence[Pose], noise: PlaceNoise, age: Array, moved: Array, velocity: Array, reach: Array
+) -> list[Pose]:
+    """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...)."""
+    own = np.array([pose.cov or _UNKNOWN for pose in poses]).reshape(-1, 6, 6)
+    rotations = _rotations(poses)
+    places, turns = (rotations @ block @ rotations.mT for block in (own[:, :3, :3], own[:, 3:, 3:]))
+    places = position_covariance(noise, places, age, moved, velocity, reach)
+    return all_with_world_covariances(poses, places, rotation_covariance(noise, turns, moved))
 
 
 def with_world_covariances(pose: Pose, place: Array, turn: Array) -> Pose:
     """The pose with covariances (3, 3) of position (m^2) and rotation (rad^2) that are given in the world frame."""
-    rotation = pose.rotation_matrix
-    covariance = np.zeros((6, 6))
-    covariance[:3, :3] = rotation.T @ place @ rotation
-    covariance[3:, 3:] = rotation.T @ turn @ rotation
-    return pose.with_covariance(0.5 * (covariance + covariance.T))
+    return all_with_world_covariances([pose], place[None], turn[None])[0]
+
+
+def all_with_world_covariances(poses: Sequence[Pose], places: Array, turns: Array) -> list[Pose]:
+    """The poses with covariances (n, 3, 3) of position (m^2) and rotation (rad^2) that are given in the world frame."""
+    rotations = _rotations(poses)
+    covariances = np.zeros((len(poses), 6, 6))
+    covariances[:, :3, :3] = rotations.mT @ places @ rotations
+    covariances[:, 3:, 3:] = rotations.mT @ turns @ rotations
+    rows = (0.5 * (covariances + covariances.mT)).reshape(-1, 36).tolist()
+    return [Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(row)) for pose, row in zip(poses, rows, strict=True)]
+
+
+def _rotations(poses: Sequence[Pose]) -> Array:
+    """(n, 3, 3)"""
+    return np.array([to_matrix(pose.q) for pose in poses])
 
 
 def scaled(pose: Pose, factor: float) -> Pose:
@@ -103,4 +124,4 @@ def scaled(pose: Pose, factor: float) -> Pose:
     return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
 
 
-_NONE = np.zeros((3, 3))
+_UNKNOWN = (0.0,) * 36

@@ -50,6 +50,7 @@ from simulation_handler.worlds.spread import (
     scaled,
     squared_distance,
     with_spread,
+    with_spreads,
     with_world_covariances,
 )
 
@@ -265,6 +266,22 @@ class WeightedWorlds:
             return None
         noise = self._parameters.noise[followed.circumstance]
         return _spread(followed, noise)
+
+    def poses(self) -> dict[str, Pose]:
+        """As `pose`, of all objects at once; those of which nothing is known are left out."""
+        groups: dict[str, list[tuple[str, Followed]]] = {}
+        for name in self._watched:
+            if (followed := self.followed(name)) is not None:
+                groups.setdefault(followed.circumstance, []).append((name, followed))
+        found: dict[str, Pose] = {}
+        for circumstance, members in groups.items():
+            names, known = zip(*members, strict=True)
+            ages, moved, reaches = np.array([(one.age, one.moved, one.reach) for one in known]).T
+            velocities = np.array([one.velocity for one in known])
+            noise = self._parameters.noise[circumstance]
+            spread = with_spreads([one.pose for one in known], noise, ages, moved, velocities, reaches)
+            found |= zip(names, spread, strict=True)
+        return found
 
     def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[_Weighted]:
         """What the simulation says, and that something unknown is wrong with it."""
