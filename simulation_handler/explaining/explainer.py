@@ -260,8 +260,7 @@ class Explainer:
         if not item.track.trail or item.track.is_fresh(now) or item.holder:
             return None
         config, believed = self._config, self._bodies.solid(item.name)
-        bias_std = config.depth_bias if item.bias is None else config.learned_bias
-        glimpse = glimpse_of(believed, item.track.trail, item.bias or 0.0, bias_std)
+        glimpse = glimpse_of(believed, item.track.trail, item.error_mean, item.error_std(config))
         expected = PoseTolerance(config.hover_tolerance, config.tilt_tolerance)
         is_near = expected.covers(glimpse.solid.pose, believed.pose)
         return glimpse if not is_near or item.track.is_restless else None

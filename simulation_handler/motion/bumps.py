@@ -47,11 +47,11 @@ def seem_bumped(
 def _newest(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
     """What the newest percept alone says: those before may be from before the bump."""
     percept = item.track.trail[-1]
-    x, y, z = (percept.position - (item.bias or 0.0) * percept.ray).tolist()
+    x, y, z = item.corrected(percept).tolist()
     shown = item.solid((x, y, z), percept.rotation)
     flat, tilt = shown.face_down()
-    bias = config.depth_bias if item.bias is None else config.learned_bias
-    covariance = percept.position_covariance + bias**2 * np.outer(percept.ray, percept.ray) + PLACE_FLOOR**2 * np.eye(3)
+    systematic = item.error_std(config) ** 2 * np.outer(percept.ray, percept.ray)
+    covariance = percept.position_covariance + systematic + PLACE_FLOOR**2 * np.eye(3)
     return Seen(
         percept=flat if tilt <= config.tilt_tolerance else shown,
         covariance=covariance,

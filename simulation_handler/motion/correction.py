@@ -17,6 +17,7 @@ from simulation_handler.contact.stances import Stance, stances
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning, neighbours
 from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
+from simulation_handler.perception.estimate import RayError
 from simulation_handler.perception.systematic import KnownErrors
 from simulation_handler.scales import ROUNDING, UNSEEN_VARIANCE
 from simulation_handler.shapes.geometry import Solid
@@ -119,9 +120,10 @@ class Correction:
             item.is_recalled = is_recalled
         item.know(placement)
         if item.leans:  # how high it leans is not known so well
-            item.bias = errors.of_another(item.name).mean
+            told = errors.of_another(item.name)
+            item.learned_error = RayError(told.mean, told.scale)
         else:
-            item.learn_bias(placement)
+            item.learn_error(placement)
         must_move = is_new or is_astray or self._may_return(item)
         believed = item.placement.solid if item.placement and (must_move or item.static) else None
         around.put(believed or self._bodies.solid(item.name))

@@ -101,7 +101,7 @@ class Courses:
     def _begin(self, item: BelievedObject, start: SettingOut) -> RolloutBody:
         """A body that sets out so: at the height of what carries the object, unless it is seen above that."""
         ray = item.track.trail[-1].ray
-        x, y, z = (start.position - (item.bias or 0.0) * ray).tolist()
+        x, y, z = (start.position - item.error_mean * ray).tolist()
         a, b, c = start.velocity.tolist()
         rotation = item.path.last.q
         if item.name in self._bodies.sim:

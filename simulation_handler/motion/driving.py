@@ -269,7 +269,7 @@ class Driving:
 
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
-        noise = item.noise + (self._config.depth_bias if item.bias is None else 0.0)
+        noise = math.hypot(item.noise, item.error_std(self._config))
         two, three = max(ASTRAY, SURE_SIGMAS * noise), max(ASTRAY, LIKELY_SIGMAS * noise)
         return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,15 @@ Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
 
 _EYE = np.eye(3)
+
+
+class RayError(NamedTuple):
+    """Systematic error of percepts along the viewing ray: a Gaussian."""
+
+    mean: float
+    """m"""
+    std: float
+    """m, standard deviation"""
 
 
 class Estimate:
@@ -77,26 +87,26 @@ class Estimate:
         if _mahalanobis2(rotation, self.rotation_covariance + old.rotation_covariance) <= limit:
             self.rotation, self.rotation_covariance = old.rotation, old.rotation_covariance
 
-    def corrected(self, bias: float) -> Array:
-        """(3,) m, the position without a systematic error of `bias` m along the viewing ray."""
-        corrected: Array = self.position - bias * self.ray
+    def corrected(self, error: float) -> Array:
+        """(3,) m, the position without a systematic error of `error` m along the viewing ray."""
+        corrected: Array = self.position - error * self.ray
         return corrected
 
-    def bias_given(self, height: float) -> float | None:
-        """Systematic error along the viewing ray, m, if the object is really at `height` (m).
+    def error_given(self, height: float) -> RayError | None:
+        """Systematic error along the viewing ray, if the object is really at `height` (m); None if more must be wrong.
 
-        None for flat rays, where no height is known well enough to learn the bias from it, or where more than the bias
-        must be wrong.
+        The error is Gaussian around 0, and heights are known but for `PLACE_FLOOR`. So the flatter the ray, the less a
+        height tells (Bayes' theorem for Gaussians).
         """
-        slope = float(self.ray[2])
-        if abs(slope) * self._config.learned_bias < PLACE_FLOOR:
+        prior, slope, off = self._config.depth_bias**2, float(self.ray[2]), float(self.position[2] - height)
+        surprise = slope**2 * prior + PLACE_FLOOR**2
+        if abs(off) > LIKELY_SIGMAS * math.sqrt(surprise):
             return None
-        bias = float(self.position[2] - height) / slope
-        return bias if abs(bias) <= LIKELY_SIGMAS * self._config.depth_bias else None
+        return RayError(slope * prior * off / surprise, PLACE_FLOOR * math.sqrt(prior / surprise))
 
-    def total_covariance(self, bias_std: float) -> Array:
-        """Covariance (3, 3) of the position, m^2: remaining noise, and bias along the viewing ray."""
-        total: Array = self.position_covariance + bias_std**2 * (self.ray[:, None] * self.ray)
+    def total_covariance(self, error_std: float) -> Array:
+        """Covariance (3, 3) of the position, m^2: remaining noise, and systematic error along the viewing ray (m)."""
+        total: Array = self.position_covariance + error_std**2 * (self.ray[:, None] * self.ray)
         return total
 
     def standard_deviations(self) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.stances import Stance, is_sure, probabilities
 from simulation_handler.contact.supports import UNKNOWN
-from simulation_handler.perception.estimate import Estimate
+from simulation_handler.perception.estimate import Estimate, RayError
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.perception.systematic import ErrorOfAnother, KnownError
@@ -65,8 +65,8 @@ class BelievedObject:
     """Pose at which the body was last put; physics may have moved it since."""
     static: bool = False
     """Whether the body is held in place: it hovers, and nothing known carries it."""
-    bias: float | None = None
-    """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
+    learned_error: RayError | None = None
+    """Systematic error of its percepts, learned when it rests on something; None as long as nothing is known of it"""
     stance: Quaternion | None = None
     """How it is believed to be turned in the world, for percepts that do not tell; None as long as it has no place."""
     is_sure_of_stance: bool = True
@@ -74,7 +74,7 @@ class BelievedObject:
     may_lean: bool = False
     """Whether something is beside it on which it may lean."""
     leans: bool = False
-    """Whether it is believed to lean: its bias is then that of the others."""
+    """Whether it is believed to lean: its systematic error is then that of the others."""
     is_recalled: bool = False
     """Whether its placement is where an earlier run has left it."""
     aslant: tuple[float, PerceivedBody] | None = None
@@ -131,7 +131,7 @@ class BelievedObject:
         """Take in a percept from a camera; it is expected if the object is believed there, though it was not seen."""
         self.track.add(percept, is_expected=is_expected)
         self.seen_by[camera] = percept.stamp
-        x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
+        x, y, z = self.corrected(percept).tolist()
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
         self.shows_rotation = float(np.trace(percept.rotation_covariance)) < SURE_OF_ROTATION
         self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
@@ -153,6 +153,19 @@ class BelievedObject:
     def is_led(self) -> bool:
         """Whether its body goes where something else goes: percepts do not put it anywhere by themselves."""
         return bool(self.holder) or self.driven or self.rides
+
+    @property
+    def error_mean(self) -> float:
+        """m, the likeliest systematic error of its percepts along the viewing ray."""
+        return 0.0 if self.learned_error is None else self.learned_error.mean
+
+    def error_std(self, config: BeliefConfig) -> float:
+        """m, what is not known of the systematic error of its percepts: standard deviation."""
+        return config.depth_bias if self.learned_error is None else self.learned_error.std
+
+    def corrected(self, percept: WeighedPercept) -> Array:
+        """(3,) m, where a percept has it, without the likeliest systematic error."""
+        return np.subtract(percept.position, self.error_mean * percept.ray)
 
     @property
     def shows_stance(self) -> bool:
@@ -178,9 +191,9 @@ class BelievedObject:
         estimate = self.track.estimate
         assert estimate is not None
         rotation = estimate.rotation if self.shows_stance else self.stance or estimate.rotation
-        told = estimate.position, estimate.ray, rotation, self.bias
+        told = estimate.position, estimate.ray, rotation, self.error_mean
         if self._percept is None or any(one is not other for one, other in zip(told, self._percept[0], strict=True)):
-            x, y, z = estimate.corrected(self.bias or 0.0).tolist()
+            x, y, z = estimate.corrected(self.error_mean).tolist()
             self._percept = told, self.solid((x, y, z), rotation)
         return self._percept[1]
 
@@ -191,13 +204,13 @@ class BelievedObject:
     def percept_covariance(self, config: BeliefConfig) -> Array:
         """(3, 3) m^2 of the position of `percept`."""
         assert self.track.estimate is not None
-        return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
+        return self.track.estimate.total_covariance(self.error_std(config))
 
     def known_error(self) -> KnownError | None:
         """The systematic error of its percepts, if it rests on something as is believed for sure."""
-        if self.bias is None or self.leans or not self.is_sure_of_stance:
+        if self.learned_error is None or self.leans or not self.is_sure_of_stance:
             return None
-        return KnownError(self.bias, self.may_lean)
+        return KnownError(self.learned_error.mean, self.may_lean)
 
     def told_by_others(self, error: ErrorOfAnother) -> PerceivedBody:
         """Where it is perceived by what other objects tell of the systematic error.
@@ -259,11 +272,11 @@ class BelievedObject:
         self.placement = self.prop = self.confirmed = None
         self.gone = False
 
-    def learn_bias(self, placement: Placement) -> None:
+    def learn_error(self, placement: Placement) -> None:
         """Learn the systematic error of its percepts, if it has been resting on something known for a while."""
         estimate = self.track.estimate
         if self.is_carried() and estimate is not None and estimate.count >= RECENT_PERCEPTS:
-            self.bias = estimate.bias_given(placement.solid.position[2])
+            self.learned_error = estimate.error_given(placement.solid.position[2])
 
     def strike(self, now: float) -> None:
         """Physics moved it from where it is seen."""

@@ -286,7 +286,7 @@ def _aslant(item: BelievedObject) -> tuple[float, Pose] | None:
 
 def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
     """A percept without its known systematic error."""
-    x, y, z = (percept.position - (item.bias or 0.0) * percept.ray).tolist()
+    x, y, z = item.corrected(percept).tolist()
     return Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,20 @@ def test_the_covariance_shrinks_with_the_noise_but_not_with_the_bias() -> None:
     noise, total = often.position_covariance, often.total_covariance(CONFIG.depth_bias)
     assert np.sqrt(np.linalg.eigvalsh(noise)[-1]) < 0.001
     assert np.sqrt(often.ray @ total @ often.ray) == pytest.approx(CONFIG.depth_bias, rel=0.01)
+
+
+@pytest.mark.parametrize("slope", [0.05, 0.3, 0.6, 1.0])
+def test_heights_tell_of_the_error_of_depth_as_much_as_the_ray_is_steep(slope: float) -> None:
+    """The covariance of the posterior, by the information of a height that is known to 2 mm, and by the prior."""
+    eye = (0.4 - math.sqrt(1.0 - slope**2), 0.1, 0.02 + slope)
+    track, off = PerceptTrack(CONFIG), 0.003
+    track.add(make_percept(cube_at(0.4, 0.1), 1.0, eye, CONFIG))
+    assert track.estimate is not None
+    error = track.estimate.error_given(0.02 - off)
+    assert error is not None
+    assert error.std == pytest.approx((1.0 / CONFIG.depth_bias**2 + (slope / 0.002) ** 2) ** -0.5)
+    assert error.mean == pytest.approx(-slope * off * (error.std / 0.002) ** 2)
+    assert track.estimate.error_given(0.02 - 4.0 * CONFIG.depth_bias * slope - 0.008) is None, "more must be wrong"
 
 
 @pytest.mark.parametrize("wrong", [cube_at(0.3, 0.2), cube_at(0.4, 0.1, 0.2), cube_at(0.4, 0.1, yaw=0.5)])
