@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 
 from dsr.perception.scales import CONTACT_DELAY
 from simulation_handler.contact.relations import ContactRelations, Relation
-from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
+from simulation_handler.hands.fingertips import Gaps, Met, Spans, is_opposed, meet, within
 from simulation_handler.hands.relation import PUT_DOWN
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
 from simulation_handler.shapes.geometry import Solid
@@ -34,6 +34,7 @@ class Contacts:
         self._touches = ContactRelations(CONTACT_DELAY)
         self._pinches = ContactRelations(CONTACT_DELAY)
         self._gaps = Gaps()
+        self._spans = Spans()
         self._now: tuple[set[Relation], set[Relation]] = set(), set()  # without delay
 
     @property
@@ -76,6 +77,7 @@ class Contacts:
         self._now = touching, opposed = self._found(now)
         self._touches.update(touching, now)
         self._pinches.update(opposed, now)
+        self._spans.keep(opposed | self._pinches.current().keys())
 
     def opens(self, relation: Relation) -> bool:
         """Whether a hand that holds an object may be letting go of it just now."""
@@ -104,14 +106,22 @@ class Contacts:
                     touching |= known & {(tip, item.name) for tip in hand.tips}
                     opposed |= {(name, item.name)} & self.pinches.keys()
                     continue
-                touched = self._touched(hand, item, known, now)
+                touched = self._touched(name, item, known, now)
                 touching |= {(tip, item.name) for tip in touched}
-                if is_opposed(touched):
+                if self._is_pinched((name, item.name), touched):
                     if not self._was_put_down((name, item.name), now):
                         opposed.add((name, item.name))
                 elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
                     opposed |= {(name, item.name)} & self.pinches.keys()
         return touching, opposed
+
+    def _is_pinched(self, relation: Relation, touched: Mapping[str, Met | None]) -> bool:
+        """Whether fingertips at an object are on opposite sides, or were, and are as far apart as then."""
+        points = {tip: met.point for tip, met in touched.items() if met is not None}
+        if is_opposed(touched):
+            self._spans.note(relation, touched)
+            return True
+        return relation in self.pinches and bool(self._spans.closed(relation, points))
 
     def _was_put_down(self, relation: Relation, now: float) -> bool:
         """Whether a hand was seen to open about what rested, which is not seen now, so that it looks pinched again."""
@@ -119,14 +129,15 @@ class Contacts:
         return grasp is not None and grasp.state is PUT_DOWN and now - item.track.last_stamp > UNSEEN
 
     def _touched(
-        self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float
+        self, name: str, item: BelievedObject, known: Collection[Relation], now: float
     ) -> dict[str, Met | None]:
-        """Fingertips that touch an object; None for one that is not measured now."""
+        """Fingertips of a hand that touch an object; None for one that is not measured now."""
+        hand = self._hands[name]
         is_seen = now - item.track.last_stamp <= UNSEEN
         stamp, solid = self.seen_at(hand, item, now)
         solids = [solid]
         touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
-        if item.hand and hand is self._hands.get(item.hand) and not is_seen:
+        if item.hand == name and not is_seen:
             grasp = self._grasps[item.hand, item.name]  # its body comes later
             there = hand.path.last @ grasp.hand_from_object
             solids.append(item.solid(there.t, there.q))
@@ -138,6 +149,8 @@ class Contacts:
             near = meet(solid, touching)
             gaps = {(tip, item.name): met.gap for tip, met in near.items()}
             touch = self._gaps.touching(gaps, known, item.noise, now) if is_seen else within(gaps, known)
+            if is_seen and (name, item.name) in self.pinches:
+                touch |= {(tip, item.name) for tip in self._spans.closed((name, item.name), touching) & near.keys()}
             met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met

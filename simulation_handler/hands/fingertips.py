@@ -1,9 +1,9 @@
-"""Where fingertips meet objects: whether one touches, goes on touching, and whether two are opposed."""
+"""Where fingertips meet objects: whether one touches, goes on touching, and whether two are opposed, and stay so."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import combinations
 from typing import NamedTuple
 
@@ -104,16 +104,61 @@ def _near(solid: Solid, point: Vector3) -> Met | None:
     return Met(gap, normal, point) if -DEEPEST <= gap <= _TIP_REACH else None
 
 
+class Spans:
+    """How far apart the fingertips are that pinch an object: as long as they stay so, it is between them.
+
+    A hand that lets go moves them apart, and they come closer only if nothing is between them. The hand alone tells
+    that. The percepts of an object that is half covered may go to and fro in it.
+    """
+
+    def __init__(self) -> None:
+        self._spans: dict[Relation, dict[tuple[str, str], tuple[float, int]]] = {}  # m, count; of pairs of fingertips
+
+    def note(self, relation: Relation, fingertips: Mapping[str, Met | None]) -> None:
+        """Take in fingertips that pinch: (hand, object)."""
+        before = self._spans.get(relation, {})
+        spans = {(a, b): math.dist(one.point, two.point) for (a, one), (b, two) in _opposed(fingertips)}
+        self._spans[relation] = before | {
+            pair: _averaged(*before.get(pair, (0.0, 0)), span) for pair, span in spans.items()
+        }
+
+    def keep(self, relations: Collection[Relation]) -> None:
+        """Forget all but these (hand, object), which are pinched."""
+        self._spans = {relation: spans for relation, spans in self._spans.items() if relation in relations}
+
+    def closed(self, relation: Relation, points: Mapping[str, Vector3]) -> set[str]:
+        """Fingertips of a hand that have pinched an object and are as far apart as they were then.
+
+        Args:
+            relation: (hand, object).
+            points: centres of its fingertips, m, by name.
+        """
+        return {
+            tip
+            for (a, b), (span, _) in self._spans.get(relation, {}).items()
+            if a in points and b in points and abs(math.dist(points[a], points[b]) - span) <= NEAR
+            for tip in (a, b)
+        }
+
+
+def _averaged(mean: float, count: int, newest: float) -> tuple[float, int]:
+    """The mean of the first values, or of about the last ones, and of how many, with one more."""
+    return mean + max(SLOWLY, 1.0 / (count + 1)) * (newest - mean), count + 1
+
+
 def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:
     """Whether two fingertips, of those of which that is known, are on opposite sides with something between them.
 
     Two that are spread in a container press on its walls the opposite ways, too, but from within.
     """
-    known = [met for met in fingertips.values() if met is not None]
-    return any(
-        _dot(a.normal, b.normal) < _OPPOSED and _dot(a.normal, a.point) > _dot(a.normal, b.point)
-        for a, b in combinations(known, 2)
-    )
+    return any(True for _ in _opposed(fingertips))
+
+
+def _opposed(fingertips: Mapping[str, Met | None]) -> Iterator[tuple[tuple[str, Met], tuple[str, Met]]]:
+    known = [(tip, met) for tip, met in fingertips.items() if met is not None]
+    for (tip, a), (other, b) in combinations(known, 2):
+        if _dot(a.normal, b.normal) < _OPPOSED and _dot(a.normal, a.point) > _dot(a.normal, b.point):
+            yield (tip, a), (other, b)
 
 
 def _dot(a: Vector3, b: Vector3) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from simulation_handler.hands.anatomy import HAND
-from simulation_handler.hands.fingertips import Gaps, is_opposed, meet
+from simulation_handler.hands.fingertips import Gaps, Met, Spans, is_opposed, meet
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import container
 
@@ -81,3 +81,16 @@ def test_one_wall_of_a_container_is_pinched_from_both_sides() -> None:
     size = (0.09, 0.09, 0.08)
     cup = Solid("cup", size, (0.0, 0.0, 0.04), shape=container(size))
     assert is_opposed(meet(cup, {"thumb": (0.0, 0.042 - RADIUS, 0.06), "index": (0.0, 0.045 + RADIUS, 0.06)}))
+
+
+@pytest.mark.parametrize(("apart", "is_closed"), [(0.0, True), (0.008, True), (0.012, False), (-0.012, False)])
+def test_fingertips_that_pinched_are_closed_while_they_are_as_far_apart(apart: float, is_closed: bool) -> None:
+    spans, relation = Spans(), ("hand", "cup")
+    places = {"thumb": (0.0, 0.03, 0.0), "index": (0.0, -0.03, 0.0)}
+    ways = {"thumb": (0.0, 1.0, 0.0), "index": (0.0, -1.0, 0.0)}
+    spans.note(relation, {tip: Met(0.0, ways[tip], place) for tip, place in places.items()})
+    moved = places | {"thumb": (0.0, 0.03 + apart, 0.0)}
+    assert spans.closed(relation, moved) == (set(moved) if is_closed else set())
+    assert spans.closed(relation, {"thumb": moved["thumb"]}) == set()
+    spans.keep(())
+    assert spans.closed(relation, places) == set()

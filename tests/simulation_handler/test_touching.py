@@ -85,6 +85,21 @@ def test_a_palm_that_seems_to_turn_does_not_open_the_fingertips(yaw: float) -> N
     assert world.error("cup") < 0.06
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_seems_to_shift_between_fingertips_that_keep_their_distance_is_pinched(seed: int) -> None:
+    world = Occlusion({"cube": standing(0.3, 0.0, CUBE)}, seed)
+    world.run(2.0)
+    world.hand("cube")
+    world.run(2.0)
+    palm, tips = world.hand_from_object, world.tips_from_object
+    for shift in (0.026, 0.0, 0.026, 0.0):
+        world.truths["cube"] = standing(0.3 + shift, 0.0, CUBE)
+        world.hand_from_object = palm @ Pose((shift, 0.0, 0.0))
+        world.tips_from_object = {tip: (place[0] - shift, *place[1:]) for tip, place in tips.items()}
+        world.run(0.5)
+        assert [grasp.state for grasp in world.belief.grasps().values()] == [PINCHING]
+
+
 def test_a_hand_beside_an_object_does_not_touch_it() -> None:
     world = cup_in_a_hand()
     world.hand("cup", opened=0.025)
