@@ -32,7 +32,7 @@ from simulation_handler.motion.driving import Driving
 from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
 from simulation_handler.perception.percepts import make_percept
-from simulation_handler.physics.rollouts.scene import RolloutScene
+from simulation_handler.physics.rollouts.scene import Placing, RolloutScene
 from simulation_handler.physics.simulator import MOST_STEPS, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
@@ -73,8 +73,8 @@ class Belief:
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
-        self._places: dict[str, Pose | None] = {}
-        """world_from_object at the last step, as long as nobody has put an object elsewhere since"""
+        self._places: dict[str, tuple[Placing, Pose]] = {}
+        """Where the body of each object was at the last step, and world_from_object then"""
         self._now: float | None = None
 
     def close(self) -> None:
@@ -132,7 +132,6 @@ class Belief:
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""
         item = self._bodies.object(name)
-        self._places.pop(name, None)
         self._bodies.put(item, world_pose.t, world_pose.q)
         self._bodies.set_static(item, held)
         item.track.forget()
@@ -161,7 +160,6 @@ class Belief:
 
     def remove(self, name: str) -> None:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
-        self._places.pop(name, None)
         self._holding.forget(name)
         self._touching.forget(name)
         self._deeds.forget(name)
@@ -212,7 +210,6 @@ class Belief:
 
     def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
         """Take in the objects, by name, that are in a gripper from now on; others are not."""
-        self._places.clear()
         self._holding.update(grasps)
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
@@ -273,8 +270,10 @@ class Belief:
         self._worlds.update(self.evidence())
         self._following.update()
         known = self._worlds.poses()
-        self._places = {name: self._place(name, known.get(name)) for name in self._bodies.objects}
-        self._deeds.update(self._places, self._explainer.in_doubt(now), self._worlds.worlds, now)
+        bodies = {name: self._bodies.sim.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
+        self._places = {name: (body, self._located(name, body, known.get(name))) for name, body in bodies.items()}
+        places = {name: self.pose(name) for name in self._bodies.objects}
+        self._deeds.update(places, self._explainer.in_doubt(now), self._worlds.worlds, now)
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
@@ -285,14 +284,16 @@ class Belief:
 
         Of what is on its way, that is where it is by now: its body follows a little late.
         """
-        item = self._bodies.object(name)
-        return self._places[name] if name in self._places else self._place(item.name, self._worlds.pose(name))
-
-    def _place(self, name: str, known: Pose | None) -> Pose | None:
-        """As `pose`, with the covariance of what is `known` of the object."""
-        if name not in self._bodies.sim:
+        if self._bodies.object(name).name not in self._bodies.sim:
             return None
-        position, rotation = self._bodies.sim.pose(name)
+        body, known = self._bodies.sim.pose(name), self._places.get(name)
+        if known is not None and known[0] == body:
+            return known[1]
+        return self._located(name, body, self._worlds.pose(name))  # it was put there since
+
+    def _located(self, name: str, body: Placing, known: Pose | None) -> Pose:
+        """world_from_object by the place of its body, with the covariance of what is `known` of the object."""
+        position, rotation = body
         lead = self._driving.lead(name)
         position = position[0] + lead[0], position[1] + lead[1], position[2] + lead[2]
         return Pose.unchecked(position, rotation, self._now or 0.0, None if known is None else known.cov)

@@ -124,4 +124,4 @@ def scaled(pose: Pose, factor: float) -> Pose:
     return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
 
 
-_UNKNOWN = (0.0,) * 36
+_UNKNOWN = tuple(np.zeros(36).tolist())

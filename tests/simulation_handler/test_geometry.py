@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsr.math3d import quaternions
-from dsr.math3d.polygons import area, contains, intersection, overlap
+from dsr.math3d.polygons import are_apart, area, contains, intersection, overlap
 from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
@@ -114,3 +114,10 @@ def test_intersection_of_two_squares() -> None:
     assert area(intersection(square, shifted)) == pytest.approx(0.125)
     assert area(intersection(square, [(x + 2.0, y) for x, y in square])) == 0.0
     assert not contains([], (0.0, 0.0))
+
+
+@given(FLAT, FLAT)
+def test_outlines_are_apart_unless_they_overlap(one: Solid, other: Solid) -> None:
+    depth, _ = overlap(one.footprint, other.footprint)
+    if abs(depth) > 1e-9:  # m, rounding
+        assert are_apart(one.footprint, other.footprint) is (depth < 0.0)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from simulation_handler.perception.systematic import ErrorOfAnother, KnownError, error_of_another
+from simulation_handler.perception.systematic import ErrorOfAnother, KnownError, KnownErrors, error_of_another
 
 SHARED = 0.01
 
@@ -42,3 +42,15 @@ def test_what_may_lean_and_has_another_error_than_all_others_tells_nothing(astra
 
 def test_of_two_that_differ_neither_is_believed_alone() -> None:
     assert told_by(0.0, 0.008, may_lean=True).scale > 0.004
+
+
+def test_errors_that_are_noted_one_by_one_tell_what_all_together_do() -> None:
+    known = [KnownError(0.001 * k, may_lean=k % 3 > 0) for k in (4, -1, 0, 7, 4, 2)]
+    errors = KnownErrors(SHARED)
+    for number, error in enumerate(known):
+        errors.note(str(number), KnownError(0.02, may_lean=False))
+        errors.note(str(number), error)
+    for number in range(len(known)):
+        assert errors.of_another(str(number)) == error_of_another(known[:number] + known[number + 1 :], SHARED)
+    errors.note("0", None)
+    assert errors.of_another("0") == errors.of_another("unknown") == error_of_another(known[1:], SHARED)
