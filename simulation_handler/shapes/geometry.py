@@ -84,7 +84,7 @@ class Solid:
         if not self.shape or self.kind == "box":
             return half_height(self.size, self.rotation)
         x, y, z = quaternions.to_matrix(self.rotation)[2]
-        is_flat = max(abs(x), abs(y), abs(z)) > 1.0 - ROUNDING
+        is_flat = sorted((abs(x), abs(y), abs(z)))[1] < ROUNDING  # sines: a cosine hardly tells small angles
         if is_flat or not faces(self.shape):
             return half_height(self.size, self.rotation)
         return depth(self.shape, (sign * x, sign * y, sign * z))
