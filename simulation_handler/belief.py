@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import ExplainedChange
 from dsr.vocabulary.observed_actions import Deed
@@ -31,11 +32,12 @@ from simulation_handler.motion.courses import Courses
 from simulation_handler.motion.driving import Driving
 from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
-from simulation_handler.perception.percepts import make_percept
+from simulation_handler.perception.percepts import WeighedPercept, make_percept
 from simulation_handler.physics.rollouts.scene import Placing, RolloutScene
 from simulation_handler.physics.simulator import MOST_STEPS, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
+from simulation_handler.state.objects import BelievedObject, tells_rotation
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
 from simulation_handler.worlds.following import WeightFollowing
 from simulation_handler.worlds.model import Island, probability
@@ -182,9 +184,17 @@ class Belief:
         item, doubted = self._bodies.object(name), self._explainer.cameras_in_doubt
         if camera in doubted and not item.cameras_at(stamp) <= doubted:
             return
-        body = self._bodies.pose(name) if name in self._bodies.sim and not item.is_led else None
-        is_expected = body is not None and math.dist(body.t, world_pose.t) <= self.config.hover_tolerance
-        item.observe(make_percept(world_pose, stamp, seen_from, self.config), camera, is_expected=is_expected)
+        percept = make_percept(world_pose, stamp, seen_from, self.config)
+        item.observe(percept, camera, is_expected=self._is_expected(item, percept))
+
+    def _is_expected(self, item: BelievedObject, percept: WeighedPercept) -> bool:
+        """Whether a percept shows an object where its body is, and as that is turned, if it tells that."""
+        if item.is_led or item.name not in self._bodies.sim:
+            return False
+        x, y, z = percept.position.tolist()
+        body, seen = self._bodies.pose(item.name), Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
+        turn = self.config.divergence_angle if tells_rotation(percept.rotation_covariance) else math.pi
+        return PoseTolerance(self.config.hover_tolerance, turn).covers(body, seen)
 
     def set_visibility(self, visibility: VisibilityQuery | None) -> None:
         """Use `visibility` from now on for the objects that cameras should see; None without a camera."""

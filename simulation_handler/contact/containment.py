@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
+from dsr.math3d.quaternions import Vector3
 from dsr.perception.scales import SAME_PLACE
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.shapes.geometry import Solid
@@ -50,9 +51,14 @@ def inside(solids: Collection[Solid], known: Collection[Relation] = ()) -> set[R
         for hollow in solids
         if hollow.is_hollow
         for solid in solids
-        if solid.radius < hollow.radius and solid.name != hollow.name
-        if hollow.reaches_around(solid.position, SAME_PLACE if (solid.name, hollow.name) in known else 0.0)
+        if solid.name != hollow.name
+        if is_in(solid.position, solid.radius, hollow, SAME_PLACE if (solid.name, hollow.name) in known else 0.0)
     }
+
+
+def is_in(place: Vector3, radius: float, hollow: Solid, margin: float = 0.0) -> bool:
+    """Whether an object of that radius (m) at a place (m) is in a hollow body, or outside by at most `margin` m."""
+    return radius < hollow.radius and hollow.reaches_around(place, margin)
 
 
 def carried_by(leaders: Iterable[str], relations: Iterable[Relation]) -> set[str]:

@@ -20,7 +20,7 @@ from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.state.objects import SURE_OF_ROTATION
+from simulation_handler.state.objects import tells_rotation
 
 FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
@@ -128,7 +128,7 @@ def _points(solid: Solid, has_rotation: bool) -> Array:
 
 
 def _tells_rotation(situation: Situation, name: str) -> bool:
-    return float(np.trace(situation.seen[name].turning)) < SURE_OF_ROTATION
+    return tells_rotation(situation.seen[name].turning)
 
 
 def _may_agree(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:

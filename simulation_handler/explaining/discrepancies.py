@@ -9,6 +9,7 @@ from dsr.believing.absence import missed, most_missed
 from dsr.perception.scales import FRAME
 from dsr.vocabulary.nats import SURPRISING
 from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.explaining.scoring import seems_displaced
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.state.bodies import Bodies
@@ -35,7 +36,7 @@ class Discrepancies:
         """Compare percepts with beliefs at time `now` (s)."""
         off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
         self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
-        self._expected_by = self._expected(visibility) if visibility is not None else {}
+        self._expected_by = self._expected(visibility, now) if visibility is not None else {}
         blind = not any(item.estimate_at(now) for item in self._bodies.objects.values())
         since = {} if blind else self._expected_since  # a camera that shows nothing is covered
         self._expected_since = {name: since.get(name, now) for name in sorted(self._expected_by)}
@@ -104,16 +105,24 @@ class Discrepancies:
         """Whether it is surprising that an object is missing for so long (s)."""
         return missed(seconds / FRAME, max(self._expected_by[name].values())) >= SURPRISING
 
-    def _expected(self, visibility: VisibilityQuery) -> dict[str, dict[str, float]]:
+    def _expected(self, visibility: VisibilityQuery, now: float) -> dict[str, dict[str, float]]:
         """Probabilities with which cameras should recognise objects, if it would be surprising that they never do.
 
         Of those at rest, for what falls is not there any more when a frame comes.
         """
         bodies, in_motion = self._bodies, self._bodies.in_motion()
-        solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
+        solids = {name: bodies.solid(name) for name in bodies.objects if name in bodies.sim}
         expected: dict[str, dict[str, float]] = {}
-        for (camera, name), visible in visibility(solids).items():
-            is_due = most_missed(visible.recognised) >= SURPRISING
-            if is_due and not bodies.objects[name].is_led and name not in in_motion:
+        for (camera, name), visible in visibility(list(solids.values())).items():
+            if _is_due(visible.recognised) and not bodies.objects[name].is_led and name not in in_motion:
                 expected.setdefault(name, {})[camera] = visible.recognised
-        return expected
+        for name in [name for name in expected if bodies.objects[name].estimate_at(now) is None]:
+            others = [solid for one, solid in solids.items() if one != name]
+            about = recognised_about(solids[name], others, visibility)
+            expected[name] = {camera: share for camera, share in about.items() if _is_due(share)}
+        return {name: by for name, by in expected.items() if by}
+
+
+def _is_due(recognised: float) -> bool:
+    """Whether it would be surprising if what is recognised with that probability never were."""
+    return most_missed(recognised) >= SURPRISING

@@ -229,7 +229,7 @@ class Explainer:
             },
             surprising=due,
             glanced=frozenset(
-                name for name, item in told.items() if item.track.is_fresh(now) and item.track.estimate is None
+                name for name, item in told.items() if item.track.is_fresh(now) and item.track.is_glanced
             ),
             beneath=_by_first(self._relations.current()),
             inside=_by_first(self._containment.current()),

@@ -108,7 +108,8 @@ class Spans:
     """How far apart the fingertips are that pinch an object: as long as they stay so, it is between them.
 
     A hand that lets go moves them apart, and they come closer only if nothing is between them. The hand alone tells
-    that. The percepts of an object that is half covered may go to and fro in it.
+    that. The percepts of an object that is half covered may go to and fro in it, but the middle of two fingertips stays
+    in what they pinch: a hand that slides off has nothing there.
     """
 
     def __init__(self) -> None:
@@ -126,19 +127,25 @@ class Spans:
         """Forget all but these (hand, object), which are pinched."""
         self._spans = {relation: spans for relation, spans in self._spans.items() if relation in relations}
 
-    def closed(self, relation: Relation, points: Mapping[str, Vector3]) -> set[str]:
-        """Fingertips of a hand that have pinched an object and are as far apart as they were then.
+    def closed(self, relation: Relation, points: Mapping[str, Vector3], solid: Solid) -> set[str]:
+        """Fingertips of a hand that have pinched an object, are as far apart as they were then, and still about it.
 
         Args:
             relation: (hand, object).
             points: centres of its fingertips, m, by name.
+            solid: the object.
         """
         return {
             tip
             for (a, b), (span, _) in self._spans.get(relation, {}).items()
             if a in points and b in points and abs(math.dist(points[a], points[b]) - span) <= NEAR
+            if solid.signed_distance(_middle(points[a], points[b]))[0] <= NEAR
             for tip in (a, b)
         }
+
+
+def _middle(a: Vector3, b: Vector3) -> Vector3:
+    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
 
 
 def _averaged(mean: float, count: int, newest: float) -> tuple[float, int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import CONFIRMED_IN, FASTEST_SEEN, SAME_PLACE, SURE_SIGMAS
+from dsr.perception.scales import CONFIRMED_IN, FASTEST_SEEN, SAME_PLACE
 from simulation_handler.contact.placement import Placement
 from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.motion.supported_objects import HALTED, Twist
@@ -84,7 +84,7 @@ def _shift(seen: Solid, placement: Placement) -> float:
 def is_lifted(item: BelievedObject, drive: Drive) -> bool:
     """Whether an object is off what carried it by far less than percepts may be, because its hand is, too."""
     error = item.learned_error
-    if item.place_by_hand is None or error is None or SURE_SIGMAS * error.std > SAME_PLACE:
+    if item.place_by_hand is None or error is None or not error.is_known:
         return False
     height = min(item.place_by_hand[2], item.path.last.t[2]) - drive.begin.t[2]
     return not drive.rests or height > SAME_PLACE

@@ -14,7 +14,7 @@ import numpy as np
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
-from dsr.perception.scales import LIKELY_SIGMAS
+from dsr.perception.scales import LIKELY_SIGMAS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.scales import PLACE_FLOOR
@@ -32,6 +32,11 @@ class RayError(NamedTuple):
     """m"""
     std: float
     """m, standard deviation"""
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is known so well that it makes no other place of where something is seen."""
+        return SURE_SIGMAS * self.std <= SAME_PLACE
 
 
 class Estimate:
@@ -100,7 +105,7 @@ class Estimate:
         """
         prior, slope, off = self._config.depth_bias**2, float(self.ray[2]), float(self.position[2] - height)
         surprise = slope**2 * prior + PLACE_FLOOR**2
-        if abs(off) > LIKELY_SIGMAS * math.sqrt(surprise):
+        if not abs(off) <= LIKELY_SIGMAS * math.sqrt(surprise):
             return None
         return RayError(slope * prior * off / surprise, PLACE_FLOOR * math.sqrt(prior / surprise))
 

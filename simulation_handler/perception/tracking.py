@@ -51,13 +51,20 @@ class PerceptTrack:
             self._fuse(self.estimate, percept)
             return
         self._pending.append(percept)
-        if (is_expected and self.estimate is None) or len(self._pending) >= self._needed():
+        if is_expected and self.estimate is None:
+            self._restart([percept], None)
+        elif len(self._pending) >= self._needed():
             self._restart(list(self._pending), self.estimate)
 
     @property
     def trail(self) -> tuple[WeighedPercept, ...]:
         """The newest percepts, the last one at the end."""
         return tuple(self._newest)
+
+    @property
+    def is_glanced(self) -> bool:
+        """Whether it is seen again, but too shortly yet to tell where it is."""
+        return self.estimate is None and bool(self._pending)
 
     @property
     def is_restless(self) -> bool:

@@ -32,6 +32,11 @@ SURE_OF_ROTATION = 0.75
 _SURE_OF_TILT = 2.0 * (TILTED / LIKELY_SIGMAS) ** 2  # rad^2, likewise, about the two horizontal axes
 
 
+def tells_rotation(covariance: Array) -> bool:
+    """Whether percepts with this covariance (3, 3) of their rotation, rad^2, tell how something is turned."""
+    return float(np.trace(covariance)) < SURE_OF_ROTATION
+
+
 @dataclass
 class BelievedObject:
     """An object that exists, seen or not."""
@@ -116,7 +121,7 @@ class BelievedObject:
     """Whether the object was taken out of the scene."""
     seen_by: dict[str, float] = field(default_factory=dict)
     """Stamp (s) of the newest percept from each camera."""
-    _percept: tuple[tuple[Array, Array, Quaternion, float | None], Solid] | None = None
+    _percept: tuple[tuple[Array, Array, Quaternion, float], Solid] | None = None
     """What `percept` was worked out of the last time, and what it was"""
 
     def estimate_at(self, now: float) -> Estimate | None:
@@ -133,7 +138,7 @@ class BelievedObject:
         self.seen_by[camera] = percept.stamp
         x, y, z = self.corrected(percept).tolist()
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
-        self.shows_rotation = float(np.trace(percept.rotation_covariance)) < SURE_OF_ROTATION
+        self.shows_rotation = tells_rotation(percept.rotation_covariance)
         self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
         rotation = percept.rotation if self.shows_stance else self.turned_by_hand or self.stance or percept.rotation
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
@@ -208,9 +213,10 @@ class BelievedObject:
 
     def known_error(self) -> KnownError | None:
         """The systematic error of its percepts, if it rests on something as is believed for sure."""
-        if self.learned_error is None or self.leans or not self.is_sure_of_stance:
+        error = self.learned_error
+        if error is None or not error.is_known or self.leans or not self.is_sure_of_stance:
             return None
-        return KnownError(self.learned_error.mean, self.may_lean)
+        return KnownError(error.mean, self.may_lean)
 
     def told_by_others(self, error: ErrorOfAnother) -> PerceivedBody:
         """Where it is perceived by what other objects tell of the systematic error.

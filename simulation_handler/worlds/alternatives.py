@@ -7,7 +7,7 @@ seen where it should be lowers a mode in proportion to what cameras should see o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
-from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery
+from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence, SharesQuery
 from simulation_handler.worlds.parameters import Rates, WorldParameters
 
 FOLLOWED = "followed"
@@ -145,7 +145,7 @@ class Alternatives:
         self._now = evidence.now
         self._go_along(thing, evidence)
         self._follow(thing)
-        self._flow(thing, evidence, step)
+        self._flow(name, evidence, step)
         self._work(thing, work)
         if self._is_new:
             self._enter(name, evidence)
@@ -191,16 +191,17 @@ class Alternatives:
         followed.pose, followed.supports = pose, thing.supports
         self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
 
-    def _flow(self, thing: ObjectEvidence, evidence: Evidence, step: float) -> None:
+    def _flow(self, name: str, evidence: Evidence, step: float) -> None:
         """Events that nobody sees."""
-        rates, followed = self._parameters.rates, self.modes[FOLLOWED]
+        thing, rates, followed = evidence.objects[name], self._parameters.rates, self.modes[FOLLOWED]
         if thing.container and thing.believed is not None:  # remember where in it the object is, should it get out
             solid = evidence.objects[thing.container].solid
             if solid is not None:
                 anchored = solid.pose.inverse() @ thing.believed
                 self._mode(INSIDE_OF + thing.container, Mode(0.0, thing.believed, container=thing.container))
                 self.modes[INSIDE_OF + thing.container].anchored = anchored
-        near = [hand for hand, known in evidence.hands.items() if _is_near(known.pose, followed.pose)]
+        hands = evidence.hands_free_of_others(name)
+        near = [hand for hand, known in hands.items() if _is_near(known.pose, followed.pose)]
         for key, mode in list(self.modes.items()):
             if mode.pose is None:
                 continue
@@ -208,11 +209,11 @@ class Alternatives:
             if key == ELSEWHERE:
                 continue
             is_held = bool(mode.hand or (key == FOLLOWED and thing.hand))
-            rate = rates.put_down if is_held else self._moving_rate(mode.pose, evidence, rates)
+            rate = rates.put_down if is_held else self._moving_rate(mode.pose, hands, rates)
             self._pass(key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now))
         for hand in near:
             if hand != thing.hand:
-                known = evidence.hands[hand]
+                known = hands[hand]
                 taken = Mode(0.0, followed.pose, hand=hand, anchored=known.pose.inverse() @ _placed(followed.pose))
                 self._pass(FOLLOWED, IN_HAND + hand, _probability(rates.taken * step), taken)
 
@@ -230,8 +231,8 @@ class Alternatives:
                 moved = (1.0 - rates.work_removed) * rates.work_moved
                 self._pass(key, ELSEWHERE, new * moved, Mode(0.0, mode.pose, since=self._now), worked=_AS_GOOD_AS_SURE)
 
-    def _moving_rate(self, pose: Pose, evidence: Evidence, rates: Rates) -> float:
-        is_near = any(_is_near(known.pose, pose) for known in evidence.hands.values())
+    def _moving_rate(self, pose: Pose, hands: Mapping[str, HandEvidence], rates: Rates) -> float:
+        is_near = any(_is_near(known.pose, pose) for known in hands.values())
         return rates.moved_by_hand if is_near else rates.moved
 
     def _enter(self, name: str, evidence: Evidence) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +13,10 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.containment import Containment
+from simulation_handler.contact.containment import Containment, is_in
 from simulation_handler.contact.relations import ContactRelations, Relation, SupportedPose
 from simulation_handler.explaining import VisibilityQuery
+from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.shapes.geometry import Solid
@@ -119,15 +120,17 @@ class Evidence:
     fixtures: tuple[Solid, ...] = ()
     """Tables and the floor"""
 
+    def hands_free_of_others(self, name: str) -> dict[str, HandEvidence]:
+        """The hands that hold nothing but perhaps this object: one that holds something takes nothing else."""
+        busy = {other.hand for key, other in self.objects.items() if key != name}
+        return {hand: known for hand, known in self.hands.items() if hand not in busy}
+
     def containers_at(self, name: str, place: Vector3) -> tuple[str, ...]:
         """Names of what an object would be in at a place (m), innermost first."""
         thing = self.objects[name].solid
+        radius = 0.0 if thing is None else thing.radius
         solids = [other.solid for key, other in self.objects.items() if key != name and other.solid is not None]
-        around = [
-            solid
-            for solid in solids
-            if solid.is_hollow and (thing is None or thing.radius < solid.radius) and solid.reaches_around(place)
-        ]
+        around = [solid for solid in solids if solid.is_hollow and is_in(place, radius, solid)]
         return tuple(solid.name for solid in sorted(around, key=lambda solid: solid.radius))
 
 
@@ -295,7 +298,7 @@ SharesQuery = Callable[[Evidence, str, list[Pose]], list[float]]
 
 
 def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
-    """Share (0 to 1) of the frames in which the camera that sees most of an object should recognise it, at each place.
+    """Share (0 to 1) of the frames in which the camera that sees most of an object should recognise it about places.
 
     Everything else is where the simulation has it, and what is in the object is left out.
     """
@@ -307,8 +310,5 @@ def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float
         for one, other in evidence.objects.items()
         if other.solid is not None and one != name and (one, name) not in evidence.contents
     ]
-    found = []
-    for place in places:
-        visible = visibility([*others, replace(solid, position=place.t, rotation=place.q)])
-        found.append(max((one.recognised for (_, seen), one in visible.items() if seen == name), default=0.0))
-    return found
+    there = [solid.at(place.t, place.q) for place in places]
+    return [max(recognised_about(one, others, visibility).values(), default=0.0) for one in there]

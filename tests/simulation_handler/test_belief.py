@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -353,6 +354,42 @@ def test_what_was_believed_before_is_recalled() -> None:
     world.run(1.0)
     assert all(world.error(name) < 0.001 for name in world.truths)
     assert world.belief.plausible("a") and not world.belief.plausible("b")
+
+
+@pytest.mark.parametrize("tilt", [0.05, 0.1, 0.2, 0.3])
+def test_one_tilted_frame_does_not_upset_what_was_believed_before(tilt: float) -> None:
+    world = World({"below": cube_at(0.35, 0.0), "top": cube_at(0.35, 0.0, 0.06)})
+    for name, truth in world.truths.items():
+        world.belief.recall(name, truth)
+    world.seen = set()
+    world.run(0.3)
+    covariance = np.diag([3e-3**2] * 3 + [3e-4] * 3)
+    tilted = Pose.from_rotvec((0.35, 0.0, 0.02), (0.0, tilt, 0.0)).with_covariance(covariance)
+    world.see("below", tilted.with_stamp(world.now))
+    world.run(0.5)
+    assert all(world.error(name) < 0.001 for name in world.truths)
+
+
+def test_what_cameras_see_flatly_tells_nothing_for_sure_of_what_is_seen_from_above() -> None:
+    """All are seen 10 mm too near. Steep rays tell that; flat ones do not, and do not claim that there is no error."""
+    sure = {}
+    for eye in ((0.6, 0.3, 0.6), (1.6, 0.3, 0.15)):
+        belief = Belief(BeliefConfig())
+        belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
+        for number, now in itertools.product(range(4), np.arange(0.1, 2.0, 0.1)):
+            if now == 0.1:
+                belief.add_object(f"cube_{number}", CUBE, mass=0.05)
+            truth = cube_at(0.1 + 0.15 * number, 0.2)
+            ray = np.subtract(truth.t, eye) / np.linalg.norm(np.subtract(truth.t, eye))
+            seen = Pose(np.add(truth.t, -0.01 * ray), truth.q, now, np.diag([1e-3**2] * 3 + [1e-2**2] * 3))
+            belief.observe(f"cube_{number}", seen, now, eye)
+        for now in np.arange(0.1, 2.0, 0.1):
+            belief.step(float(now) + 2.0 - 1.9)
+        known = [item.known_error() for item in belief._bodies.objects.values()]
+        sure[eye] = [error.metres for error in known if error is not None]
+        belief.close()
+    steep, flat = sure.values()
+    assert steep == [pytest.approx(-0.01, abs=0.002)] * 4 and flat == []
 
 
 def test_removed_objects_are_gone_and_unknown_ones_an_error() -> None:

@@ -90,7 +90,19 @@ def test_fingertips_that_pinched_are_closed_while_they_are_as_far_apart(apart: f
     ways = {"thumb": (0.0, 1.0, 0.0), "index": (0.0, -1.0, 0.0)}
     spans.note(relation, {tip: Met(0.0, ways[tip], place) for tip, place in places.items()})
     moved = places | {"thumb": (0.0, 0.03 + apart, 0.0)}
-    assert spans.closed(relation, moved) == (set(moved) if is_closed else set())
-    assert spans.closed(relation, {"thumb": moved["thumb"]}) == set()
+    cup = Solid("cup", (0.04, 0.04, 0.04), (0.0, 0.0, 0.0))
+    assert spans.closed(relation, moved, cup) == (set(moved) if is_closed else set())
+    assert spans.closed(relation, {"thumb": moved["thumb"]}, cup) == set()
     spans.keep(())
-    assert spans.closed(relation, places) == set()
+    assert spans.closed(relation, places, cup) == set()
+
+
+@pytest.mark.parametrize(("height", "is_closed"), [(0.0, True), (0.029, True), (0.031, False), (-0.031, False)])
+def test_fingertips_that_slide_off_what_they_pinched_are_not_closed_about_it(height: float, is_closed: bool) -> None:
+    spans, relation = Spans(), ("hand", "cup")
+    places = {"thumb": (0.0, 0.03, 0.0), "index": (0.0, -0.03, 0.0)}
+    ways = {"thumb": (0.0, 1.0, 0.0), "index": (0.0, -1.0, 0.0)}
+    spans.note(relation, {tip: Met(0.0, ways[tip], place) for tip, place in places.items()})
+    moved = {tip: (x, y, height) for tip, (x, y, _) in places.items()}
+    cup = Solid("cup", (0.04, 0.04, 0.04), (0.0, 0.0, 0.0))
+    assert spans.closed(relation, moved, cup) == (set(moved) if is_closed else set())

@@ -231,6 +231,19 @@ def test_what_went_on_into_a_container_is_in_it() -> None:
     }
 
 
+def test_a_hand_that_holds_something_takes_nothing_else() -> None:
+    weights = {}
+    for held in ("", "hand"):
+        course = Course()
+        course.hands = {"hand": HandEvidence(Pose((0.3, 0.0, 0.1)), True, ())}
+        course.others["other"] = replace(course.others["other"], hand=held)
+        course.run(1.0)
+        course.run(5.0)
+        weights[held] = course.weight("in hand"), course.weight("elsewhere")
+    assert weights[""][0] > 0.05 and weights["hand"][0] == 0.0
+    assert weights["hand"][1] < weights[""][1]
+
+
 def test_what_the_simulation_has_taken_away_may_still_rest_where_it_was() -> None:
     course = Course(share=0.0)
     course.box = replace(course.box, supports=("table",))

@@ -1,0 +1,43 @@
+"""How probably an unseen thing is recognised: the mean over where it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from simulation_handler.explaining.recognition import recognised_about
+from simulation_handler.perception.visibility import ExpectedVisibility
+from simulation_handler.scales import UNSEEN_SLACK
+from simulation_handler.shapes.geometry import Solid
+from tests.simulation_handler.worlds import CUBE
+
+HERE = Solid("cube", CUBE, (0.3, 0.0, 0.02))
+
+
+class Gap:
+    """A camera that sees a thing whole between two places (m) along x, and nothing of it elsewhere."""
+
+    def __init__(self, first: float, last: float) -> None:
+        self.first, self.last = first, last
+        self.asked = 0
+
+    def __call__(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+        self.asked += 1
+        return {
+            ("camera", solid.name): ExpectedVisibility(float(self.first < solid.position[0] < self.last), "screen")
+            for solid in solids
+        }
+
+
+@pytest.mark.parametrize(("half", "share"), [(1.0, 1.0), (UNSEEN_SLACK, 0.5)])
+def test_through_a_gap_the_mean_over_where_it_may_be_counts(half: float, share: float) -> None:
+    certain = ExpectedVisibility(1.0, "").recognised
+    never = ExpectedVisibility(0.0, "").recognised
+    found = recognised_about(HERE, [], Gap(0.3 - half, 0.3 + half))
+    assert found == {"camera": pytest.approx(share * certain + (1.0 - share) * never)}
+
+
+def test_what_is_hidden_where_it_is_believed_is_asked_of_once() -> None:
+    gap = Gap(0.31, 0.4)
+    assert recognised_about(HERE, [], gap) == {"camera": pytest.approx(0.0, abs=1e-9)} and gap.asked == 1
