@@ -108,20 +108,20 @@ class Contacts:
                     continue
                 touched = self._touched(name, item, known, now)
                 touching |= {(tip, item.name) for tip in touched}
-                if self._is_pinched((name, item.name), touched, self.seen_at(hand, item, now)[1]):
+                if self._is_pinched((name, item.name), touched, self.seen_at(hand, item, now)[1], item.noise):
                     if not self._was_put_down((name, item.name), now):
                         opposed.add((name, item.name))
                 elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
                     opposed |= {(name, item.name)} & self.pinches.keys()
         return touching, opposed
 
-    def _is_pinched(self, relation: Relation, touched: Mapping[str, Met | None], solid: Solid) -> bool:
+    def _is_pinched(self, relation: Relation, touched: Mapping[str, Met | None], solid: Solid, noise: float) -> bool:
         """Whether fingertips at an object are on opposite sides, or were, and are as far apart as then."""
         points = {tip: met.point for tip, met in touched.items() if met is not None}
         if is_opposed(touched):
             self._spans.note(relation, touched)
             return True
-        return relation in self.pinches and bool(self._spans.closed(relation, points, solid))
+        return relation in self.pinches and bool(self._spans.closed(relation, points, solid, noise))
 
     def _was_put_down(self, relation: Relation, now: float) -> bool:
         """Whether a hand was seen to open about what rested, which is not seen now, so that it looks pinched again."""
@@ -150,7 +150,7 @@ class Contacts:
             gaps = {(tip, item.name): met.gap for tip, met in near.items()}
             touch = self._gaps.touching(gaps, known, item.noise, now) if is_seen else within(gaps, known)
             if is_seen and (name, item.name) in self.pinches:
-                closed = self._spans.closed((name, item.name), touching, solid)
+                closed = self._spans.closed((name, item.name), touching, solid, item.noise)
                 touch |= {(tip, item.name) for tip in closed & near.keys()}
             met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):

@@ -127,19 +127,21 @@ class Spans:
         """Forget all but these (hand, object), which are pinched."""
         self._spans = {relation: spans for relation, spans in self._spans.items() if relation in relations}
 
-    def closed(self, relation: Relation, points: Mapping[str, Vector3], solid: Solid) -> set[str]:
+    def closed(self, relation: Relation, points: Mapping[str, Vector3], solid: Solid, noise: float) -> set[str]:
         """Fingertips of a hand that have pinched an object, are as far apart as they were then, and still about it.
 
         Args:
             relation: (hand, object).
             points: centres of its fingertips, m, by name.
-            solid: the object.
+            solid: the object, as it is seen.
+            noise: m, root mean square error of that.
         """
+        slack = NEAR * max(1.0, noise / _USUAL_NOISE)
         return {
             tip
             for (a, b), (span, _) in self._spans.get(relation, {}).items()
             if a in points and b in points and abs(math.dist(points[a], points[b]) - span) <= NEAR
-            if solid.signed_distance(_middle(points[a], points[b]))[0] <= NEAR
+            if solid.signed_distance(_middle(points[a], points[b]))[0] <= slack
             for tip in (a, b)
         }
 

@@ -91,10 +91,10 @@ def test_fingertips_that_pinched_are_closed_while_they_are_as_far_apart(apart: f
     spans.note(relation, {tip: Met(0.0, ways[tip], place) for tip, place in places.items()})
     moved = places | {"thumb": (0.0, 0.03 + apart, 0.0)}
     cup = Solid("cup", (0.04, 0.04, 0.04), (0.0, 0.0, 0.0))
-    assert spans.closed(relation, moved, cup) == (set(moved) if is_closed else set())
-    assert spans.closed(relation, {"thumb": moved["thumb"]}, cup) == set()
+    assert spans.closed(relation, moved, cup, USUAL) == (set(moved) if is_closed else set())
+    assert spans.closed(relation, {"thumb": moved["thumb"]}, cup, USUAL) == set()
     spans.keep(())
-    assert spans.closed(relation, places, cup) == set()
+    assert spans.closed(relation, places, cup, USUAL) == set()
 
 
 @pytest.mark.parametrize(("height", "is_closed"), [(0.0, True), (0.029, True), (0.031, False), (-0.031, False)])
@@ -105,4 +105,4 @@ def test_fingertips_that_slide_off_what_they_pinched_are_not_closed_about_it(hei
     spans.note(relation, {tip: Met(0.0, ways[tip], place) for tip, place in places.items()})
     moved = {tip: (x, y, height) for tip, (x, y, _) in places.items()}
     cup = Solid("cup", (0.04, 0.04, 0.04), (0.0, 0.0, 0.0))
-    assert spans.closed(relation, moved, cup) == (set(moved) if is_closed else set())
+    assert spans.closed(relation, moved, cup, USUAL) == (set(moved) if is_closed else set())
