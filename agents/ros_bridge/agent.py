@@ -134,7 +134,8 @@ class RosBridge(Agent):
         self._tf_in = TfIn(core, config, self._tf_out) if config.receive.tf else None
         self._sensors_in = (CamerasIn(core, config), CloudsIn(core, config))
         self._joints_in, self._detections_in = JointsIn(core, config), DetectionsIn(core, config)
-        self._beliefs_out, self._images_out = BeliefsOut(core, config.send), ImagesOut(core, config.send)
+        self._beliefs_out = BeliefsOut(core, config.send)
+        self._images_out = ImagesOut(core, config.send, {*config.receive.cameras, *config.receive.clouds})
         self._joints_out, self._events_out = JointsOut(core, config.send), EventsOut(core, config.send)
         self._diagnostics_out = DiagnosticsOut(core, config.send, self.bus, self.keys, lambda: self.last_status)
         self._clock_out = ClockOut(core, config.send)

@@ -50,6 +50,7 @@ def fold(memory: Memory) -> Folded:
     edges = [edge for edge in memory.edges() if edge.src in nodes and edge.dst in nodes]
     into = _folded_into(nodes, [edge.key for edge in edges])
     unfolded = [node for name, node in nodes.items() if name not in into]
+    unfolded.sort(key=lambda node: node.name != WORLD)  # others hang from it, and it tells how many are left out
     drawn = {node.name for node in shared_out(unfolded, MOST_NODES)}
     ends = {name: end for name in nodes if (end := into.get(name, name)) in drawn}
     between = [edge for edge in edges if edge.type != _IMAGES_SHOW and _is_drawn(edge, ends)]

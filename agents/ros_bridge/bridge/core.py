@@ -19,6 +19,7 @@ from agents.ros_bridge.messages.types import RosTypes
 from dsr.clock import Clock
 from dsr.crdt.delta import Write
 from dsr.graph.elements import Edge, Node
+from dsr.graph.shares import makers
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
 
@@ -86,6 +87,10 @@ class BridgeCore:
         """Whether a bridge of our name wrote the present value, now or in an earlier life: it is not sent back."""
         write = element.newest_write(attribute)
         return write is not None and self.is_of_bridge(write)
+
+    def is_made_by_bridge(self, element: Node | Edge) -> bool:
+        """Whether a bridge of our name made this element, now or in an earlier life."""
+        return self._agent in makers(element)
 
     def is_of_bridge(self, write: Write) -> bool:
         """Whether a bridge of our name made this write, now or in an earlier life."""

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import BridgeCore, RosOutlet
-from agents.ros_bridge.bridge.stamping import is_to_come
+from agents.ros_bridge.bridge.stamping import Upcoming
 from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.mapping.cameras import CAMERA_INFO, to_camera_info
 from agents.ros_bridge.mapping.images import IMAGE, to_image
 from agents.ros_bridge.mapping.joints import JOINT_STATE, to_joint_state
 from dsr.graph.elements import Node
-from dsr.graph.shares import shared_out
+from dsr.graph.shares import makers, shared_out
 from dsr.images.blobs import Frame
 from dsr.images.frame_reader import FrameReader
+from dsr.network.keys import is_key
 from dsr.vocabulary.intrinsics import read_intrinsics
 from dsr.vocabulary.perceived import MOST_CAMERAS
 from dsr.vocabulary.relations import nodes_by_name
@@ -84,9 +86,18 @@ class _Stream:
         self._color = core.outlet(f"{base}/image_raw", IMAGE)
         self._depth = core.outlet(f"{base}/depth", IMAGE)
         self._info = core.outlet(f"{base}/camera_info", CAMERA_INFO)
+        self._stream = ""
         self._reader: FrameReader | None = None
+        self._upcoming: Upcoming[str, Frame] = Upcoming(core)
+        """A frame of a time to come, if there is one"""
         self._wanted: set[RosOutlet] = set()
         self._looked = -math.inf
+
+    def follow(self, stream: str) -> None:
+        """Send the frames of this stream from now on."""
+        if stream != self._stream:
+            self._stop_reading()
+            self._stream = stream
 
     def update(self, now: float) -> None:
         """Send the newest frame."""
@@ -94,16 +105,27 @@ class _Stream:
             self._looked = now
             self._wanted = {outlet for outlet in (self._color, self._depth, self._info) if outlet.wanted}
         if not self._wanted:
-            if self._reader is not None:
-                self._reader.close()
-                self._reader = None
+            self._stop_reading()
             return
         if self._reader is None:
-            self._reader = self._core.memory.frames(self.node)
-        frame = self._reader.latest() if self._throttle.is_due else None
-        if frame is not None and not is_to_come(self._core, frame.stamp, self.node):
+            self._reader = self._core.memory.frames(self._stream)
+        frame = self._newest(self._reader) if self._throttle.is_due else None
+        if frame is not None:
             self._throttle.take()
             self._send(frame)
+
+    def _newest(self, reader: FrameReader) -> Frame | None:
+        """A frame that was not sent before, and whose time has come."""
+        frame = reader.latest()
+        if frame is not None and not self._upcoming.waits(self._stream, frame.stamp, frame, self.node):
+            return frame
+        return next((waited for _, waited in self._upcoming.due()), None)
+
+    def _stop_reading(self) -> None:
+        self._upcoming.drop(self._stream)
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None
 
     def _send(self, frame: Frame) -> None:
         core = self._core
@@ -119,17 +141,23 @@ class _Stream:
 
     def close(self) -> None:
         """Publish no more."""
-        if self._reader is not None:
-            self._reader.close()
+        self._stop_reading()
         for outlet in (self._color, self._depth, self._info):
             outlet.close()
 
 
 class ImagesOut:
-    """Publishes the frames of the memory's cameras to those who subscribe."""
+    """Publishes the frames of the memory's cameras to those who subscribe.
 
-    def __init__(self, core: BridgeCore, config: Send) -> None:
+    Args:
+        core: of the bridge.
+        config: what is sent.
+        received: streams whose frames come from ROS.
+    """
+
+    def __init__(self, core: BridgeCore, config: Send, received: Collection[str] = ()) -> None:
         self._core = core
+        self._received = frozenset(received)
         self._streams: dict[str, _Stream] = {}
         self._config = config
         self._wanted = config.images
@@ -143,28 +171,42 @@ class ImagesOut:
         if not self._wanted:
             return
         if self._watch.poll():
-            present = self._present()
-            for name in self._streams.keys() - present:
+            present = {node.name: node for node in self._present()}
+            for name in self._streams.keys() - present.keys():
                 self._streams.pop(name).close()
-            for name in sorted(present - self._streams.keys()):
-                self._streams[name] = _Stream(self._core, self._config, name)
+            for name in sorted(present):
+                if name not in self._streams:
+                    self._streams[name] = _Stream(self._core, self._config, name)
+                self._streams[name].follow(_stream_of(present[name]))
         for stream in self._streams.values():
             stream.update(now)
 
-    def _present(self) -> set[str]:
-        """The cameras that have topics: of several with one topic that which it is named after, else that which has it.
+    def _present(self) -> list[Node]:
+        """The cameras that have topics. Of too many these are as many of each agent.
 
-        Of too many cameras these are as many of each agent.
+        Of several with one topic, that which has it keeps it, but gives it to one of the same agent that it is named
+        after. If none has it, that which it is named after gets it.
         """
         ours = [node for node in nodes_by_name(self._core.memory, "camera") if self._is_ours(node)]
-        ours.sort(key=lambda node: (sensor_topic(node.name) != f"/dsr/{node.name}", node.name not in self._streams))
+        ours.sort(key=lambda node: (node.name not in self._streams, not _is_namesake(node)))
         owners: dict[str, Node] = {}
         for node in ours:
-            owner = owners.setdefault(sensor_topic(node.name), node)
+            topic = sensor_topic(node.name)
+            owner = owners.setdefault(topic, node)
+            if _is_namesake(node) and makers(node) == makers(owner):
+                owners[topic] = node
             if owner is not node:
-                text = f"camera {node.name!r} is not sent: its topic is that of {owner.name!r}"
-                self._core.tally.tell("not sent", node.name, text)
-        return {node.name for node in shared_out(owners.values(), MOST_CAMERAS)}
+                self._tell_of_both(owners[topic], owner if owners[topic] is node else node)
+        return shared_out(owners.values(), MOST_CAMERAS)
+
+    def _tell_of_both(self, owner: Node, other: Node) -> None:
+        """Tell that one camera has the topic that another one would have, too."""
+        tally = self._core.tally
+        text = f"camera {other.name!r} is not sent: its topic is that of {owner.name!r}"
+        tally.tell("not sent", other.name, text)
+        if makers(owner) != makers(other):
+            text = f"camera {owner.name!r} keeps its topic, which {other.name!r} of another agent would have, too"
+            tally.tell("topics that others would have", owner.name, text)
 
     def _close(self) -> None:
         """Publish nothing any more."""
@@ -173,4 +215,20 @@ class ImagesOut:
         self._streams.clear()
 
     def _is_ours(self, node: Node) -> bool:
-        return node.get("stream") is not None and not self._core.came_from_ros(node, "stream")
+        stream = _stream_of(node)
+        if not is_key(stream):
+            text = f"camera {node.name!r} is not sent: its stream {stream!r} is no name such as 'camera_overhead'"
+            self._core.tally.tell("not sent", node.name, text)
+            return False
+        if node.newest_write("stream") is None and self._core.is_made_by_bridge(node):
+            return False
+        return stream not in self._received and not self._core.came_from_ros(node, "stream")
+
+
+def _stream_of(node: Node) -> str:
+    return node.get("stream") or node.name
+
+
+def _is_namesake(node: Node) -> bool:
+    """Whether the topic of a camera has its very name."""
+    return sensor_topic(node.name) == f"/dsr/{node.name}"

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from agents.ros_bridge.bridge.config import Send
 from agents.ros_bridge.bridge.core import LATCHED, BridgeCore
-from agents.ros_bridge.bridge.stamping import is_to_come
+from agents.ros_bridge.bridge.stamping import Upcoming
 from agents.ros_bridge.bridge.throttle import Throttle
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.link.link import Qos
@@ -25,6 +25,9 @@ _MOST_AT_ONCE = 500
 _RT, _BELIEVED = "RT", "Virtual_RT"
 _POSE = "pose"
 
+EdgeKey = tuple[str, str, str]
+"""Parent, child and type"""
+
 
 class TfOut:
     """Publishes what changes in the memory, each sample once.
@@ -41,6 +44,8 @@ class TfOut:
         self._published: dict[tuple[str, str], tuple[str, Pose]] = {}
         """Parent and newest pose by edge type and child"""
         self._static: dict[tuple[str, str], StampedTransform] = {}
+        self._upcoming: Upcoming[EdgeKey, Write] = Upcoming(core)
+        """Newest poses that are of a time to come, one at most of each edge that there is"""
         self._throttle = Throttle(core.clock, config.tf_hz)
         self.received: set[str] = set()
         """Nodes whose edges RT the bridge itself writes: changes of these are not looked at"""
@@ -73,26 +78,42 @@ class TfOut:
         dynamic: list[StampedTransform] = []
         latched = False
         for change in self._watch.poll():
-            if change.kind == "removed":
-                latched |= self._forget(change.type, change.src, change.dst)
-                continue
-            edge = self._core.memory.get_edge(change.src, change.dst, change.type)
-            write = None if edge is None else edge.newest_write(_POSE)
-            if edge is None or write is None or not isinstance(pose := write.value, Pose):
-                continue
-            if is_to_come(self._core, pose.stamp, edge.dst) or not self._is_to_be_sent(edge, pose, write):
-                continue
-            try:
-                transform = self._transform(edge, pose)
-            except RosMessageError as error:
-                self._core.tally.tell("not sent", edge.dst, f"frame {edge.dst!r} was not sent: {error}")
-                continue
-            if pose.stamp == 0.0:
-                self._static[edge.type, edge.dst] = transform
-                latched = True
-            else:
-                latched |= self._static.pop((edge.type, edge.dst), None) is not None
-                dynamic.append(transform)
+            key = change.src, change.dst, change.type
+            latched |= self._forget(*key) if change.kind == "removed" else self._look(key, dynamic)
+        for key, write in self._upcoming.due():
+            edge = self._core.memory.get_edge(*key)
+            if edge is not None and self._is_of_others(edge):
+                latched |= self._add(edge, write, dynamic)
+                latched |= self._look(key, dynamic)  # it may have changed while this one waited
+        self._send(dynamic, latched=latched)
+
+    def _look(self, key: EdgeKey, dynamic: list[StampedTransform]) -> bool:
+        """Add the newest pose of an edge to what is sent, if its time has come. Whether static ones changed."""
+        edge = self._core.memory.get_edge(*key)
+        write = None if edge is None else edge.newest_write(_POSE)
+        if edge is None or write is None or not isinstance(write.value, Pose):
+            self._upcoming.drop(key)
+            return False
+        return not self._upcoming.waits(key, write.value.stamp, write, edge.dst) and self._add(edge, write, dynamic)
+
+    def _add(self, edge: Edge, write: Write, dynamic: list[StampedTransform]) -> bool:
+        """Add a pose of an edge to what is sent, if it is to be. Whether static ones changed."""
+        pose: Pose = write.value
+        if not self._is_to_be_sent(edge, pose, write):
+            return False
+        try:
+            transform = self._transform(edge, pose)
+        except RosMessageError as error:
+            self._core.tally.tell("not sent", edge.dst, f"frame {edge.dst!r} was not sent: {error}")
+            return False
+        if pose.stamp == 0.0:
+            self._static[edge.type, edge.dst] = transform
+            return True
+        dynamic.append(transform)
+        return self._static.pop((edge.type, edge.dst), None) is not None
+
+    def _send(self, dynamic: list[StampedTransform], *, latched: bool) -> None:
+        """Send what is new, and if these changed all static ones."""
         if dynamic or latched:
             self._throttle.take()
         for begin in range(0, len(dynamic), _MOST_AT_ONCE):
@@ -100,11 +121,12 @@ class TfOut:
         if latched:
             self._latched.send_cdr(encode_transforms(self._static.values()))
 
-    def _forget(self, type: str, parent: str, child: str) -> bool:
+    def _forget(self, parent: str, child: str, type: str) -> bool:
         """An edge is gone. Whether it was static: who comes late is not to be told of it.
 
         Who is there keeps its last transform for as long as tf keeps any.
         """
+        self._upcoming.drop((parent, child, type))
         if self._published.get((type, child), ("",))[0] != parent:
             return False
         del self._published[type, child]

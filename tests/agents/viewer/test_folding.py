@@ -104,3 +104,11 @@ def test_however_many_nodes_somebody_makes_up_those_of_others_are_drawn() -> Non
     assert len(folded.nodes) == MOST_NODES and {"world", "cube"} <= folded.nodes.keys()
     assert len(folded.edges) <= MOST_EDGES and ("world", "cube", "RT") in folded.edges
     assert folded.labels["world"] == "world (2 nodes are not drawn)"
+
+
+def test_the_world_is_drawn_however_many_nodes_come_before_it(stage: Any) -> None:
+    for number in range(2 * MOST_NODES):
+        stage.memory.add_node(f"a_{number:04}", "cube")
+    stage.memory.add_node("world", "world")
+    labels = fold(stage.memory).labels
+    assert len(labels) == MOST_NODES and labels["world"] == f"world ({MOST_NODES + 1} nodes are not drawn)"

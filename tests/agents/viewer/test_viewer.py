@@ -288,6 +288,30 @@ def test_made_up_cameras_take_no_room_from_those_that_send_images(stage: Any) ->
     assert len(stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")) == 2
 
 
+@pytest.mark.parametrize("first", ["honest", "fake"])
+def test_all_cameras_of_one_stream_show_its_images_and_detections(stage: Any, first: str) -> None:
+    viewer = stage.start_viewer()
+    names = {
+        "honest": stage.build_table,
+        "fake": lambda: stage.memory.add_node("a", "camera", stream="camera"),
+    }
+    for name in sorted(names, key=lambda name: name != first):
+        names[name]()
+        stage.run(0.5)
+    corners = np.array([[[10, 10], [50, 10], [50, 50], [10, 50]]], np.float32)
+    for grey in range(4):
+        stage.memory.put_frame("camera", Frame(1.0, {"color": np.full((4, 4, 3), 10 * grey, np.uint8)}, {}))
+        stage.memory.put_frame(
+            "camera/detections", Frame(1.0, {"corners": corners, "ids": np.array([3], np.int32)}, {})
+        )
+        stage.run(0.5)
+    assert viewer._views.images.cameras == ["a", "camera"]
+    shown = stage.finish()
+    for name in ("a", "camera"):
+        assert len(shown.values(f"/world/cameras/{name}/image", "EncodedImage:blob")) == 4
+        assert shown.values(f"/world/cameras/{name}/image/detections/names", "Points2D:labels")[-1] == ["tag 3"]
+
+
 def test_cameras_that_are_gone_leave_nothing(stage: Any) -> None:
     viewer = stage.start_viewer()
     stage.build_table()

@@ -8,7 +8,7 @@ import pytest
 from agents.ros_bridge.mapping.stamps import to_seconds
 from dsr import Frame, Pose
 from dsr.vocabulary.perceived import MOST_CAMERAS
-from tests.agents.ros_bridge.bridge.test_sensors import COLOR, IMAGE, JOINTS
+from tests.agents.ros_bridge.bridge.test_sensors import CAMERA, COLOR, IMAGE, JOINTS
 from tests.agents.ros_bridge.robot import bridged
 
 A = Pose((1.0, 2.0, 3.0))
@@ -29,6 +29,63 @@ def test_a_transform_of_a_time_to_come_is_not_sent_and_hinders_no_later_one(othe
         system.run()
         assert [(one.parent, one.child) for one in found] == [("world", "cube")]
         assert to_seconds(found[0]) <= system.now
+
+
+def test_a_transform_that_is_written_once_by_a_clock_that_is_ahead_is_sent_when_its_time_has_come() -> None:
+    """As of a table that rests: nobody writes it again."""
+    with bridged() as system:
+        memory, found = system.memory, system.robot.listen_tf()
+        for name, type in (("world", "world"), ("table", "table"), ("cube", "cube")):
+            memory.add_node(name, type)
+        memory.add_edge("world", "table", "RT", pose=A.with_stamp(system.now + 0.6))
+        memory.add_edge("world", "cube", "RT", pose=A.with_stamp(system.now + 2.0))
+        system.run()
+        assert found == []
+        system.run(0.2)
+        assert [one.child for one in found] == ["table"]
+        memory.update_edge("world", "cube", "RT", pose=A.with_stamp(system.now + 0.1))
+        system.run(3.0)
+        assert [(one.child, to_seconds(one) <= system.now - 2.0) for one in found] == [("table", True), ("cube", True)]
+
+
+def test_a_thing_that_a_clock_that_is_ahead_writes_all_the_time_is_in_tf() -> None:
+    with bridged() as system:
+        memory, found = system.memory, system.robot.listen_tf()
+        for name, type in (("world", "world"), ("cube", "cube")):
+            memory.add_node(name, type)
+        for _ in range(40):
+            memory.add_edge("world", "cube", "RT", pose=A.with_stamp(system.now + 0.6))
+            system.run(0.05)
+        stamps = [to_seconds(one) for one in found]
+        assert len(stamps) > 10 and stamps == sorted(set(stamps)) and stamps[-1] <= system.now + 0.5
+
+
+def test_what_waits_for_its_time_is_forgotten_with_its_edge() -> None:
+    with bridged() as system:
+        memory, found = system.memory, system.robot.listen_tf()
+        for name, type in (("world", "world"), ("cube", "cube")):
+            memory.add_node(name, type)
+        for _ in range(3):
+            memory.add_edge("world", "cube", "RT", pose=A.with_stamp(system.now + 2.0))
+            system.run()
+            memory.remove_edge("world", "cube", "RT")
+            system.run()
+        assert not system.lockstep.runner("ros_bridge").agent._tf_out._upcoming._waiting
+        system.run(3.0)
+        assert found == []
+
+
+def test_images_of_a_clock_that_is_ahead_are_sent_when_their_time_has_come() -> None:
+    with bridged() as system:
+        system.memory.add_node("eye", "camera", stream="eye")
+        system.robot.listen("/dsr/eye/image_raw", IMAGE)
+        system.run(1.0)
+        for _ in range(40):
+            system.memory.put_frame("eye", Frame(system.now + 0.6, {"color": COLOR}, {}))
+            system.run(0.05)
+            heard = system.robot.heard["/dsr/eye/image_raw"]
+            assert all(to_seconds(one.header.stamp) <= system.now + 0.5 for one in heard)
+        assert len(heard) > 10
 
 
 def test_an_image_of_a_time_to_come_is_not_sent() -> None:
@@ -96,6 +153,35 @@ def test_a_camera_has_the_topic_of_its_name_though_another_one_came_before() -> 
         system.memory.put_frame("my_eye", Frame(system.now, {"color": COLOR}, {}))
         system.run(0.2)
         assert len(system.robot.heard["/dsr/my_eye/image_raw"]) == 1
+
+
+def test_a_camera_keeps_its_topic_against_one_of_another_agent_that_is_named_after_it() -> None:
+    picture = np.zeros((4, 4, 3), np.uint8)
+    with bridged() as system:
+        system.robot.listen("/dsr/left_eye/image_raw", IMAGE)
+        system.memory.add_node("left-eye", "camera", stream="left-eye")
+        system.run(1.0)
+        liar = system.lockstep._join("liar", "liar-1", None)
+        liar.add_node("left_eye", "camera", stream="left_eye")
+        liar.flush()
+        system.run(1.0)
+        for _ in range(4):
+            system.memory.put_frame("left-eye", Frame(system.now, {"color": picture}, {}))
+            liar.put_frame("left_eye", Frame(system.now, {"color": COLOR}, {}))
+            system.run(0.5)
+        heard = system.robot.heard["/dsr/left_eye/image_raw"]
+        assert len(heard) == 4 and not any(np.asarray(one.data).any() for one in heard)
+        told = system.lockstep.runner("ros_bridge").agent.told
+        assert [text.split()[1] for text in told if "topic" in text] == ["'left_eye'", "'left-eye'"]
+
+
+def test_what_came_from_ros_is_not_sent_back_by_a_camera_that_names_its_stream() -> None:
+    with bridged(CAMERA) as system:
+        system.memory.add_node("mirror", "camera", stream="eye")
+        system.memory.add_node("broken", "camera", stream="**")
+        system.run()
+        assert not any(one.topic.type == IMAGE for one in system.ros.publishers)
+        assert "'**' is no name" in system.trouble
 
 
 def test_however_many_cameras_somebody_makes_up_topics_are_few_and_those_of_others_stay() -> None:

@@ -284,3 +284,23 @@ def test_frames_of_the_memorys_cameras_go_out_while_somebody_listens() -> None:
         system.memory.remove_node(node)
         system.run()
         assert not any("/dsr/camera_top" in publisher.topic.name for publisher in system.ros.publishers)
+
+
+def test_a_camera_sends_the_stream_that_it_names_and_else_that_of_its_own_name() -> None:
+    with bridged() as system:
+        system.memory.add_node("eye", "camera", stream="camera_eye")
+        system.memory.add_node("other", "camera")
+        for name in ("eye", "other"):
+            system.robot.listen(f"/dsr/{name}/image_raw", IMAGE)
+        system.run(1.0)
+
+        def heard(*streams: str) -> list[int]:
+            for stream in streams:
+                system.memory.put_frame(stream, Frame(system.now, {"color": COLOR}, {}))
+            system.run(0.2)
+            return [len(system.robot.heard[f"/dsr/{name}/image_raw"]) for name in ("eye", "other")]
+
+        assert heard("camera_eye", "other") == [1, 1]
+        system.memory.update_node("eye", stream="other")
+        system.run(0.2)
+        assert heard("camera_eye", "other") == [2, 2]
