@@ -9,24 +9,25 @@ import msgspec
 from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Write
-from dsr.crdt.pieces import START, Piece, Place
+from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, Place
 from dsr.network.keys import Keys, agent_of, part_rid
 from dsr.network.transport import Qos, Transport
 from dsr.replication.holders import HoldersAnswer, decode_query
+from dsr.replication.inquiry import REQUEST_TIMEOUT
 from dsr.replication.piece_wire import decode_request, encode_piece
 from dsr.replication.wire import Digest, encode_digest
 
 Kind = Literal[
     "tells nothing", "is not there", "is silent", "waits itself", "never ends", "begins anew", "makes up", "repeats",
-    "trickles",
+    "trickles", "tells ranges",
 ]  # fmt: skip
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """What it does: says not even whether it holds a part; says so and does not take part in it; takes part and does not
 answer; answers that it has not joined, whoever insists; gives the first piece and never the next; spoils the next;
-gives one after the other, of what never was; says in each that its only element lives; or makes a further element for
-each, as rarely as it is listened to."""
+gives one after the other, of what never was; says in each that its only element lives; makes a further element for
+each, as rarely as it is listened to; or tells ever more ranges that it has seen."""
 RARELY = 15.0
-"""s between two answers of the last kind: others are waited for that long"""
+"""s between two answers of the one that trickles: others are waited for that long"""
 
 
 class Claimant:
@@ -71,10 +72,11 @@ class Claimant:
         if self._kind == "waits itself":
             return encode_piece(Piece(START, joined=False, waits_for=["nobody-1"]))
         begin = decode_request(payload).begin
-        if begin == START:
+        if begin == START and self._kind != "tells ranges":
             return encode_piece(Piece(START, (key.rpartition("/")[2], 1, ""), whole=[]))
-        if self._kind == "trickles":
-            return self._trickle(begin)
+        rare = {"trickles": self._trickle, "tells ranges": self._ranges}.get(self._kind)
+        if rare is not None:
+            return rare(begin)
         if self._kind == "makes up":
             return encode_piece(self._made_up(begin))
         if self._kind == "repeats":
@@ -95,6 +97,14 @@ class Claimant:
         self._gave_at = self._clock.monotonic()
         rid, counter, _ = begin
         return encode_piece(Piece(begin, (rid, counter + 1, ""), adds=[Add((rid, counter), f"ball_{counter}", "ball")]))
+
+    def _ranges(self, begin: Place) -> bytes | None:
+        """A piece with the fewest ranges that others follow, each of a short name, if the last one was long ago."""
+        if self._clock.monotonic() - self._gave_at < REQUEST_TIMEOUT / 2:
+            return None
+        self._gave_at = self._clock.monotonic()
+        whole = [(f"x-{number}", 1, 1) for number in range(FEWEST_TOLD)]
+        return encode_piece(Piece(begin, ("", begin[1] + FEWEST_TOLD, ""), whole=whole))
 
     def _repeated(self, begin: Place) -> Piece:
         """A piece with one true element, or with nothing but its name, as if that were news."""

@@ -32,9 +32,10 @@ _DELAY = (0.0, 0.4)
 """s, least and most, for which a message is under way on a network that loses some"""
 _TYPES = ("cube", "ball")
 _EDGES = ("RT", "on")
-_LIES: tuple[Kind | None, ...] = (None, *(kind for kind in KINDS if kind not in ("begins anew", "repeats", "trickles")))
+_UNSHOWN: tuple[Kind, ...] = ("begins anew", "repeats", "trickles", "tells ranges")
+_LIES: tuple[Kind | None, ...] = (None, *(kind for kind in KINDS if kind not in _UNSHOWN))
 """By seed, what an agent does that claims to hold all parts. Nonsense is left out, for none may be counted; and who
-repeats or trickles, for its true elements are shown where they were taken in."""
+repeats or trickles, for its true elements are shown where they were taken in; and who tells ranges that nobody has."""
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,11 @@ class _Weigher:
             self._named.add(rid)
             self.bytes += _BYTES_OF_LENGTH + size_of(rid)
 
+    def told(self, rid: str) -> None:
+        """A range of dots of that replica is in the piece."""
+        self.name(rid)
+        self.bytes += _BYTES_OF_RANGE
+
     def kept(self, dot: Dot) -> None:
         """That an element lives is in the piece."""
         self.name(dot[0])
@@ -195,12 +200,19 @@ def share_of_full(piece: Piece, store: Store) -> float:
     return min(1.0, max((len(added) + len(kept)) / MAX_EXAMINED, weigher.bytes / MAX_WEIGHT))
 
 
+def share_of_told(ranges: list[DotRange]) -> float:
+    """How much a piece tells of what its sender has seen, as a share of one that others follow; 1 at most."""
+    weigher = _Weigher()
+    for rid, _, _ in ranges:
+        weigher.told(rid)
+    return min(1.0, weigher.bytes / (MAX_SEEN - _MOST_OF_RANGE))
+
+
 def _divided(ranges: list[DotRange]) -> tuple[list[DotRange], list[DotRange]]:
     """Those of the ranges, the first of them, that take no more than `MAX_SEEN`, and the others."""
     weigher = _Weigher()
     for count, (rid, _, _) in enumerate(ranges):
-        weigher.name(rid)
-        weigher.bytes += _BYTES_OF_RANGE
+        weigher.told(rid)
         if count and weigher.bytes > MAX_SEEN:
             return ranges[:count], ranges[count:]
     return ranges, []

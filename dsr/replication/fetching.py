@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dsr.crdt.context import CausalContext, Dot, DotRange, without
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, Place, share_of_full
+from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, Place, share_of_full, share_of_told
 from dsr.crdt.store import Store
 from dsr.replication.piece_wire import Request, encode_request
 
@@ -110,8 +110,11 @@ def brought(piece: Piece, store: Store, before: State, *, weighed: bool) -> floa
     if end is None:
         return 1.0
     is_new = state_of(store) != before
-    if begin[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
-        return float(is_new or end[0] != "" or len(piece.whole or ()) >= FEWEST_TOLD)
+    if begin[0] == end[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
+        told = piece.whole or []
+        return max(share_of_told(told), _LEAST) if weighed else float(is_new or len(told) >= FEWEST_TOLD)
+    if begin[0] == "":
+        return 1.0
     if not is_new and not any(begin[:2] <= dot < end[:2] and dot in entries for dot in piece.kept):
         return 0.0
     return max(share_of_full(piece, store), _LEAST) if weighed else 1.0

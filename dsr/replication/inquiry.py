@@ -25,7 +25,7 @@ JOIN_RETRY = 0.02
 TURN = SILENCE
 """s after which another peer is asked, if there is one that may have something else: an answer may never end."""
 MAX_PAUSED = 8
-"""Answers that wait for their next turn; of others the next request begins at the beginning."""
+"""Answers that wait for their next turn, those first that went on in their last one; others begin at the beginning."""
 
 
 class Inquiry:
@@ -105,8 +105,18 @@ class Inquiry:
         self.give_up()
         if self._turn_brought:
             self._ready.add(fetch.peer)
-        if fetch.begin != START and len(self._paused) < MAX_PAUSED:
+        if fetch.begin == START:
+            return
+        if len(self._paused) >= MAX_PAUSED:
+            least = min(self._paused, key=self._worth)
+            if self._worth(least) < self._worth(fetch.peer):
+                del self._paused[least]
+        if len(self._paused) < MAX_PAUSED:
             self._paused[fetch.peer] = fetch
+
+    def _worth(self, peer: str) -> tuple[bool, bool]:
+        """Whose paused answer is kept: of a peer that is waited for, and whose answer goes on."""
+        return peer not in self._joining.given_up, peer in self._ready
 
     def _peer_to_ask(self, now: float, *, joined: bool) -> str | None:
         if not joined:

@@ -259,6 +259,9 @@ class Synchroniser:
         """Raise `WireError` if it speaks in our name; leave out of it what nobody can have seen."""
         claimed = [*piece.examined, *(piece.whole or ())]
         self._check_identity(sender, Delta(delta.adds, delta.writes, context=claimed, live=delta.live))
+        told = ("", piece.begin[1] + len(piece.whole or ()), "")
+        if piece.end is not None and piece.begin[0] == piece.end[0] == "" and piece.end != told:
+            raise WireError("a piece that tells other ranges than it says")
         if piece.whole:
             piece.whole = self.claims.context_part(sender, piece.whole)
 

@@ -195,6 +195,26 @@ def test_a_slow_holder_is_not_given_up_while_liars_have_their_turns(
     assert joined(b) and sum(node.name.startswith("thing") for node in b.nodes()) == 100
 
 
+@pytest.mark.parametrize(("count", "delay"), [(4, 1.2), (9, 1.2), (15, 0.5)])
+def test_many_slow_holders_give_all_where_nobody_lies(
+    net: Net, count: int, delay: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 100)
+    a, b = house(net)
+    for number in range(400):
+        a.add_node(f"thing_{number}", "cube", "kitchen")
+    net.pump(2.0)
+    for number in range(count):
+        net.join(f"holder{number}", interest=())._parts("test").take("kitchen")
+    net.pump(15.0)
+    b._parts("test").take("kitchen")
+    seconds = 0
+    while not joined(b) and seconds < 300:
+        net.pump(1.0, Faults(delay=(delay, delay)))
+        seconds += 1
+    assert joined(b) and sum(node.name.startswith("thing") for node in b.nodes()) == 400
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("faults", [Faults(delay=(0.0, 3.0)), Faults(0.1, 0.1, (0.0, 0.4))], ids=["slow", "lossy"])
 def test_a_slow_or_lossy_holder_is_not_overtaken(
