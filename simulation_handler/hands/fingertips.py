@@ -136,7 +136,7 @@ class Spans:
             solid: the object, as it is seen.
             noise: m, root mean square error of that.
         """
-        slack = NEAR * max(1.0, noise / _USUAL_NOISE)
+        slack = FAR * max(1.0, noise / _USUAL_NOISE)  # as far as what touches may seem away
         return {
             tip
             for (a, b), (span, _) in self._spans.get(relation, {}).items()

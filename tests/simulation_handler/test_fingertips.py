@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from simulation_handler.hands.anatomy import HAND
-from simulation_handler.hands.fingertips import Gaps, Met, Spans, is_opposed, meet
+from simulation_handler.hands.fingertips import FAR, Gaps, Met, Spans, is_opposed, meet
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import container
 
@@ -97,12 +99,13 @@ def test_fingertips_that_pinched_are_closed_while_they_are_as_far_apart(apart: f
     assert spans.closed(relation, places, cup, USUAL) == set()
 
 
-@pytest.mark.parametrize(("height", "is_closed"), [(0.0, True), (0.029, True), (0.031, False), (-0.031, False)])
+@pytest.mark.parametrize(("height", "is_closed"), [(0.0, True), (0.019, True), (0.021, False), (-0.021, False)])
 def test_fingertips_that_slide_off_what_they_pinched_are_not_closed_about_it(height: float, is_closed: bool) -> None:
     spans, relation = Spans(), ("hand", "cup")
     places = {"thumb": (0.0, 0.03, 0.0), "index": (0.0, -0.03, 0.0)}
     ways = {"thumb": (0.0, 1.0, 0.0), "index": (0.0, -1.0, 0.0)}
     spans.note(relation, {tip: Met(0.0, ways[tip], place) for tip, place in places.items()})
-    moved = {tip: (x, y, height) for tip, (x, y, _) in places.items()}
+    off = height + math.copysign(FAR, height)  # half of the cup is 20 mm high
+    moved = {tip: (x, y, off) for tip, (x, y, _) in places.items()}
     cup = Solid("cup", (0.04, 0.04, 0.04), (0.0, 0.0, 0.0))
     assert spans.closed(relation, moved, cup, USUAL) == (set(moved) if is_closed else set())
