@@ -30,12 +30,7 @@ def main() -> None:
     options = _parser().parse_args()
     if options.pictures and find_spec("matplotlib") is None:
         sys.exit("pictures need matplotlib: pip install 'dsr-memory[bench]'")
-    if options.read:
-        runs = msgspec.msgpack.decode(options.read.read_bytes(), type=list[RunScores])
-    else:
-        jobs = [Job(family, seed, options.sensor) for family in options.families for seed in parse_seeds(options.seeds)]
-        played = play_all(jobs, options.processes)
-        runs = list(track(played, "playing", total=len(jobs), console=Console(stderr=True)))
+    runs = _kept(options) if options.read else _played(options)
     if options.write:
         options.write.write_bytes(msgspec.msgpack.encode(runs))
     report = summarise_runs(runs)
@@ -52,17 +47,35 @@ def main() -> None:
             Console(stderr=True).print(str(file))
 
 
+def _played(options: argparse.Namespace) -> list[RunScores]:
+    seeds = parse_seeds(options.seeds or "0-2")
+    jobs = [Job(family, seed, options.sensor) for family in options.families for seed in seeds]
+    played = play_all(jobs, options.processes)
+    return list(track(played, "playing", total=len(jobs), console=Console(stderr=True)))
+
+
+def _kept(options: argparse.Namespace) -> list[RunScores]:
+    """What was kept of the families and seeds that are asked for."""
+    try:
+        runs = msgspec.msgpack.decode(options.read.read_bytes(), type=list[RunScores])
+    except (OSError, msgspec.DecodeError) as error:
+        sys.exit(f"{options.read} is not what --write wrote: {error}")
+    seeds = parse_seeds(options.seeds) if options.seeds else {run.seed for run in runs}
+    chosen = [run for run in runs if run.family in options.families and run.seed in seeds]
+    return chosen or sys.exit(f"{options.read} has nothing of these families and seeds")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.honesty", description=__doc__.partition("\n")[0])
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES), help="default: all")
-    parser.add_argument("--seeds", default="0-2", help="of the episodes, such as 0-9 or 3,7 (default: 0-2)")
+    parser.add_argument("--seeds", help="of the episodes, such as 0-9 or 3,7 (default: 0-2; of what is read: all)")
     parser.add_argument("--sensor", choices=("poses", "pixels"), default="poses", help="default: poses")
     parser.add_argument("--processes", type=int, default=2, help="episodes at a time (default: 2)")
     parser.add_argument("--markdown", action="store_true", help="print the tables in Markdown")
     parser.add_argument("--json", type=Path, help="write the scores to this file, too")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw pictures (needs the extra `bench`)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="keep all that was told, for `--read`")
-    parser.add_argument("--read", type=Path, metavar="FILE", help="sum up what was kept, and play nothing")
+    parser.add_argument("--read", type=Path, metavar="FILE", help="sum up what was kept of these families and seeds")
     return parser
 
 

@@ -14,6 +14,10 @@ class Answer(NamedTuple):
 
     probability: float
     is_so: bool
+    time: float = 0.0
+    """s after the start"""
+    about: tuple[str, str] = ("", "")
+    """The pair of a relation, as in its edge; of an action its kind and its thing"""
 
 
 class Class(NamedTuple):
@@ -49,7 +53,11 @@ def calibration(answers: Sequence[Answer]) -> list[Class]:
     ]
 
 
-def sure_and_wrong(answers: Iterable[Answer], sure: float = 0.9) -> float | None:
-    """Share of the answers of at least that probability that are wrong; None without any."""
-    found = [answer for answer in answers if answer.probability >= sure]
+SURE = 0.9
+"""Probability from which on what is told is sure"""
+
+
+def sure_and_wrong(answers: Iterable[Answer]) -> float | None:
+    """Share of the sure answers that are wrong; None without any."""
+    found = [answer for answer in answers if answer.probability >= SURE]
     return sum(not answer.is_so for answer in found) / len(found) if found else None

@@ -11,12 +11,13 @@ import msgspec
 from agents.scenario.format.model import ObjectSpec
 from agents.scenario.judge.accuracy import TrueRelations, thinned, true_holders
 from agents.scenario.truth.actions import compare
-from agents.scenario.truth.history import History, Sample
+from agents.scenario.truth.history import History, Inferred, Sample
 from benchmarks.honesty.answers import Answer
 from benchmarks.honesty.statement import Statement, log_score, region_of, stated
 from benchmarks.honesty.watching import ToldWorlds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import Action
 
 Seen = Literal["seen", "unseen", "never"]
 """In view of the camera; not, but it was before; not yet."""
@@ -172,7 +173,7 @@ def _relations(history: History, window: Sequence[Sample], worlds: Mapping[float
             said = {pair: told for pair, told in worlds[sample.time].relations[kind].items() if pair not in ignored}
             for pair in sorted(said.keys() | true):
                 name = pair[1] if kind == "grasping" else pair[0]
-                answers[name in seen].append(Answer(said.get(pair, 0.0), pair in true))
+                answers[name in seen].append(Answer(said.get(pair, 0.0), pair in true, sample.time, pair))
         questions = sum(len(sample.truth.keys() & seen) for sample, seen in zip(window, seen_before, strict=True))
         found.append(Answers(kind, answers[True], questions, answers[False]))
     return found
@@ -187,6 +188,11 @@ def _seen_before(history: History, window: Sequence[Sample]) -> list[frozenset[s
 def _actions(history: History) -> Answers:
     """Each action that was done or told, with the confidence that was told."""
     comparison = compare(history)
-    found = [Answer(0.0 if one.inferred is None else one.inferred.confidence, True) for one in comparison.matches]
-    found += [Answer(inferred.confidence, False) for inferred in comparison.extra]
+    found = [_answer(one.true, True, one.inferred) for one in comparison.matches]
+    found += [_answer(inferred.action, False, inferred) for inferred in comparison.extra]
     return Answers("actions", found, len(found))
+
+
+def _answer(action: Action, is_so: bool, inferred: Inferred | None) -> Answer:
+    told = 0.0 if inferred is None else inferred.confidence
+    return Answer(told, is_so, action.time, (action.kind, action.thing))

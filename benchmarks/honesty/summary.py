@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.honesty.answers import Answer, brier, sure_and_wrong
+from benchmarks.honesty.errors import CostlyPair, costly_pairs
 from benchmarks.honesty.moments import Moment, RunScores, Seen, Told
 from benchmarks.honesty.statement import Statement, log_score
 from dsr.math3d.transforms import Pose
@@ -97,6 +98,12 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     relations: list[RelationScores]
     near: list[NearScores]
     failures: list[Failures]
+    costly: list[CostlyPair]
+    """The costliest pairs of each kind of relation, and of actions."""
+
+
+COSTLY = 5
+"""Pairs of each kind that a report tells"""
 
 
 def summarise_runs(runs: Sequence[RunScores]) -> Report:
@@ -110,6 +117,7 @@ def summarise_runs(runs: Sequence[RunScores]) -> Report:
         relations=[found for family, of in groups.items() for found in _relations(family, of)],
         near=[_near(family, of) for family, of in groups.items()],
         failures=[_failures(family, of) for family, of in groups.items()],
+        costly=[pair for kind in _kinds(runs) for pair in costly_pairs(runs, kind)[:COSTLY]],
     )
 
 
@@ -172,7 +180,7 @@ def _coverage(found: Sequence[float]) -> dict[float, float]:
 
 def _relations(family: str, runs: Sequence[RunScores]) -> list[RelationScores]:
     found = []
-    for kind in dict.fromkeys(told.kind for run in runs for told in run.answers):
+    for kind in _kinds(runs):
         answers = answers_of(runs, kind)
         questions = sum(told.questions for run in runs for told in run.answers if told.kind == kind)
         if questions and answers:
@@ -186,6 +194,11 @@ def _relations(family: str, runs: Sequence[RunScores]) -> list[RelationScores]:
                 )
             )
     return found
+
+
+def _kinds(runs: Iterable[RunScores]) -> Iterable[str]:
+    """The kinds of relations, and actions, that runs tell of."""
+    return dict.fromkeys(told.kind for run in runs for told in run.answers)
 
 
 def _near(family: str, runs: Sequence[RunScores]) -> NearScores:

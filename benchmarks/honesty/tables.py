@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.honesty.errors import CostlyPair
 from benchmarks.honesty.summary import LEVELS, Failures, NearScores, PlaceScores, RelationScores, Report, Share
 
 Rows = list[list[str]]
@@ -21,6 +22,7 @@ def tables(report: Report) -> list[tuple[str, list[str], Rows]]:
         ("Relations, holders and actions", _RELATION_HEADINGS, [_relation_row(scores) for scores in report.relations]),
         ("Best guesses of the belief", _NEAR_HEADINGS, [_near_row(scores) for scores in report.near]),
         ("Where regions of 99 % miss the truth", _FAILURE_HEADINGS, [_failure_row(found) for found in report.failures]),
+        ("Which relations and actions cost most", _COSTLY_HEADINGS, [_costly_row(pair) for pair in report.costly]),
     ]
 
 
@@ -122,6 +124,15 @@ def _failure_row(found: Failures) -> list[str]:
     kinds = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in found.kinds[:_TOLD_KINDS])
     worst = ", ".join(f"{name} (seed {seed})" for seed, name, _ in found.worst)
     return [found.family, _percent(found.share), kinds or "-", "" if found.family == "all" else worst]
+
+
+_COSTLY_HEADINGS = ["what", "family", "about", "cost", "missed", "sure and wrong", "from", "to"]
+
+
+def _costly_row(pair: CostlyPair) -> list[str]:
+    about, wrong = " ".join(pair.about), (str(pair.missed), str(pair.sure_and_wrong))
+    cells = [f"{pair.cost:.1f}", *wrong, f"{pair.first:.1f} s", f"{pair.last:.1f} s"]
+    return [pair.kind, f"{pair.family} (seed {pair.seed})", about, *cells]
 
 
 def _number(value: float | None) -> str:

@@ -12,6 +12,7 @@ from rich.console import Console
 from agents.scenario.format.scenario import Scenario, parse_scenario
 from agents.scenario.truth.history import History, Inferred, Sample
 from benchmarks.honesty import __main__ as command
+from benchmarks.honesty.answers import Answer
 from benchmarks.honesty.moments import RunScores, believed, last_percept, scores_of
 from benchmarks.honesty.runs import Job, play_episode
 from benchmarks.honesty.statement import log_score, stated
@@ -129,11 +130,11 @@ def test_relations_and_actions_are_answers() -> None:
     made = history([before, sample(2.0, HERE, HERE, grasped={"box": "human_hand_0"}), sample(3.0, None, HERE)])
     made.actions.append(Inferred(Action(2.5, "Pick", "other", "human_hand_0"), 2.6, 0.4))
     answers = {told.kind: told for told in scores("f", 0, made).answers}
-    assert [tuple(answer) for answer in answers["grasping"].answers] == [(0.0, True)]
-    on = [tuple(answer) for answer in answers["on"].answers]
+    assert list(answers["grasping"].answers) == [Answer(0.0, True, 2.0, ("human_hand_0", "box"))]
+    on = [answer[:2] for answer in answers["on"].answers]
     assert sorted(on) == [(1.0, False), (1.0, True), (1.0, True)], "what is held does not count; what is gone is not on"
     assert answers["on"].questions == 3
-    assert [tuple(answer) for answer in answers["actions"].answers] == [(0.4, False)]
+    assert list(answers["actions"].answers) == [Answer(0.4, False, 2.5, ("Pick", "other"))]
 
 
 def test_relations_of_what_no_camera_has_seen_are_kept_apart() -> None:
@@ -199,7 +200,7 @@ def test_runs_are_summed_up() -> None:
 def test_the_tables_name_every_family() -> None:
     _, summed = report()
     text = markdown(summed)
-    assert text.count("### ") == 5 and "| stacks | unseen | 20 |" in text
+    assert text.count("### ") == 6 and "| stacks | unseen | 20 |" in text
     console = Console(width=200, record=True)
     show_report(summed, console)
     assert "rests unseen, untouched 100 %" in console.export_text()
@@ -213,6 +214,22 @@ def test_what_was_played_is_kept_and_read(tmp_path: Path, monkeypatch: pytest.Mo
     command.main()
     assert "### Places" in capsys.readouterr().out
     assert msgspec.json.decode(found.read_bytes(), type=Report) == summed
+
+
+def test_what_is_read_is_of_the_families_and_seeds_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, chosen = tmp_path / "kept", tmp_path / "chosen"
+    kept.write_bytes(msgspec.msgpack.encode([RunScores(f, s, [], []) for f in ("stacks", "hands") for s in (1, 2)]))
+    read = ["honesty", "--read", str(kept), "--families", "hands"]
+    monkeypatch.setattr("sys.argv", [*read, "--seeds", "2", "--write", str(chosen)])
+    command.main()
+    runs = msgspec.msgpack.decode(chosen.read_bytes(), type=list[RunScores])
+    assert [(run.family, run.seed) for run in runs] == [("hands", 2)]
+    monkeypatch.setattr("sys.argv", [*read, "--seeds", "7"])
+    with pytest.raises(SystemExit, match="has nothing of these families and seeds"):
+        command.main()
+    kept.write_bytes(b"no scores")
+    with pytest.raises(SystemExit, match="is not what --write wrote"):
+        command.main()
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
