@@ -15,6 +15,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
+from dsr.perception.consensus import tells_rotation
 from dsr.vocabulary.explained import ExplainedChange
 from dsr.vocabulary.observed_actions import Deed
 from simulation_handler.config import BeliefConfig
@@ -37,7 +38,7 @@ from simulation_handler.physics.rollouts.scene import Placing, RolloutScene
 from simulation_handler.physics.simulator import MOST_STEPS, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
-from simulation_handler.state.objects import BelievedObject, tells_rotation
+from simulation_handler.state.objects import BelievedObject
 from simulation_handler.worlds.evidence import Evidence, EvidenceReader
 from simulation_handler.worlds.following import WeightFollowing
 from simulation_handler.worlds.model import Island, probability

@@ -12,6 +12,7 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
+from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import ONE_MOMENT
 from dsr.vocabulary import nats
 from simulation_handler.contact.supports import MOST_COMBINED
@@ -20,7 +21,6 @@ from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.state.objects import tells_rotation
 
 FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""

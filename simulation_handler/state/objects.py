@@ -13,6 +13,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
+from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, STEADY
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
@@ -27,14 +28,7 @@ from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.scales import TILTED, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
-SURE_OF_ROTATION = 0.75
-"""rad^2, trace of a rotation's covariance up to which a percept tells it"""
 _SURE_OF_TILT = 2.0 * (TILTED / LIKELY_SIGMAS) ** 2  # rad^2, likewise, about the two horizontal axes
-
-
-def tells_rotation(covariance: Array) -> bool:
-    """Whether percepts with this covariance (3, 3) of their rotation, rad^2, tell how something is turned."""
-    return float(np.trace(covariance)) < SURE_OF_ROTATION
 
 
 @dataclass

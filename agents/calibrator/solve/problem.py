@@ -35,15 +35,18 @@ class Problem:
 
     Args:
         sightings: one or more.
+        prior: parent_from_camera that is likeliest before anything is seen, with covariance; None if all are alike.
 
     Raises:
-        ValueError: without sightings, or for one whose percept has no covariance.
+        ValueError: without sightings, or for one whose percept, or a prior, has no covariance.
     """
 
-    def __init__(self, sightings: Sequence[ObjectSighting]) -> None:
+    def __init__(self, sightings: Sequence[ObjectSighting], prior: Pose | None = None) -> None:
         if not sightings:
             raise ValueError("no object was seen; a calibration needs at least one")
         self.sightings = tuple(sightings)
+        self.prior = prior
+        self._prior_information = _information(prior)
         self.seen = np.array([sighting.seen.matrix for sighting in sightings])
         """(n, 4, 4) camera_from_object"""
         self.believed = np.array([sighting.believed.matrix for sighting in sightings])
@@ -59,7 +62,7 @@ class Problem:
 
     def subset(self, chosen: NDArray[np.bool_]) -> Problem:
         """The problem of the sightings whose flag in `chosen` (n,) is set."""
-        return Problem([sighting for sighting, taken in zip(self.sightings, chosen, strict=True) if taken])
+        return Problem([sighting for sighting, taken in zip(self.sightings, chosen, strict=True) if taken], self.prior)
 
     def errors(self, pose: Array) -> Array:
         """(n, 6) errors under the camera pose (4, 4), m and rad."""
@@ -85,7 +88,20 @@ class Problem:
         """Information (6, 6) about a right perturbation of the camera pose, and gradient (6,); `weights` are (n,)."""
         errors, derivatives = self.linearised(pose)
         information = np.einsum("n,nki,nkj->ij", weights, derivatives, derivatives)
-        return information, np.einsum("n,nki,nk->i", weights, derivatives, errors)
+        gradient = np.einsum("n,nki,nk->i", weights, derivatives, errors)
+        return information + self._prior_information, gradient + self._prior_information @ self._from_prior(pose)
+
+    def squared_of_prior(self, pose: Array) -> float:
+        """Squared Mahalanobis distance of the camera pose (4, 4) from the prior; 0 without one."""
+        twist = self._from_prior(pose)
+        return float(twist @ self._prior_information @ twist)
+
+    def _from_prior(self, pose: Array) -> Array:
+        """(6,) twist from the prior to a camera pose (4, 4), in the frame of the camera; 0 without a prior."""
+        if self.prior is None:
+            return np.zeros(6)
+        twist: Array = batches.logs(batches.inverses(self.prior.matrix[None]) @ pose)[0]
+        return twist
 
     def candidates(self) -> Array:
         """(n, 4, 4) camera poses under which one sighting each has no error."""
@@ -101,6 +117,16 @@ class Problem:
 def solved(information: Array, gradient: Array) -> Array:
     """(6,) x of information @ x = gradient."""
     result: Array = np.linalg.solve(information, gradient).astype(np.float64)
+    return result
+
+
+def _information(prior: Pose | None) -> Array:
+    """(6, 6) that a prior gives about the camera pose."""
+    if prior is None:
+        return np.zeros((6, 6))
+    if prior.covariance is None:
+        raise ValueError("a prior without covariance says nothing")
+    result: Array = np.linalg.inv(prior.covariance).astype(np.float64)
     return result
 
 

@@ -31,8 +31,15 @@ def solve(problem: Problem, start: Array) -> PoseEstimate:
     found = [_settled(problem, first.pose, everything)]
     if not agreeing.all():
         found.append(_settled(problem, first.pose, agreeing))
-    best = min(found, key=lambda estimate: np.minimum(problem.squared(estimate.pose), OUTLIER).sum())
+    if problem.prior is not None:  # of what the sightings leave open the closed form knows nothing
+        found.append(_settled(problem, start, everything))
+    best = min(found, key=lambda estimate: _rejecting(problem, estimate.pose))
     return PoseEstimate(best.pose, (*first.history, *best.history))
+
+
+def _rejecting(problem: Problem, pose: Array) -> float:
+    """Squared Mahalanobis distances of sightings and prior, of which an outlier counts no more than it must."""
+    return float(np.minimum(problem.squared(pose), OUTLIER).sum()) + problem.squared_of_prior(pose)
 
 
 def _settled(problem: Problem, pose: Array, kept: NDArray[np.bool_]) -> PoseEstimate:
@@ -56,12 +63,12 @@ def _agreeing(problem: Problem, pose: Array) -> NDArray[np.bool_]:
 def _minimise(problem: Problem, pose: Array, whole: Problem) -> tuple[Array, list[float]]:
     """The pose of least loss near `pose`, and Equation 1 over the whole problem after each iteration."""
     history = []
-    cost = _loss(problem.squared(pose))
+    cost = _loss(problem, pose)
     for _ in range(_ITERATIONS):
         step = _step(problem, pose)
         for _ in range(_HALVINGS):
             tried = pose @ transforms.exp(step).matrix
-            if (reached := _loss(problem.squared(tried))) <= cost:
+            if (reached := _loss(problem, tried)) <= cost:
                 break
             step = 0.5 * step
         else:
@@ -80,7 +87,7 @@ def _step(problem: Problem, pose: Array) -> Array:
     return -solved(information, gradient)
 
 
-def _loss(squared: Array) -> float:
-    """Soft L1 of squared Mahalanobis distances: quadratic near 0, linear in the distance far away."""
-    scale = closed_form.SCALE
-    return float((2.0 * scale * (np.sqrt(1.0 + squared / scale) - 1.0)).sum())
+def _loss(problem: Problem, pose: Array) -> float:
+    """Soft L1 of squared Mahalanobis distances, quadratic near 0 and linear in the distance far away, and the prior."""
+    squared, scale = problem.squared(pose), closed_form.SCALE
+    return float((2.0 * scale * (np.sqrt(1.0 + squared / scale) - 1.0)).sum()) + problem.squared_of_prior(pose)

@@ -97,6 +97,8 @@ class CalibrationSolution(NamedTuple):
     """Standard deviations between the pose and the best one for the sightings that agree."""
     history: tuple[float, ...]
     """See `PoseEstimate.history`."""
+    has_prior: bool = False
+    """Whether a prior says what the sightings leave open; the covariance of the pose tells how well."""
 
     @property
     def outliers(self) -> tuple[str, ...]:
@@ -117,7 +119,7 @@ class CalibrationSolution(NamedTuple):
                 f"method {self.method} has not found the best pose: "
                 f"it stopped {self.unfinished:.0f} standard deviations from there"
             )
-        if self.geometry.is_weak:
+        if self.geometry.is_weak and not self.has_prior:
             return (
                 f"the geometry is weak: {len(names) - len(self.outliers)} object(s) within {self.geometry.span:.2f} m, "
                 f"in {self.views} view(s), do not determine the pose (condition number {self.geometry.condition:.0f}); "
@@ -168,6 +170,7 @@ def judged(method: str, problem: Problem, before: Pose, estimate: PoseEstimate) 
         views=len({sighting.view for sighting in problem.sightings}),
         unfinished=unfinished,
         history=estimate.history,
+        has_prior=problem.prior is not None,
     )
 
 
@@ -175,7 +178,7 @@ def _covariance(problem: Problem, pose: Array) -> tuple[Array, float]:
     """(6, 6) of a right perturbation of the camera pose (m, rad); and how many deviations the best pose is away."""
     information, gradient = problem.normal_equations(pose, np.ones(len(problem)))
     step = solved(information, gradient)
-    freedom = 6 * len(problem) - 6
+    freedom = 6 * len(problem) - (6 if problem.prior is None else 0)
     scatter = float(problem.squared(pose).sum()) / freedom if freedom > 0 else 1.0
     covariance: Array = max(1.0, scatter) * np.linalg.inv(information).astype(np.float64) + np.outer(step, step)
     return 0.5 * (covariance + covariance.T), math.sqrt(float(step @ information @ step))

@@ -13,16 +13,24 @@ from agents.calibrator.solve.problem import ObjectSighting, Problem
 from agents.calibrator.solve.robust import OUTLIER
 from agents.calibrator.solve.solution import CalibrationSolution
 from dsr.math3d.transforms import Array, Pose
+from dsr.perception.consensus import agree_beyond_chance, tells_rotation
 from dsr.vocabulary import nats
 
-FEWEST = 3
-"""Objects that must agree on where the camera is now."""
-
 _MOST_LEANING = 8.0  # nats for one object that would lean, though it is not believed to
+_UP = np.array([0.0, 0.0, 1.0])
 _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
 _TILT, _HEIGHT = 0.0175, 0.005  # rad, m by which objects that are moved on a table may seem to leave it, at least
 _SIGMAS = 4.0  # standard deviations, likewise
+
+
+_BUMPED = np.diag([0.05**2] * 3 + [0.05**2] * 3)
+"""m^2, rad^2: how far a bump moves a camera. Whoever touches a stand or its head seldom shifts it by more than 0.1."""
+
+
+def bumped(before: Pose) -> Pose:
+    """Where a camera may be after a bump: about parent_from_camera `before`, with covariance."""
+    return before.with_covariance(_BUMPED)
 
 
 class Decision(NamedTuple):
@@ -61,6 +69,7 @@ def decide(
     agreeing = names - set(solution.outliers)
     explained = np.array([sighting.name in agreeing - here for sighting in sightings])
     by_objects = _moving(names - here, carried) + _leaning(problem, world_from_parent @ before, explained)
+    by_objects += _hovering(problem, before, world_from_parent, explained)
     by_camera = nats.CAMERA_MOVED + nats.MOVED * len(names - agreeing)
     by_camera += max(nats.COINCIDENCE, nats.MOVED * len(agreeing)) * len(here - agreeing)
     if 2 * len(agreeing) <= len(names) or by_camera >= by_objects:
@@ -70,13 +79,24 @@ def decide(
             )
         why = f"{len(here)} of {len(names)} objects are seen where they are believed to be"
         return Decision(False, False, why, is_idle=here == names)
-    if len(agreeing) < FEWEST:
-        return Decision(None, False, f"only {len(agreeing)} object(s) tell of the camera; expected {FEWEST}")
+    if not agree_beyond_chance(told_turns(sightings, agreeing)):
+        return Decision(None, False, f"only {len(agreeing)} object(s) tell of the camera, too little to be sure")
     if solution.problem:
         return Decision(None, False, solution.problem)
     if _stays_on_table(alike(before, solution.pose, world_from_parent), problem, solution, world_from_parent):
         return Decision(True, True, "objects that were all moved alike would look the same")
     return Decision(True, False, "objects that were all moved alike would have left the table")
+
+
+def told_turns(sightings: Sequence[ObjectSighting], names: Collection[str]) -> list[bool]:
+    """Of each of these objects whether any sighting tells how it is turned."""
+    told = {one.name for one in sightings if tells_rotation(_covariance_of(one)[3:, 3:])}
+    return [name in told for name in names]
+
+
+def _covariance_of(sighting: ObjectSighting) -> Array:
+    assert sighting.seen.covariance is not None
+    return sighting.seen.covariance
 
 
 def decide_elsewhere(
@@ -134,6 +154,16 @@ def _leaning(problem: Problem, world_from_camera: Pose, explained: NDArray[np.bo
     tilts = np.arccos(np.clip(np.abs(seen[:, 2, :]).max(axis=1), -1.0, 1.0))
     variances = np.diagonal(problem.covariances, axis1=1, axis2=2)[:, 3:].max(axis=1)
     return float(np.clip(0.5 * tilts**2 / variances - _NOISE, 0.0, _MOST_LEANING)[explained].sum())
+
+
+def _hovering(problem: Problem, before: Pose, world_from_parent: Pose, explained: NDArray[np.bool_]) -> float:
+    """Nats: what was moved was put down as high as it was. How much those (n,) hover, which something would hold."""
+    seen = (world_from_parent @ before).matrix @ problem.seen
+    believed = world_from_parent.matrix @ problem.believed
+    ups = np.einsum("nji,j->ni", seen[:, :3, :3], _UP)  # in the frames of the objects, as covariances are
+    variances = np.einsum("ni,nij,nj->n", ups, problem.covariances[:, :3, :3], ups) + (_HEIGHT / _SIGMAS) ** 2
+    squared = (seen[:, 2, 3] - believed[:, 2, 3]) ** 2 / variances
+    return float(np.clip(0.5 * squared - _NOISE, 0.0, nats.HELD)[explained].sum())
 
 
 def _misfit(sightings: Sequence[ObjectSighting], pose: Pose) -> float:

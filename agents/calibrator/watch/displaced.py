@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.calibrate import calibrate
-from agents.calibrator.watch.decision import FEWEST, decide
+from agents.calibrator.watch.decision import bumped, decide, told_turns
 from agents.calibrator.watch.depths import DepthError
 from agents.calibrator.watch.doubt import ENOUGH
 from agents.calibrator.watch.steps import carried_things
@@ -19,6 +19,7 @@ from agents.calibrator.watch.views import Views
 from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.consensus import agree_beyond_chance
 from dsr.vocabulary.relations import grasped_things
 
 LOOKBACK = 0.3
@@ -87,12 +88,12 @@ class Displaced:
             return None
         sightings = series.views.sightings(least=ENOUGH)
         told = frozenset(one.name for one in sightings if one.name in series.names)
-        if len(told) < FEWEST or told <= series.told:
+        if told <= series.told or not agree_beyond_chance(told_turns(sightings, told)):
             return None
         series.told, before = told, self._memory.get_pose(WORLD, camera, "RT")
         if before is None:
             return None
-        solution = calibrate(sightings, before, self._config.method)
+        solution = calibrate(sightings, before, self._config.method, bumped(before))
         parent = series.views.parents()[sightings[0].view]
         if not decide(sightings, before, solution, parent, carried_things(self._memory)).moved:
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.calibrate import calibrate
 from agents.calibrator.solve.problem import ObjectSighting
 from agents.calibrator.solve.solution import CalibrationSolution
-from agents.calibrator.watch.decision import Decision, alike, decide, decide_elsewhere
+from agents.calibrator.watch.decision import Decision, alike, bumped, decide, decide_elsewhere
 from agents.calibrator.watch.depths import DepthError
 from agents.calibrator.watch.steps import carried_things
 from agents.calibrator.watch.views import Views
@@ -140,13 +140,13 @@ class Doubt:
             return None
         self.sightings = sightings
         parents = self._views.parents()
-        self.solution = calibrate(sightings, self.before, self._config.method)
+        self.solution = self._calibrated(sightings)
         if self.moved_alike is None or self._seen_views == 1:
             first = [sighting for sighting in sightings if sighting.view == 0] or sightings
             parent = parents[first[0].view]
             solution = self.solution
             if len(first) < len(sightings):
-                solution = calibrate(first, self.before, self._config.method)
+                solution = self._calibrated(first)
             self.decision = decide(first, self.before, solution, parent, self._carried)
             if self.decision.moved is None or self.decision.is_ambiguous:
                 self.moved_alike = alike(self.before, solution.pose, parent)
@@ -163,6 +163,11 @@ class Doubt:
             if self.decision.moved and self.solution.problem:
                 self.decision = Decision(None, False, self.solution.problem)
         return self.decision
+
+    def _calibrated(self, sightings: Sequence[ObjectSighting]) -> CalibrationSolution:
+        """The pose by sightings. What they leave open another view will tell; of a camera on a stand, how bumps are."""
+        prior = None if self.can_look_elsewhere else bumped(self.before)
+        return calibrate(sightings, self.before, self._config.method, prior)
 
     def _tells_more(self) -> bool:
         """Whether objects have come into view, where those that were there did not tell."""

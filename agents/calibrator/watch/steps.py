@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.calibrator.watch.decision import FEWEST
 from dsr.frames.tree import WORLD
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.perception.consensus import agree_beyond_chance
 from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.relations import THINGS, grasped_things, present_things
 
@@ -101,7 +101,7 @@ def _averages(percepts: deque[_Sample], now: float) -> tuple[Array, Array, Array
 
 def _is_step(averages: Mapping[str, tuple[Array, Array, Array]]) -> bool:
     """Whether a small motion of all of them, as one, explains most of what has changed."""
-    if len(averages) < FEWEST:
+    if not agree_beyond_chance([False] * len(averages)):
         return False
     old, new, variances = (np.array(column) for column in zip(*averages.values(), strict=True))
     shifts = new - old

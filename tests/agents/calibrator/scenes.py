@@ -39,19 +39,22 @@ def sightings(
     camera: Pose = DOWN,
     *,
     rng: np.random.Generator | None = None,
+    bare: Sequence[str] = (),
     wrong: Mapping[str, Pose] | None = None,
     parents: Sequence[Pose] = (Pose.identity(),),
 ) -> list[ObjectSighting]:
     """What a camera at `camera` in its parent sees of objects that are believed where they are.
 
-    With `rng` percepts are noisy; `wrong` moves some of what is seen; `parents` are world_from_parent, by view.
+    With `rng` percepts are noisy; those of `bare` objects tell no rotation; `wrong` moves some of what is seen;
+    `parents` are world_from_parent, by view.
     """
     found = []
     for view, parent in enumerate(parents):
         for name, world_from_object in objects.items():
             exact = (parent @ camera).inverse() @ world_from_object @ (wrong or {}).get(name, Pose.identity())
             error = np.zeros(6) if rng is None else rng.normal(size=6) * SIGMAS
-            seen = (exact @ Pose.from_rotvec(error[:3], error[3:])).with_covariance(np.diag(SIGMAS**2))
+            sigmas = np.where(np.arange(6) < 3, SIGMAS, np.pi) if name in bare else SIGMAS
+            seen = (exact @ Pose.from_rotvec(error[:3], error[3:])).with_covariance(np.diag(sigmas**2))
             found.append(ObjectSighting(name, view, seen, parent.inverse() @ world_from_object))
     return found
 
@@ -113,6 +116,13 @@ class Stage:
     def wait(self, seconds: float) -> None:
         """Let time pass in which the camera sees nothing."""
         self.lockstep.run_for(seconds)
+
+    @property
+    def misplaced(self) -> float:
+        """m, at most, between where the camera shows the objects in the graph and the truth."""
+        written: Pose = self.memory.edge(self.parent, "camera", "RT")["pose"]
+        shown = self.world_from_parent @ written @ (self.world_from_parent @ self.parent_from_camera).inverse()
+        return max((shown @ pose).distance(pose)[0] for pose in self.objects.values())
 
     @property
     def error(self) -> tuple[float, float]:

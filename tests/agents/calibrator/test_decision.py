@@ -7,7 +7,7 @@ import pytest
 
 from agents.calibrator.solve.calibrate import calibrate
 from agents.calibrator.solve.problem import ObjectSighting
-from agents.calibrator.watch.decision import Decision, alike, decide, decide_elsewhere
+from agents.calibrator.watch.decision import Decision, alike, bumped, decide, decide_elsewhere
 from dsr.math3d.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, cubes, sightings
 
@@ -103,9 +103,37 @@ def test_the_same_view_again_tells_nothing_unless_it_must() -> None:
     assert decide_elsewhere(seen, DOWN, after, common, parents, last=True).moved is not None
 
 
-def test_two_objects_are_too_few_to_tell_of_a_camera_but_enough_to_doubt_it() -> None:
+def after_bump(seen: list[ObjectSighting], believed: Pose) -> Decision:
+    """The decision about a camera on a stand."""
+    return decide(seen, believed, calibrate(seen, believed, prior=bumped(believed)), HERE)
+
+
+@pytest.mark.parametrize("bare", [(), ("cube_1",)])
+def test_two_objects_of_which_one_shows_how_it_is_turned_tell_of_a_bumped_camera(bare: tuple[str, ...]) -> None:
     places = dict(list(cubes().items())[:2])
-    decision = found(sightings(places, rng=np.random.default_rng(0)), DOWN @ BUMP)
-    assert decision.moved is None and "only 2 object(s) tell" in decision.why
+    decision = after_bump(sightings(places, rng=np.random.default_rng(0), bare=bare), DOWN @ BUMP)
+    assert decision.moved and not decision.is_ambiguous
     moved = moved_alike(MOVED, list(places))
-    assert found(sightings(places, rng=np.random.default_rng(0), wrong=moved)).moved is False
+    on_table = after_bump(sightings(places, rng=np.random.default_rng(0), bare=bare, wrong=moved), DOWN)
+    assert on_table.moved is False, "two objects may be moved alike on the table"
+
+
+def test_places_of_two_objects_fit_a_moved_camera_anyway() -> None:
+    places = dict(list(cubes().items())[:2])
+    seen = sightings(places, rng=np.random.default_rng(0), bare=tuple(places))
+    decision = after_bump(seen, DOWN @ BUMP)
+    assert decision.moved is None and "only 2 object(s) tell" in decision.why
+
+
+def test_one_object_tells_of_no_camera() -> None:
+    (name, pose), *_ = cubes().items()
+    decision = after_bump(sightings({name: pose}, rng=np.random.default_rng(0)), DOWN @ BUMP)
+    assert decision.moved is None and "only 1 object(s) tell" in decision.why
+
+
+def test_what_hovers_was_hardly_moved_by_somebody() -> None:
+    places = dict(list(cubes().items())[:2])
+    for rise, is_camera in ((0.0, False), (0.03, True)):
+        wrong = moved_alike(Pose((0.03, 0.02, rise)), list(places))
+        decision = after_bump(sightings(places, rng=np.random.default_rng(0), wrong=wrong), DOWN)
+        assert bool(decision.moved) is is_camera
