@@ -310,7 +310,7 @@ class Graph(Stamping):
 
     def clear(self) -> None:
         """Hold nothing any more, unless another one still reads from here; the graph must be locked."""
-        if any(fork() is not None for fork in self._forks) or self.watches.overlays:
+        if self.is_read:
             return
         self.store = Store(self)
         self.nodes, self.edges = {}, {}

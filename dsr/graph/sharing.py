@@ -46,6 +46,11 @@ class Sharing(Observer):
         self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
         self.store.owned = set()
 
+    @property
+    def is_read(self) -> bool:
+        """Whether a fork or an overlay still reads from this graph."""
+        return any(fork() is not None for fork in self._forks) or bool(self.watches.overlays)
+
     def release(self, fork: Fork | None) -> None:
         """Tell `fork` about nothing any more; the graph must be locked."""
         self._forks = [other for other in self._forks if other() not in (None, fork)]

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 SURE_OF_ROTATION = 0.75
 """rad^2, trace of a rotation's covariance up to which a percept tells it"""
-_OF_POSE, _OF_PLACE = 6, 3  # numbers that a pose and a place have
 
 
 def tells_rotation(covariance: NDArray[np.float64]) -> bool:
@@ -26,5 +25,4 @@ def agree_beyond_chance(turnings: Iterable[bool]) -> bool:
     Args:
         turnings: of each object whether its percepts tell how it is turned.
     """
-    told = sum(_OF_POSE if turning else _OF_PLACE for turning in turnings)
-    return told >= _OF_POSE + _OF_PLACE
+    return sum(6 if turning else 3 for turning in turnings) >= 6 + 3

@@ -114,9 +114,11 @@ class ForkedGraph(Graph):
             self.store.owned = set()
 
     def clear(self) -> None:
-        """See `Graph.clear`."""
+        """See `Graph.clear`; whom others read, however little there is, goes on to keep what its parent changes."""
+        if self.is_read:
+            return
         super().clear()
-        if self.parent is not None and not self.nodes:
+        if self.parent is not None:
             self.parent.release(self)
             self.parent = None
 

@@ -36,6 +36,18 @@ def test_days_of_the_whole_memory(seed: int) -> None:
     assert sum(outcome.met.values()) > 200 and outcome.met["kill"] > 3
 
 
+EMPTY_FORK = [
+    Step("make", 17, 39023), Step("heal"), Step("sleep", amount=67592.0), Step("kill", 25, 61094, 2.0),
+    Step("suspend", 21), Step("pass"), Step("power", 9), Step("pass", amount=1.1), Step("make", 27, 40329),
+    Step("make", 17, 31257), Step("delete", 35, 7957), Step("heal"),
+]  # fmt: skip
+"""A world is forked before its content has come, the fork is forked, and the first fork is deleted."""
+
+
+def test_a_failure_of_ten_years_stays_mended() -> None:
+    assert not run(Setting(100948), EMPTY_FORK).problem
+
+
 def test_a_history_follows_from_its_seed() -> None:
     first, again, other = (run(Setting(seed, days=1)) for seed in (7, 7, 8))
     assert first == again and first != other

@@ -261,6 +261,16 @@ def test_a_fork_of_a_deleted_fork_keeps_what_it_reads(net: Net) -> None:
     assert second.node("cube_3")["mass"] == 1.0 and "table" in second
 
 
+def test_a_fork_of_a_deleted_empty_fork_stays_empty(net: Net) -> None:
+    a = net.join("a")
+    a.fork("first")
+    second = a.fork("second", of="first")
+    assert not second.nodes()
+    a.delete_world("first")
+    tabletop(a)
+    assert a.nodes() and not second.nodes()
+
+
 @pytest.fixture
 def hurried_threads() -> Iterator[None]:
     """Threads that take turns a thousand times as often as usual."""
