@@ -14,6 +14,9 @@ the launcher. What the machine was busy with besides is told too: rates mean lit
 `--day` lives a day instead, compressed and in one process, and tells how much memory that takes, hour by hour
 (benchmarks/live/day.py). `--images` tells the processor time of an image by the number of objects in it, and so how
 many cores a rate would take (benchmarks/live/images.py).
+
+A scenario takes its seconds, and some 20 s more to start and to be judged. A hundred cubes take a minute more on a busy
+machine. A line tells how far it is.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ import argparse
 import statistics
 import threading
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,6 +44,7 @@ from benchmarks.live import day, images
 from benchmarks.live.crowd import write_crowd
 from benchmarks.live.hearing import JOINTS, Delays, Ear
 from benchmarks.live.processes import Machine, Usage
+from benchmarks.progress import progress_on
 from benchmarks.report import rows_table
 from benchmarks.rows import Row, Spec, judged
 from benchmarks.timing import percentile
@@ -88,14 +92,22 @@ class Measured:
 
 
 def measure(
-    run: Run, system: System, seconds: float, *, fork: bool = False, began: Callable[[], object] = lambda: None
+    run: Run,
+    system: System,
+    seconds: float,
+    *,
+    fork: bool = False,
+    began: Callable[[], object] = lambda: None,
+    tell: Callable[[str], object] = lambda text: None,
 ) -> Measured:
     """Run a scenario live for at most `seconds`.
 
-    With `fork`, all processes are forks of this one. `began` is called when the start does not count any more.
+    With `fork`, all processes are forks of this one. `began` is called when the start does not count any more. `tell`
+    hears once a second how far it is.
     """
     assert run.folder is not None
-    found = Measured()
+    found, end = Measured(), min(run.scenario.duration, seconds)
+    tell("starting")
     with Launcher(system, run.folder, seed=run.seed, fork=fork) as launcher:
         memory = launcher.memory
         judge = Judge(run.scenario, memory, memory.transport, memory.keys)
@@ -105,7 +117,7 @@ def measure(
         conductor = Conductor(run.scenario, start, judge, memory.transport, memory.keys, lambda agent: None)
         machine: Machine | None = None
         start_of_all = next_look = next_memory = WARM_UP
-        while (elapsed := conductor.step(launcher.clock.now())) < min(run.scenario.duration, seconds):
+        while (elapsed := conductor.step(launcher.clock.now())) < end:
             if machine is None and elapsed >= WARM_UP:
                 machine, start_of_all = Machine(), elapsed
                 ear.begin()
@@ -114,6 +126,7 @@ def measure(
                 _look(launcher, found, memory=elapsed >= next_memory)
                 next_memory += _MEMORY_PERIOD if elapsed >= next_memory else 0.0
                 next_look += 1.0
+                tell(how_far(elapsed, end, found.rates, system))
             ear.look()
             if conductor.is_over:
                 break
@@ -127,8 +140,20 @@ def measure(
         found.heard, found.delays = ear.rates(), ear.delays
         ear.close()
         judge.close()
+        tell("judging")
         found.passed = judge.result(run.seed, "live", run.sensor, run.policy).passed
     return found
+
+
+def how_far(elapsed: float, end: float, rates: Mapping[str, Sequence[float]], system: System) -> str:
+    """Tell how far a run is (s), and which agent lately kept the least of its rate."""
+    text = f"{elapsed:.0f} of {end:.0f} s"
+    kept = [
+        (lately[-1] / spec.kind.rate_hz, f"; {spec.name} at {lately[-1]:.1f} of {spec.kind.rate_hz:g} Hz")
+        for spec in system.agents
+        if spec.kind.rate_hz > 0.0 and (lately := rates.get(spec.name))
+    ]
+    return text + min(kept)[1] if kept else text
 
 
 def _look(launcher: Launcher, found: Measured, *, memory: bool) -> None:
@@ -209,7 +234,9 @@ def main() -> None:
     if options.objects:
         scenario = write_crowd(folder, options.objects, options.seconds, SWAP_PERIOD)
     run = make_run(scenario, seed=options.seed, sensor=options.sensor, folder=folder)
-    found = measure(run, system := _system(run, options), options.seconds)
+    system = _system(run, options)
+    with progress_on(Console(stderr=True)) as progress:
+        found = measure(run, system, options.seconds, tell=progress.step)
     rows, console = rows_of(found, system), Console()
     console.print(rows_table(rows))
     console.print(usage_table(found))

@@ -113,13 +113,15 @@ class Discrepancies:
         bodies, in_motion = self._bodies, self._bodies.in_motion()
         solids = {name: bodies.solid(name) for name in bodies.objects if name in bodies.sim}
         expected: dict[str, dict[str, float]] = {}
-        for (camera, name), visible in visibility(list(solids.values())).items():
-            if _is_due(visible.recognised) and not bodies.objects[name].is_led and name not in in_motion:
-                expected.setdefault(name, {})[camera] = visible.recognised
-        for name in [name for name in expected if bodies.objects[name].estimate_at(now) is None]:
-            others = [solid for one, solid in solids.items() if one != name]
-            about = recognised_about(solids[name], others, visibility)
-            expected[name] = {camera: share for camera, share in about.items() if _is_due(share)}
+        there = list(solids.values())
+        for name, by_camera in zip(solids, visibility(there, there), strict=True):
+            if not bodies.objects[name].is_led and name not in in_motion:
+                recognised = {camera: visible.recognised for camera, visible in by_camera.items()}
+                expected[name] = {camera: share for camera, share in recognised.items() if _is_due(share)}
+        absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]
+        about = recognised_about([solids[name] for name in absent], there, visibility)
+        for name, shares in zip(absent, about, strict=True):
+            expected[name] = {camera: share for camera, share in shares.items() if _is_due(share)}
         return {name: by for name, by in expected.items() if by}
 
 

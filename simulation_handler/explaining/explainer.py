@@ -251,9 +251,10 @@ class Explainer:
         visibility = self.visibility
         if visibility is None or not cameras:
             return visibility
-        return lambda solids: {
-            key: visible for key, visible in visibility(solids).items() if key[0] not in cameras and key[1] not in names
-        }
+        return lambda solids, among: [
+            {} if solid.name in names else {camera: one for camera, one in by.items() if camera not in cameras}
+            for solid, by in zip(solids, visibility(solids, among), strict=True)
+        ]
 
     def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:
         """How an unseen object was last seen, if that was not where it is believed to be."""

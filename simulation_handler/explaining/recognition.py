@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Sequence
 
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.scales import ROUNDING, UNSEEN_SLACK
@@ -16,27 +16,36 @@ _POINTS = ((_ASIDE, 0.0), (-_ASIDE, 0.0), (0.0, _ASIDE), (0.0, -_ASIDE))
 (Arasaratnam and Haykin, Cubature Kalman Filters, IEEE Transactions on Automatic Control 54, 2009)"""
 
 
-def recognised_about(solid: Solid, others: Collection[Solid], visibility: VisibilityQuery) -> dict[str, float]:
+def recognised_about(
+    solids: Sequence[Solid], among: Sequence[Solid], visibility: VisibilityQuery
+) -> list[dict[str, float]]:
     """Probability (0 to 1) with which each camera that may see an unseen object recognises it, by the camera's name.
 
     Through a gap, 10 mm make all the difference. Only an object that no camera sees right there counts as hidden.
 
     Args:
-        solid: the object, where it is believed to be.
-        others: all that may hide it.
+        solids: objects, each where it is believed to be; or places where one may be.
+        among: all that may hide them; what has the name of an object does not hide it.
         visibility: what cameras should see.
     """
-    there = _recognised(solid, others, visibility)
-    if max(there.values(), default=0.0) < ROUNDING:
-        return there
+    found = _recognised(solids, among, visibility)
+    open_ = [place for place, there in enumerate(found) if max(there.values(), default=0.0) >= ROUNDING]
+    around = [_moved(solids[place], *shift) for place in open_ for shift in _POINTS]
+    told = _recognised(around, among, visibility) if around else []
+    for number, place in enumerate(open_):
+        shares: dict[str, float] = defaultdict(float)
+        for by_camera in told[number * len(_POINTS) : (number + 1) * len(_POINTS)]:
+            for camera, share in by_camera.items():
+                shares[camera] += share / len(_POINTS)
+        found[place] = dict(shares)
+    return found
+
+
+def _moved(solid: Solid, dx: float, dy: float) -> Solid:
     x, y, z = solid.position
-    found: dict[str, float] = defaultdict(float)
-    for dx, dy in _POINTS:
-        for camera, share in _recognised(solid.moved((x + dx, y + dy, z)), others, visibility).items():
-            found[camera] += share / len(_POINTS)
-    return dict(found)
+    return solid.moved((x + dx, y + dy, z))
 
 
-def _recognised(solid: Solid, others: Collection[Solid], visibility: VisibilityQuery) -> dict[str, float]:
-    visible = visibility([*others, solid])
-    return {camera: one.recognised for (camera, name), one in visible.items() if name == solid.name}
+def _recognised(solids: Sequence[Solid], among: Sequence[Solid], visibility: VisibilityQuery) -> list[dict[str, float]]:
+    visible = visibility(solids, among)
+    return [{camera: one.recognised for camera, one in by_camera.items()} for by_camera in visible]

@@ -133,11 +133,10 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     """Nats for each object that should be seen and is not, or is seen and should not be."""
     if situation.visibility is None or hypothesis.camera_moved:
         return {}
-    visibilities: dict[str, list[ExpectedVisibility]] = {}
-    for (_, name), visible in situation.visibility(list(settled.values())).items():
-        visibilities.setdefault(name, []).append(visible)
-    costs = {}
-    for name, by_camera in visibilities.items():
+    there, costs = list(settled.values()), {}
+    for name, seen_by in zip(settled, situation.visibility(there, there), strict=True):
+        if not (by_camera := list(seen_by.values())):
+            continue
         share = max(visible.share for visible in by_camera)
         if name in situation.seen:
             covered = share <= NOTHING_SEEN and _is_covered(by_camera, settled)

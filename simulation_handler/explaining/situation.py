@@ -21,8 +21,10 @@ from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
-VisibilityQuery = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
-"""Predicts the visibility of solids to cameras, by (camera, object)."""
+VisibilityQuery = Callable[[Sequence[Solid], Sequence[Solid]], Sequence[Mapping[str, ExpectedVisibility]]]
+"""Predicts what each camera, by its name, should see of each of some solids, among all that are there.
+
+What is there under the name of a solid hides nothing of it: so one question may be about several places of a solid."""
 
 
 @dataclass(frozen=True)

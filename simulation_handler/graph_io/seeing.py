@@ -62,7 +62,7 @@ class Seeing:
             hiding = [*obstacles(memory), *modelled(memory, self._forms), *hands(memory, now), *persons(memory, now)]
             standing = self._standing(cameras, elapsed)
             self._rays = rays = self._rays.seen_from(cameras, standing, hiding, by_color(memory))
-            self.visibility = rays.recognised.visibilities if cameras else None
+            self.visibility = rays.recognised.look_for if cameras else None
             solids = self._belief.solids()
             recognised = rays.recognised.visibilities(solids)
             whole = rays.whole.visibilities(solids)

@@ -167,12 +167,11 @@ class Covering:
         ]
         if not near:
             return ""
-        visibilities = visibility(
-            [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
-        )
+        among = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
+        visibilities = visibility([self._bodies.solid(item.name) for item in near], among)
         hidden = []
-        for item in near:
-            seen = [visible for (_, thing), visible in visibilities.items() if thing == item.name]
+        for item, by_camera in zip(near, visibilities, strict=True):
+            seen = by_camera.values()
             if all(g.share < HALF for g in seen) and any(g.hidden_by == name for g in seen):
                 hidden.append((self._distance(hand, item.name), item.name))
         return min(hidden)[1] if hidden else ""

@@ -90,7 +90,6 @@ class LeftBehind:
         if visibility is None:
             return _NOTHING
         bodies = self._bodies
-        others = [bodies.solid(name) for name in bodies.objects if name in bodies.sim and name != item.name]
-        visibilities = visibility([*others, item.solid(there.t, there.q)])
-        seen = (one for (_, name), one in visibilities.items() if name == item.name)
-        return max(seen, key=lambda one: one.share, default=_NOTHING)
+        among = [bodies.solid(name) for name in bodies.objects if name in bodies.sim]
+        (by_camera,) = visibility([item.solid(there.t, there.q)], among)
+        return max(by_camera.values(), key=lambda one: one.share, default=_NOTHING)

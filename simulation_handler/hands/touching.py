@@ -315,8 +315,9 @@ class Touching:
         """What each camera should see of an object."""
         if self.visibility is None or thing not in self._bodies.sim:
             return []
-        solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
-        return [visible for (_, seen), visible in self.visibility(solids).items() if seen == thing]
+        among = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
+        (by_camera,) = self.visibility([self._bodies.solid(thing)], among)
+        return list(by_camera.values())
 
     def _is_over(self, relation: Relation, is_touched: bool) -> bool:
         """Whether an object is touched no more, as far as that can be known."""

@@ -157,6 +157,20 @@ class _Parts(NamedTuple):
         )
 
 
+class _Among:
+    """All that may hide a solid, made ready for many looks."""
+
+    def __init__(self, solids: list[Solid], parts: _Parts) -> None:
+        self.solids = solids
+        self.parts = parts
+        self.names = [solid.name for solid in solids]
+        self._place = {name: place for place, name in enumerate(self.names)}
+
+    def places(self, solids: Sequence[Solid]) -> Indexes:
+        """(n,) the index of what has the name of each of n solids; -1 without it."""
+        return np.array([self._place.get(solid.name, -1) for solid in solids], dtype=np.int64)
+
+
 class _Targets(NamedTuple):
     """What a camera looks for of n bodies: m points of each."""
 
@@ -210,8 +224,10 @@ class RayVisibility:
         self._by_color = frozenset(by_color)
         self._smallest = 0.0 if whole else SMALLEST
         self._whole = whole
-        self._last: tuple[list[Solid], dict[tuple[str, str], ExpectedVisibility]] | None = None
-        """The question before, and its answer"""
+        self._among: _Among | None = None
+        """What was there in the question before"""
+        self._all: list[dict[str, ExpectedVisibility]] | None = None
+        """What cameras see of all of that, once somebody has asked"""
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
         """Share (0 to 1) of each solid that each camera should see, by (camera, name).
@@ -224,21 +240,34 @@ class RayVisibility:
         return {key: visible.share for key, visible in self.visibilities(solids).items()}
 
     def visibilities(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
-        """The same, also saying what hides most of each. The same question again costs nothing."""
-        if self._last is None or self._last[0] != list(solids):
-            self._last = list(solids), self._look(solids)
-        return dict(self._last[1])
+        """The same, also saying what hides most of each, by (camera, name)."""
+        found = zip(solids, self.look_for(solids, solids), strict=True)
+        return {(camera, solid.name): visible for solid, by_camera in found for camera, visible in by_camera.items()}
 
-    def _look(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
-        found, parts = {}, _Parts.of(solids)
+    def look_for(self, solids: Sequence[Solid], among: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
+        """What each camera, by its name, should see of each of some solids, if the others are as `among` says.
+
+        What has the name of a solid hides nothing of it. So one question may be about several places of a solid.
+        A question about all that is there costs nothing when it is asked again.
+        """
+        if self._among is None or self._among.solids != list(among):
+            self._among, self._all = _Among(list(among), _Parts.of(among)), None
+        if list(solids) != self._among.solids:
+            return self._look(solids, self._among)
+        if self._all is None:
+            self._all = self._look(solids, self._among)
+        return [dict(by_camera) for by_camera in self._all]
+
+    def _look(self, solids: Sequence[Solid], among: _Among) -> list[dict[str, ExpectedVisibility]]:
+        by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
+        found: list[dict[str, ExpectedVisibility]] = [{} for _ in solids]
         for camera in self._cameras:
-            by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
-            shares, hiding = _visibility(camera, solids, parts, by_image, self._smallest)
-            names = [solid.name for solid in solids] + camera.obstacles
-            for index, solid in enumerate(solids):
-                share, tagged, most = float(shares[index]), not by_image[index], int(hiding[index].argmax())
-                hidden_by = names[most] if hiding[index, most] > 0.0 else ""
-                found[camera.view.camera, solid.name] = ExpectedVisibility(share, hidden_by, tagged)
+            shares, hiding = _visibility(camera, solids, among, by_image, self._smallest)
+            names = among.names + camera.obstacles
+            most = hiding.argmax(axis=1) if names else np.zeros(len(solids), dtype=np.int64)
+            for index, (share, which) in enumerate(zip(shares.tolist(), most.tolist(), strict=True)):
+                hidden_by = names[which] if names and hiding[index, which] > 0.0 else ""
+                found[index][camera.view.camera] = ExpectedVisibility(share, hidden_by, not by_image[index])
         return found
 
 
@@ -248,18 +277,18 @@ def _certain(view: CameraView) -> CameraView:
 
 
 def _visibility(
-    camera: _Camera, solids: Sequence[Solid], parts: _Parts, by_image: Flags, smallest: float
+    camera: _Camera, solids: Sequence[Solid], among: _Among, by_image: Flags, smallest: float
 ) -> tuple[Array, Array]:
-    """Shares (n,) of n solids, and how much (n, n + obstacles) of each every solid and obstacle cuts off.
+    """Shares (n,) of n solids, and how much (n, all) of each all that is `among` them and every obstacle cut off.
 
     Of those `by_image` (n,) all of their surface counts, if it is `smallest` px wide; of the others the tag.
     """
     bodies = _Bodies.of(solids)
     targets = _targets(camera, bodies, solids, by_image)
     seen = _found(camera, bodies, targets, by_image, smallest)
-    parts = parts.and_also(camera.parts, len(solids))
-    hiding = np.zeros((len(solids), len(solids) + len(camera.obstacles)))
-    target, part = _candidates(camera.eye, targets, seen, parts)
+    parts = among.parts.and_also(camera.parts, len(among.solids))
+    hiding = np.zeros((len(solids), len(among.solids) + len(camera.obstacles)))
+    target, part = _candidates(camera.eye, targets, seen, parts, among.places(solids))
     if len(target):
         cut_off = _cut_off(camera.eye, targets.points[target], parts, part) & seen[target]
         pairs, which = np.unique(target * hiding.shape[1] + parts.owner[part], return_inverse=True)
@@ -352,8 +381,11 @@ def _span(values: Array, counted: Flags) -> Array:
     return span
 
 
-def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tuple[Indexes, Indexes]:
-    """Pairs (target, part) of which the part may hide it: its ball meets the tube around the rays to the target."""
+def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts, own: Indexes) -> tuple[Indexes, Indexes]:
+    """Pairs (target, part) of which the part may hide it: its ball meets the tube around the rays to the target.
+
+    What a body hides of itself is no target: a part of the body `own` (n,) of a target is left out.
+    """
     ray = targets.middle - eye
     to_part = parts.bodies.centre - eye
     along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), ROUNDING)[:, None], 0.0, 1.0)
@@ -361,7 +393,7 @@ def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tu
     reach: Array = parts.radius[None] + targets.reach[:, None]
     near: Flags = np.less_equal((gap * gap).sum(axis=2), reach * reach)
     near &= np.any(seen, axis=1)[:, None]
-    near &= np.arange(len(near))[:, None] != parts.owner[None]  # what a body hides of itself is no target
+    near &= own[:, None] != parts.owner[None]
     target, part = np.nonzero(near)
     return target, part
 

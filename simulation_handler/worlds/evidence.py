@@ -305,10 +305,10 @@ def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float
     solid, visibility = evidence.objects[name].solid, evidence.visibility
     if visibility is None or solid is None:
         return [0.0] * len(places)
-    others = [
+    among = [
         other.solid
         for one, other in evidence.objects.items()
-        if other.solid is not None and one != name and (one, name) not in evidence.contents
+        if other.solid is not None and (one, name) not in evidence.contents
     ]
     there = [solid.at(place.t, place.q) for place in places]
-    return [max(recognised_about(one, others, visibility).values(), default=0.0) for one in there]
+    return [max(by_camera.values(), default=0.0) for by_camera in recognised_about(there, among, visibility)]

@@ -11,11 +11,15 @@ import pytest
 from numpy.typing import NDArray
 
 from agents.scenario.format.scenario import load_scenario
+from benchmarks.live.__main__ import how_far
 from benchmarks.live.crowd import write_crowd
 from benchmarks.live.day import SETTLED, Size, is_bounded
 from benchmarks.live.hearing import MOVED, Delays, Heard, rate_in_motion
 from benchmarks.live.processes import Machine, Usage
 from dsr.math3d.transforms import Pose
+from dsr.runtime.system import AgentSpec, System
+from simulation_handler.agent import SimulationHandler
+from surprise.agent import SurpriseDetector
 
 HERE = Pose.identity()
 
@@ -104,3 +108,12 @@ def test_pauses_of_joints_count_while_they_move_only() -> None:
     lost = [sample for k, sample in enumerate(moving(0.0, 0.0)) if k % 3]
     assert rate_in_motion(lost, 50.0) == pytest.approx(100 / 3, rel=0.1)
     assert rate_in_motion(still[:1], 50.0) is None
+
+
+def test_a_run_tells_how_far_it_is_and_who_lags_most() -> None:
+    system = System(
+        "crowd", (AgentSpec("surprise", SurpriseDetector), AgentSpec("simulation_handler", SimulationHandler))
+    )
+    assert how_far(4.2, 30.0, {}, system) == "4 of 30 s"
+    rates = {"surprise": [2.0, 19.5], "simulation_handler": [20.0, 2.0]}
+    assert how_far(12.0, 30.0, rates, system) == "12 of 30 s; simulation_handler at 2.0 of 20 Hz"

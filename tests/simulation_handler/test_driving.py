@@ -209,10 +209,10 @@ def test_an_unseen_cup_behind_a_box_is_dragged_off_the_edge() -> None:
 def ball_over_a_box(seed: int = 0) -> Occlusion:
     """A ball that somebody has lifted over an open box, in sight, for a second."""
     world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": Pose((0.1, 0.2, 0.03))}, seed)
-    world.visibility = lambda solids: {
-        ("camera", solid.name): ExpectedVisibility(1.0 if solid.name == "box" or solid.position[2] > 0.1 else 0.0, "")
+    world.visibility = lambda solids, _: [
+        {"camera": ExpectedVisibility(1.0 if solid.name == "box" or solid.position[2] > 0.1 else 0.0, "")}
         for solid in solids
-    }
+    ]
     world.run(2.0)
     world.move("ball", Pose((0.1, 0.2, 0.38)), 0.4)
     world.move("ball", Pose((0.3, 0.0, 0.38)), 0.4)
@@ -235,7 +235,7 @@ def test_a_ball_that_is_dropped_into_a_box_is_believed_there(seed: int) -> None:
 
 def test_a_ball_that_is_held_behind_something_stays_there() -> None:
     world = ball_over_a_box()
-    world.visibility = lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, "something") for solid in solids}
+    world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(0.0, "something")} for _ in solids]
     world.seen = {"box"}
     world.run(3.0)
     assert world.error("ball") < 0.02
@@ -307,7 +307,7 @@ def test_what_a_hand_lays_down_out_of_sight_is_plausible_there() -> None:
     for place in ((0.3, 0.3, 0.3), (0.3, 0.0, 0.3), (0.3, 0.0, IN_BOX + 0.06)):
         world.move("ball", Pose(place))
     world.seen.discard("ball")
-    world.visibility = lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, "box") for solid in solids}
+    world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(0.0, "box")} for _ in solids]
     world.move("ball", Pose((0.3, 0.0, IN_BOX)))
     world.hand("ball", opened=0.03)
     world.run(2.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
 
 import pytest
 
@@ -21,9 +21,9 @@ SHOWN, HIDDEN = standing(0.3, 0.0, SMALL, on=0.2), standing(0.3, -0.3, SMALL, on
 def behind(y: float) -> VisibilityQuery:
     """A wall hides what is further to the right than that, and the cup what is in it."""
 
-    def visibility(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
-        hiding = {s.name: "cup" if s.name == "cube" else "wall" if s.position[1] < y else "" for s in solids}
-        return {("camera", name): ExpectedVisibility(0.0 if what else 1.0, what) for name, what in hiding.items()}
+    def visibility(solids: Sequence[Solid], _: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
+        hiding = ["cup" if s.name == "cube" else "wall" if s.position[1] < y else "" for s in solids]
+        return [{"camera": ExpectedVisibility(0.0 if what else 1.0, what)} for what in hiding]
 
     return visibility
 
@@ -140,7 +140,7 @@ def test_what_it_still_has_is_seen_in_it() -> None:
 
 def test_what_the_hand_itself_hides_may_be_in_it() -> None:
     world = carried_behind_a_wall()
-    world.visibility = lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, "hand") for solid in solids}
+    world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(0.0, "hand")} for _ in solids]
     come_back(world)
     assert world.belief.grasps().keys() == {HELD}
     assert world.pose("cup").t == pytest.approx(SHOWN.t, abs=0.03)
@@ -149,9 +149,9 @@ def test_what_the_hand_itself_hides_may_be_in_it() -> None:
 def covered_by(share: float, hidden_by: str) -> VisibilityQuery:
     """All that can be seen, but of the cup only that share."""
 
-    def visibility(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+    def visibility(solids: Sequence[Solid], _: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
         of_cup = ExpectedVisibility(share, hidden_by)
-        return {("camera", s.name): of_cup if s.name == "cup" else ExpectedVisibility(1.0, "") for s in solids}
+        return [{"camera": of_cup if s.name == "cup" else ExpectedVisibility(1.0, "")} for s in solids]
 
     return visibility
 

@@ -70,6 +70,17 @@ def test_who_asks_the_same_again_gets_the_same_without_another_look(monkeypatch:
     assert len(looks) == 5
 
 
+def test_places_of_a_solid_are_looked_for_together_as_each_alone() -> None:
+    tower = [solid(f"cube_{k}", Pose((0.35, 0.0, 0.02 + 0.04 * k))) for k in range(3)]
+    places = [solid("cube_0", Pose((0.29 + 0.01 * step, 0.0, 0.02))) for step in range(13)]
+    rays = RayVisibility([view()], [solid("link", Pose((0.42, 0.0, 0.2)))])
+    alone = [rays.visibilities([place, *tower[1:]])["overhead", "cube_0"] for place in places]
+    assert [by_camera["overhead"] for by_camera in rays.look_for(places, tower)] == alone
+    assert {visible.hidden_by for visible in alone} >= {"", "cube_1", "link"}
+    assert rays.look_for([solid("other", Pose((0.35, 0.0, 0.02)))], tower)[0]["overhead"].hidden_by == "cube_1"
+    assert rays.look_for([], tower) == []
+
+
 def test_touching_neighbours_hide_nothing_of_each_other() -> None:
     assert set(shares(*(solid(f"c{k}", Pose((0.27 + 0.04 * k, 0.1, 0.02))) for k in range(5))).values()) == {1.0}
 

@@ -123,7 +123,7 @@ class World:
             for name in sorted(self.seen & self._in_view()):
                 self.see(name, self.camera.percept(name, self.truths[name], self.now))
         self.belief.flag(self.belief.names)
-        self.belief.set_visibility(None if self.rays is None else self.rays.visibilities)
+        self.belief.set_visibility(None if self.rays is None else self.rays.look_for)
         self.belief.step(self.now)
 
     def _in_view(self) -> set[str]:

@@ -137,15 +137,20 @@ def recovery_in_view(history: History, after: Perturbation, tolerance: float) ->
     """
     samples = history.window(after.end, after.until) if after.end < after.until else []
     worst = 0.0
-    for name in {spec.name for spec in history.scenario.objects} if samples else ():
-        bad = [time for time, error in _errors(samples, name) if error > tolerance]
-        if not bad:
-            continue
-        top = _top(name, true_relations(history.scenario, samples[0].truth, samples[0].gripped))
+    names = {spec.name for spec in history.scenario.objects} if samples else ()
+    wrong = {name: bad for name in names if (bad := _wrong_at(samples, name, tolerance))}
+    relations = true_relations(history.scenario, samples[0].truth, samples[0].gripped) if wrong else frozenset()
+    for name, bad in wrong.items():
+        top = _top(name, relations)
         shown = next((sample.time for sample in samples if top in sample.in_view), after.end)
         right = next((time for time, _ in _errors(samples, name) if time > bad[-1]), math.inf)
         worst = max(worst, right - max(shown, after.end))
     return worst
+
+
+def _wrong_at(samples: Sequence[Sample], name: str, tolerance: float) -> list[float]:
+    """When (s) an object that stays where it is was believed further from the truth than `tolerance` m."""
+    return [time for time, error in _errors(samples, name) if error > tolerance]
 
 
 def _top(name: str, relations: frozenset[tuple[str, str]]) -> str:

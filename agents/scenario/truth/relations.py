@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from itertools import permutations
+from collections.abc import Collection, Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -22,6 +21,7 @@ HOLLOW = ("container", "cup")
 REACH = 0.003
 """m, the largest gap between two things of which one rests on the other"""
 
+_Named = tuple[str, Piece]
 _ROUNDING = 1e-6  # of an area
 _LEAST_OVERLAP = 0.001  # m, of the outlines seen from above: things side by side do not carry each other
 
@@ -35,12 +35,10 @@ def true_relations(
     nothing lies between them there that rests on the other one: what is in a bin is not on the table below its floor.
     """
     bodies: dict[str, list[Piece]] = pose_pieces(scenario.objects, truth) | {"table": [table_box(scenario.table)]}
-    touching = {
-        (upper, lower): pairs
-        for upper, lower in permutations(bodies, 2)
-        if upper != "table" and upper not in held and lower not in held
-        if (pairs := [(u, d) for u in bodies[upper] for d in bodies[lower] if _rests(u, d)])
-    }
+    touching: dict[tuple[str, str], list[tuple[Piece, Piece]]] = {}
+    for upper, lower in _near([(name, piece) for name, own in bodies.items() if name not in held for piece in own]):
+        if upper[0] != "table" and _rests(upper[1], lower[1]):
+            touching.setdefault((upper[0], lower[0]), []).append((upper[1], lower[1]))
 
     def carried(upper: str, lower: str, pairs: Sequence[tuple[Piece, Piece]]) -> bool:
         between = [name for name in bodies if (upper, name) in touching and (name, lower) in touching]
@@ -48,6 +46,24 @@ def true_relations(
         return not all(any(_separates(piece, *pair) for piece in pieces) for pair in pairs)
 
     return frozenset(pair for pair, pieces in touching.items() if carried(*pair, pieces))
+
+
+def _near(pieces: Sequence[_Named]) -> Iterator[tuple[_Named, _Named]]:
+    """Pairs (upper, lower) of pieces of different things of which the upper may rest on the lower.
+
+    Those are left out whose boxes along the axes of the world have no area in common seen from above, or are apart in
+    height.
+    """
+    if not pieces:
+        return
+    corners = np.array([_outline(piece).corners for _, piece in pieces])
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    heights = np.array([_heights(piece) for _, piece in pieces])
+    apart = (low[:, None, :2] >= high[None, :, :2]).any(axis=2)
+    is_over = (heights[:, None, 0] - REACH < heights[None, :, 1]) & (heights[:, None, 1] > heights[None, :, 0])
+    for upper, lower in np.argwhere(~(apart | apart.T) & is_over).tolist():
+        if pieces[upper][0] != pieces[lower][0]:
+            yield pieces[upper], pieces[lower]
 
 
 def _separates(between: Piece, upper: Piece, lower: Piece) -> bool:
@@ -69,8 +85,10 @@ def true_contents(scenario: Scenario, truth: dict[str, Pose]) -> frozenset[tuple
     there = [spec for spec in scenario.objects if spec.name in truth]
     return frozenset(
         (inner.name, around.name)
-        for inner, around in permutations(there, 2)
-        if around.type in HOLLOW and math.prod(inner.size) < math.prod(around.size)
+        for around in there
+        if around.type in HOLLOW
+        for inner in there
+        if math.prod(inner.size) < math.prod(around.size)
         if np.all(np.abs(truth[around.name].inverse().apply(truth[inner.name].t)) < np.array(around.size) / 2)
     )
 

@@ -114,8 +114,9 @@ def test_what_hides_something_does_not_depend_on_the_order_of_cameras() -> None:
     drafted = Draft(here.believed, {}, frozenset())
 
     def total(*visibilities: ExpectedVisibility) -> float:
-        by_camera = {(f"camera_{number}", "a"): visible for number, visible in enumerate(visibilities)}
-        return score(replace(here, visibility=lambda _: by_camera), nothing, drafted, here.believed).total
+        of_a = {f"camera_{number}": visible for number, visible in enumerate(visibilities)}
+        looked = replace(here, visibility=lambda solids, _: [of_a if one.name == "a" else {} for one in solids])
+        return score(looked, nothing, drafted, here.believed).total
 
     assert total(nowhere, hidden) == total(hidden, nowhere) > total(nowhere, nowhere)
     assert total(arm, hidden) == total(hidden, arm) == total(nowhere, nowhere), "the arm may be seen past"

@@ -22,22 +22,31 @@ class Gap:
         self.first, self.last = first, last
         self.asked = 0
 
-    def __call__(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+    def __call__(self, solids: Sequence[Solid], _: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
         self.asked += 1
-        return {
-            ("camera", solid.name): ExpectedVisibility(float(self.first < solid.position[0] < self.last), "screen")
+        return [
+            {"camera": ExpectedVisibility(float(self.first < solid.position[0] < self.last), "screen")}
             for solid in solids
-        }
+        ]
 
 
 @pytest.mark.parametrize(("half", "share"), [(1.0, 1.0), (UNSEEN_SLACK, 0.5)])
 def test_through_a_gap_the_mean_over_where_it_may_be_counts(half: float, share: float) -> None:
     certain = ExpectedVisibility(1.0, "").recognised
     never = ExpectedVisibility(0.0, "").recognised
-    found = recognised_about(HERE, [], Gap(0.3 - half, 0.3 + half))
+    (found,) = recognised_about([HERE], [], Gap(0.3 - half, 0.3 + half))
     assert found == {"camera": pytest.approx(share * certain + (1.0 - share) * never)}
 
 
 def test_what_is_hidden_where_it_is_believed_is_asked_of_once() -> None:
     gap = Gap(0.31, 0.4)
-    assert recognised_about(HERE, [], gap) == {"camera": pytest.approx(0.0, abs=1e-9)} and gap.asked == 1
+    assert recognised_about([HERE], [], gap) == [{"camera": pytest.approx(0.0, abs=1e-9)}] and gap.asked == 1
+
+
+def test_many_places_take_two_questions_and_get_what_each_gets_alone() -> None:
+    places = [HERE.moved((0.3 + 0.004 * step, 0.0, 0.02)) for step in range(-5, 6)]
+    gap = Gap(0.29, 0.31)
+    assert recognised_about(places, [], gap) == [recognised_about([place], [], gap)[0] for place in places]
+    gap.asked = 0
+    recognised_about(places, [], gap)
+    assert gap.asked == 2
