@@ -19,10 +19,10 @@ def tells_rotation(covariance: NDArray[np.float64]) -> bool:
 def agree_beyond_chance(turnings: Iterable[bool]) -> bool:
     """Whether objects that agree on a motion of the camera could not agree just because it was fitted to them.
 
-    A pose has six numbers, a place three. As many numbers as one more place has must agree beyond those of the
-    camera's own pose. Two objects of which one shows how it is turned are enough, and so are three bare places.
+    A place has three numbers, and so has a turn; the camera's own pose has both. At least one place or turn more must
+    agree. Two objects of which one shows how it is turned are enough, and so are three bare places.
 
     Args:
         turnings: of each object whether its percepts tell how it is turned.
     """
-    return sum(6 if turning else 3 for turning in turnings) >= 6 + 3
+    return sum(1 + turning for turning in turnings) > 2
