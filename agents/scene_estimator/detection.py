@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.scene_estimator.reading import DICTIONARY, MIN_CONTRAST, Grey, read_again
 from dsr.math3d.transforms import Array
 
 APRILTAG_BIAS = 0.42
@@ -21,16 +22,10 @@ APRILTAG_STD = 0.1
 """px, error of a corner by apriltag refinement once the bias is off; grey noise hardly matters."""
 SUBPIX_STD = 0.4
 """px, error of a corner by sub-pixel refinement on tags of 20 to 30 px."""
-MIN_CONTRAST = 20
-"""Grey levels between black and white; OpenCV's default of 5 finds edges in sensor noise, at 25 times the cost."""
-
 _LEAST_PERIMETER = 0.03
 """Of the image's longer side, as OpenCV has it: what is smaller is not looked at"""
 _MARGIN = 0.25
 """Of the tag's side, both white margins of a tag: one of its eight cells on each side."""
-
-Grey = NDArray[np.uint8]
-"""(h, w) grey levels"""
 
 
 @dataclass(frozen=True)
@@ -69,12 +64,25 @@ class TagDetector:
         settings.minMarkerPerimeterRate = _LEAST_PERIMETER * longest / max(grey.shape)
         self._subpix.setDetectorParameters(settings)
         fine = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
-        return [*_tags(self._subpix, _without(grey, fine), 0.0, SUBPIX_STD), *fine]
+        found = [*_tags(self._subpix, without(grey, fine), 0.0, SUBPIX_STD), *fine]
+        again = read_anew(grey, found, np.array([tag.corners for tag in found]))
+        return [tag if sharper is None else sharper for tag, sharper in zip(found, again, strict=True)]
 
 
 def grey_of(color: NDArray[np.uint8]) -> Grey:
     """An RGB image (h, w, 3) in grey (h, w)."""
     return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def read_anew(grey: Grey, tags: list[Tag], corners: Array) -> list[Tag | None]:
+    """Tags with the corners that their edges have in an image (h, w), where corners (n, 4, 2) px are expected.
+
+    None for those that are not seen clearly there.
+    """
+    if not tags:
+        return []
+    found, shown = read_again(grey, np.array([tag.marker_id for tag in tags]), corners)
+    return [replace(tag, corners=found[place]) if shown[place] else None for place, tag in enumerate(tags)]
 
 
 def unambiguous(found: list[Tag]) -> list[Tag]:
@@ -83,7 +91,7 @@ def unambiguous(found: list[Tag]) -> list[Tag]:
     return sorted((tag for tag in found if times[tag.marker_id] == 1), key=lambda tag: tag.marker_id)
 
 
-def _without(grey: Grey, tags: list[Tag]) -> Grey:
+def without(grey: Grey, tags: list[Tag]) -> Grey:
     """The image (h, w) with tags painted over, each in the grey of the margin around it."""
     if not tags:
         return grey
@@ -103,7 +111,7 @@ def _detector(refinement: int, **settings: float) -> cv2.aruco.ArucoDetector:
     parameters.cornerRefinementMethod = refinement
     for name, value in settings.items():
         setattr(parameters, name, value)
-    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters)
+    return cv2.aruco.ArucoDetector(DICTIONARY, parameters)
 
 
 def _tags(detector: cv2.aruco.ArucoDetector, grey: Any, bias: float, std: float) -> list[Tag]:

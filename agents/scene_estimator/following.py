@@ -6,9 +6,7 @@ A square seen from afar fits two poses; which of them is right is decided by the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.detection import Tag
 from agents.scene_estimator.pose import NoiseModel, TagFit, most_likely, possible_tag_poses
+from agents.scene_estimator.reading import crossings
 from dsr.math3d.batches import Array, inverses, logs
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -43,18 +42,24 @@ class Sharpener:
         self._blur = blur
         self._seen: dict[int, tuple[float, Array]] = {}
 
-    def sharpened(self, tag: Tag, stamp: float) -> Tag:
-        """The tag (px) without the blur of its motion since the last frame (stamps in s), with what that leaves unsure.
+    def sharpened(self, tags: Sequence[Tag], stamp: float) -> list[Tag]:
+        """Tags (px) without the blur of their motion since the last frame (stamps in s), with what that leaves unsure.
 
         How much white outshines black differs from place to place, so that the shift is as uncertain as it is large.
         """
-        before = self._seen.get(tag.marker_id)
-        self._seen[tag.marker_id] = stamp, tag.corners
-        if self._blur == 0.0 or before is None or not 0.0 < stamp - before[0] <= _LOST_AFTER:
-            return tag
-        if np.array_equal(tag.corners, before[1]):
-            return tag
-        return _drawn_out(tag, self._blur * (tag.corners - before[1]) / (stamp - before[0]))
+        result, befores = list(tags), [self._seen.get(tag.marker_id) for tag in tags]
+        self._seen.update({tag.marker_id: (stamp, tag.corners) for tag in tags})
+        moved, shifts = [], []
+        for place, (tag, before) in enumerate(zip(tags, befores, strict=True)):
+            if self._blur == 0.0 or before is None or not 0.0 < stamp - before[0] <= _LOST_AFTER:
+                continue
+            if tag.corners is not before[1] and (tag.corners != before[1]).any():
+                moved.append(place)
+                shifts.append(self._blur * (tag.corners - before[1]) / (stamp - before[0]))
+        if moved:
+            for place, tag in zip(moved, _drawn_out([tags[place] for place in moved], np.array(shifts)), strict=True):
+                result[place] = tag
+        return result
 
 
 class _Seen(NamedTuple):
@@ -91,7 +96,7 @@ class TagFollower:
             tag_sizes: side of each black square, m.
             stamp: s, of the exposure; a frame that is older than the last one is judged by itself.
         """
-        tags = [self._sharpener.sharpened(tag, stamp) for tag in tags]
+        tags = self._sharpener.sharpened(tags, stamp)
         found = possible_tag_poses(tags, depth, intrinsics, tag_sizes, self._noise)
         return [most_likely(fits) for fits in self._in_view_of_the_last(tags, found, stamp)]
 
@@ -133,20 +138,18 @@ def _costs(pairs: list[tuple[TagFit, _Seen, float]]) -> list[float]:
     return [min(1.0, ago / _ALIKE) * fit.cost + way for (fit, _, ago), way in zip(pairs, least, strict=True)]
 
 
-def _drawn_out(tag: Tag, shifts: Array) -> Tag:
-    """The tag with each edge moved out along its normal, as far as its ends' `shifts` (4, 2) px go along that."""
-    corners, by_edge = tag.corners, 0.5 * (shifts + np.roll(shifts, -1, axis=0))
-    along = np.roll(corners, -1, axis=0) - corners
-    sides, lengths = np.linalg.norm(along, axis=1), np.linalg.norm(by_edge, axis=1)
-    unsure = replace(tag, corner_std=math.hypot(tag.corner_std, float(lengths.mean())))
-    if sides.min() <= 2.0 * lengths.max():
-        return unsure
-    outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / sides[:, None]
-    outward *= np.sign(np.einsum("ij,ij->i", outward, corners - corners.mean(axis=0)))[:, None]
-    out = np.abs(np.einsum("ij,ij->i", outward, by_edge))
-    normals = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)  # of both edges at each corner
-    moves = np.stack([np.roll(out, 1), out], axis=1)
-    try:
-        return replace(unsure, corners=corners + np.linalg.solve(normals, moves[:, :, None])[:, :, 0])
-    except np.linalg.LinAlgError:
-        return unsure
+def _drawn_out(tags: list[Tag], shifts: Array) -> list[Tag]:
+    """Tags with each edge moved out along its normal, as far as its ends' `shifts` (n, 4, 2) px go along that."""
+    corners, by_edge = np.array([tag.corners for tag in tags]), 0.5 * (shifts + np.roll(shifts, -1, axis=1))
+    along = np.roll(corners, -1, axis=1) - corners
+    sides, lengths = np.linalg.norm(along, axis=2), np.linalg.norm(by_edge, axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        outward = np.stack([along[..., 1], -along[..., 0]], axis=2) / sides[..., None]
+        outward *= np.sign((outward * (corners - corners.mean(axis=1, keepdims=True))).sum(axis=2))[..., None]
+        out = np.abs((outward * by_edge).sum(axis=2))
+        drawn = crossings(corners + out[..., None] * outward, along)
+    right = (sides.min(axis=1) > 2.0 * lengths.max(axis=1)) & np.isfinite(drawn).all(axis=(1, 2))
+    stds = np.hypot([tag.corner_std for tag in tags], lengths.mean(axis=1)).tolist()
+    return [
+        Tag(tag.marker_id, drawn[place] if right[place] else tag.corners, stds[place]) for place, tag in enumerate(tags)
+    ]

@@ -6,12 +6,17 @@ whole picture is searched all the same, for what single pictures do not always s
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.detection import MIN_CONTRAST, Grey, Tag, TagDetector, grey_of, unambiguous
+from agents.scene_estimator.detection import Tag, TagDetector, grey_of, read_anew, unambiguous, without
+from agents.scene_estimator.reading import MIN_CONTRAST, Grey
+from dsr.math3d.batches import Array
 
+T = TypeVar("T", bound=np.generic)
 Boxes = NDArray[np.int64]
 """(n, 4) px: left, upper, right and lower ends; right and lower ones are outside"""
 
@@ -36,44 +41,99 @@ class TagSearch:
     def __init__(self) -> None:
         self._detector = TagDetector()
         self._tags: list[Tag] = []
+        self._speeds: dict[int, Array] = {}
+        """(4, 2) px/s, of the corners of what moved from the last picture but one to the last, by marker id"""
         self._seen: Grey | None = None
-        """Each part as it was when it was searched last"""
-        self._complete = 0.0
-        """s, stamp of the last picture that was searched as a whole"""
+        """Each part as it was when it was looked at last"""
+        self._complete = self._last = 0.0
+        """s, stamps of the last picture that was searched as a whole, and of the last one"""
 
     def find(self, color: NDArray[np.uint8], stamp: float) -> list[Tag]:
         """Tags in an RGB image (h, w, 3), by marker id. An id that shows twice says nothing and is left out."""
         grey = grey_of(color)
+        if self._seen is None or self._seen.shape != grey.shape:
+            self._tags = []
         if self._seen is None or self._seen.shape != grey.shape or not 0.0 < stamp - self._complete < PERIOD:
-            self._seen, self._complete, self._tags = grey.copy(), stamp, []
-            boxes = np.array([[0, 0, grey.shape[1], grey.shape[0]]])
+            self._seen, self._complete = grey.copy(), stamp
+            changed = None
         else:
-            boxes = self._changed(self._seen, grey)
-        self._search(grey, boxes)
+            changed = changed_blocks(grey, self._seen)
+            parts = _pixels(changed, grey.shape)
+            self._seen[parts] = grey[parts]
+        before, ago = {tag.marker_id: tag.corners for tag in self._tags}, stamp - self._last
+        self._look(grey, changed, ago)
+        self._speeds, self._last = _speeds(before, self._tags, ago), stamp
         return unambiguous(self._tags)
 
-    def _changed(self, seen: Grey, grey: Grey) -> Boxes:
-        """Boxes around what changed with the outlines that reach into it, and around all tags there."""
-        changed = changed_blocks(grey, seen)
-        if not changed.any():
-            return np.empty((0, 4), np.int64)
-        near = np.asarray(cv2.dilate(changed.astype(np.uint8), np.ones((3, 3), np.uint8)), np.uint8)
-        _, parts, stats, _ = cv2.connectedComponentsWithStats(near | _outlines(grey))
-        stats = stats[np.unique(parts[near > 0]), :4].astype(np.int64)
-        corners = np.hstack([stats[:, :2] - 1, stats[:, :2] + stats[:, 2:] + 1]) * BLOCK
-        ends = np.tile(grey.shape[::-1], 2)
-        return np.asarray(_apart(corners, _boxes(self._tags)).clip(0, ends), np.int64)
+    def _look(self, grey: Grey, changed: NDArray[np.bool_] | None, ago: float) -> None:
+        """Read the tags in what changed, `ago` s after the last picture, and search what these do not explain.
+
+        Nothing is kept, and all is searched, if it is None.
+        """
+        around = _boxes(self._tags) // BLOCK
+        reached = np.array([changed is None or _part(changed, box).any() for box in around], bool)
+        touched = [tag for tag, is_touched in zip(self._tags, reached, strict=True) if is_touched]
+        again = self._read(grey, touched, ago)
+        kept = [tag for tag, is_touched in zip(self._tags, reached, strict=True) if not is_touched]
+        read = [tag for tag in again if tag is not None]
+        lost = _boxes([tag for tag, found in zip(touched, again, strict=True) if found is None])
+        self._tags = kept + read
+        if changed is None:
+            boxes = np.array([[0, 0, grey.shape[1], grey.shape[0]]])
+        else:
+            for box in _boxes(read) // BLOCK:
+                _part(changed, box)[:] = False
+            boxes = self._unexplained(grey, changed, lost)
+        self._search(grey, boxes)
+
+    def _read(self, grey: Grey, tags: list[Tag], ago: float) -> list[Tag | None]:
+        """The tags where they would be by their speeds; else where they were, if they are still there."""
+        if not tags:
+            return []
+        corners = np.array([tag.corners for tag in tags])
+        moves = np.array([ago * self._speeds.get(tag.marker_id, np.zeros((4, 2))) for tag in tags])
+        found = read_anew(grey, tags, corners + moves)
+        stopped = [place for place, tag in enumerate(found) if tag is None and moves[place].any()]
+        again = read_anew(grey, [tags[place] for place in stopped], corners[stopped])
+        for place, tag in zip(stopped, again, strict=True):
+            found[place] = tag
+        return found
+
+    def _unexplained(self, grey: Grey, changed: NDArray[np.bool_], lost: Boxes) -> Boxes:
+        """Boxes around what changed with the outlines that reach into it, and around tags that were lost.
+
+        Outlines of tags that are known, and of what is just around these, do not count. But whatever a box shares
+        with the surroundings of such a tag, it has all of: a new tag may reach into them.
+        """
+        boxes, known = lost, _boxes(self._tags)
+        if changed.any():
+            near = np.asarray(cv2.dilate(changed.astype(np.uint8), np.ones((3, 3), np.uint8)), np.uint8)
+            outlines = _outlines(grey)
+            for box in known // BLOCK:
+                _part(outlines, box)[:] = 0
+            _, parts, stats, _ = cv2.connectedComponentsWithStats(near | outlines)
+            stats = stats[np.unique(parts[near > 0]), :4].astype(np.int64)
+            boxes = np.vstack([np.hstack([stats[:, :2] - 1, stats[:, :2] + stats[:, 2:] + 1]) * BLOCK, lost])
+        whole = [np.vstack([box[None], known[_overlap(known, box)]]) for box in boxes]
+        around = [np.hstack([parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)]) for parts in whole]
+        return np.asarray(_apart(around).clip(0, np.tile(grey.shape[::-1], 2)), np.int64)
 
     def _search(self, grey: Grey, boxes: Boxes) -> None:
-        """Find the tags in boxes anew."""
-        assert self._seen is not None
-        searched = np.array([_overlap(boxes, box).any() for box in _boxes(self._tags)], bool)
-        tags = [tag for tag, anew in zip(self._tags, searched, strict=True) if not anew]
+        """Find more tags in boxes."""
+        if not len(boxes):
+            return
+        rest = without(grey, self._tags)
         for left, upper, right, lower in boxes.tolist():
-            part = grey[upper:lower, left:right]
-            self._seen[upper:lower, left:right] = part
-            tags += [tag.moved(left, upper) for tag in self._detector.search(part, max(grey.shape))]
-        self._tags = tags
+            part = rest[upper:lower, left:right]
+            self._tags += [tag.moved(left, upper) for tag in self._detector.search(part, max(grey.shape))]
+
+
+def _speeds(before: dict[int, Array], tags: list[Tag], ago: float) -> dict[int, Array]:
+    """(4, 2) px/s of the corners of tags that moved from where they were `ago` s before, by marker id."""
+    if not 0.0 < ago <= PERIOD:
+        return {}
+    lasts = ((tag, before.get(tag.marker_id, tag.corners)) for tag in tags)
+    return {tag.marker_id: (tag.corners - last) / ago for tag, last in lasts if last is not tag.corners}
 
 
 def changed_blocks(one: Grey, other: Grey) -> NDArray[np.bool_]:
@@ -108,18 +168,29 @@ def _boxes(tags: list[Tag]) -> Boxes:
     return np.asarray(BLOCK * ends, np.int64)
 
 
+def _part(blocks: NDArray[T], box: NDArray[np.int64]) -> NDArray[T]:
+    """Those of blocks (rows, columns) in a box (4,), counted in blocks."""
+    left, upper, right, lower = np.maximum(box, 0).tolist()
+    return blocks[upper:lower, left:right]
+
+
+def _pixels(blocks: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """(h, w) which pixels are in blocks (rows, columns)."""
+    return np.asarray(blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[: shape[0], : shape[1]])
+
+
 def _overlap(boxes: Boxes, box: Boxes) -> NDArray[np.bool_]:
     """(n,) which of the boxes share pixels with one (4,)."""
     return np.asarray((boxes[:, :2] < box[2:]).all(axis=1) & (boxes[:, 2:] > box[:2]).all(axis=1))
 
 
-def _apart(boxes: Boxes, whole: Boxes) -> Boxes:
-    """Boxes around those: they share no pixel with each other, and have all of what they share with some of `whole`."""
-    waiting, done = list(boxes), np.empty((0, 4), np.int64)
+def _apart(boxes: list[NDArray[np.int64]]) -> Boxes:
+    """Boxes around those: they share no pixel with each other."""
+    waiting, done = boxes, np.empty((0, 4), np.int64)
     while waiting:
         box = waiting.pop()
         near = _overlap(done, box)
-        parts = np.vstack([box[None], done[near], whole[_overlap(whole, box)]])
+        parts = np.vstack([box[None], done[near]])
         around = np.hstack([parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)])
         done = done[~near]
         if (around == box).all():

@@ -176,7 +176,7 @@ def _cases(block: Block) -> Iterator[_Case]:
     """Each tag in each frame with enough others, all without their blur."""
     sharpener = Sharpener(_BLUR)
     for stamp, tags in block.frames:
-        sharp = [sharpener.sharpened(tag, stamp) for tag in tags]
+        sharp = sharpener.sharpened(tags, stamp)
         for left_out in sharp:
             others = [tag for tag in sharp if tag.marker_id != left_out.marker_id]
             if len(others) >= _OTHERS:
@@ -186,7 +186,7 @@ def _cases(block: Block) -> Iterator[_Case]:
 def _views(block: Block) -> list[View]:
     """The block in each frame with two tags or more, without their blur, by stamp."""
     sharpener = Sharpener(_BLUR)
-    sharp = [[sharpener.sharpened(tag, stamp) for tag in tags] for stamp, tags in block.frames]
+    sharp = [sharpener.sharpened(tags, stamp) for stamp, tags in block.frames]
     return [View(_camera_from_block(block, tags), tags) for tags in sharp if len(tags) >= _OTHERS]
 
 

@@ -28,9 +28,9 @@ def test_a_moving_square_gets_its_size_back() -> None:
     """Along its motion, which has made it smaller, and not across."""
     sharpener = Sharpener(BLUR)
     seen = square(0.0, 0.0) * (38.0 / 40.0, 1.0)
-    first = sharpener.sharpened(Tag(1, seen, 0.1), 0.0)
+    (first,) = sharpener.sharpened([Tag(1, seen, 0.1)], 0.0)
     assert np.array_equal(first.corners, seen), "nobody knows yet how fast it is"
-    second = sharpener.sharpened(Tag(1, seen + np.array((50.0, 0.0)), 0.1), 0.025)
+    (second,) = sharpener.sharpened([Tag(1, seen + np.array((50.0, 0.0)), 0.1)], 0.025)
     assert second.corners == pytest.approx(square(50.0, 0.0))
     assert second.corner_std == pytest.approx(np.hypot(0.1, 2.0)), "as unsure as it is large"
 
@@ -38,23 +38,23 @@ def test_a_moving_square_gets_its_size_back() -> None:
 def test_a_square_that_stands_is_as_it_was() -> None:
     sharpener = Sharpener(BLUR)
     for stamp in (0.0, 0.025):
-        tag = sharpener.sharpened(Tag(1, square(3.0, 4.0), 0.1), stamp)
+        (tag,) = sharpener.sharpened([Tag(1, square(3.0, 4.0), 0.1)], stamp)
     assert np.array_equal(tag.corners, square(3.0, 4.0)) and tag.corner_std == 0.1
 
 
 @pytest.mark.parametrize("seconds", [0.6, 0.0, -0.1])
 def test_what_was_not_seen_for_long_or_is_older_has_no_speed(seconds: float) -> None:
     sharpener = Sharpener(BLUR)
-    sharpener.sharpened(Tag(1, square(0.0, 0.0), 0.1), 1.0)
+    sharpener.sharpened([Tag(1, square(0.0, 0.0), 0.1)], 1.0)
     tag = Tag(1, square(50.0, 0.0), 0.1)
-    assert sharpener.sharpened(tag, 1.0 + seconds) is tag
+    assert sharpener.sharpened([tag], 1.0 + seconds)[0] is tag
 
 
 def test_what_moves_further_than_it_is_wide_keeps_its_corners() -> None:
     """The corners cannot be right then, and their standard deviation says so."""
     sharpener = Sharpener(BLUR)
-    sharpener.sharpened(Tag(1, square(0.0, 0.0, 2.0), 0.1), 0.0)
-    tag = sharpener.sharpened(Tag(1, square(300.0, 0.0, 2.0), 0.1), 0.025)
+    sharpener.sharpened([Tag(1, square(0.0, 0.0, 2.0), 0.1)], 0.0)
+    (tag,) = sharpener.sharpened([Tag(1, square(300.0, 0.0, 2.0), 0.1)], 0.025)
     assert np.array_equal(tag.corners, square(300.0, 0.0, 2.0)) and tag.corner_std > 10.0
 
 
@@ -80,7 +80,7 @@ def test_the_blur_of_a_picture_is_taken_off() -> None:
     sharpener = Sharpener(exposed / 4.0 / (step * HZ))
     for number in range(2):
         (seen,) = TagDetector().detect(picture(60.0 + number * step, exposed))
-        tag = sharpener.sharpened(seen, number / HZ)
+        (tag,) = sharpener.sharpened([seen], number / HZ)
     widths = [corners[1:3, 0].mean() - corners[[0, 3], 0].mean() for corners in (seen.corners, tag.corners)]
     assert widths[0] < 96.0 - 0.3 * exposed
     assert abs(widths[1] - 96.0) < 0.5 * abs(widths[0] - 96.0)

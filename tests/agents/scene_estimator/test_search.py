@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from agents.scene_estimator import search
-from agents.scene_estimator.detection import APRILTAG_STD, Grey, Tag, TagDetector
+from agents.scene_estimator.detection import APRILTAG_STD, Tag, TagDetector
+from agents.scene_estimator.reading import Grey
 from agents.scene_estimator.search import BLOCK, PERIOD, TagSearch, changed_blocks
 from benchmarks.tag_camera import Camera
 from dsr import Pose
@@ -123,6 +124,59 @@ def test_an_id_that_comes_a_second_time_is_left_out_from_then_on(shown: Shown) -
     assert ids(finder.find(one, 0.0)) == [3]
     assert ids(finder.find(both, FRAME)) == []
     assert ids(finder.find(one, 2 * FRAME)) == [3]
+
+
+def test_known_tags_that_move_a_little_are_read_without_a_search(shown: Shown, searched: list[int]) -> None:
+    finder = TagSearch()
+    for number in range(9):
+        color = shown({3: Pose((3e-4 * number, 0.0, 0.5), FACING)})
+        found, alone = finder.find(color, FRAME * number), TagDetector().detect(color)
+        assert ids(found) == [3]
+        assert np.abs(found[0].corners - alone[0].corners).max() < 0.1
+    assert searched == [480 * 640]
+
+
+def test_known_tags_that_move_far_are_read_where_their_speeds_bring_them(
+    shown: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And where they were once they stop. Only where they were before is searched: others may be there."""
+    finder, ways = TagSearch(), (0.0, 0.01, 0.02, 0.03, 0.03, 0.03)
+    for number, way in enumerate(ways):
+        if number == 2:
+            monkeypatch.setattr(TagDetector, "search", lambda *_: [])
+        assert ids(finder.find(shown({3: LEFT @ Pose((way, 0.0, 0.0))}), FRAME * number)) == [3]
+
+
+def test_tags_that_swap_their_places_or_are_replaced_are_told_by_their_bits(shown: Shown) -> None:
+    finder = TagSearch()
+    first = finder.find(shown({3: LEFT, 4: RIGHT}), 0.0)
+    swapped = finder.find(shown({4: LEFT, 3: RIGHT}), FRAME)
+    assert ids(swapped) == [3, 4]
+    for now, before in zip(swapped, reversed(first), strict=True):
+        assert np.abs(now.corners - before.corners).max() < 0.1
+    assert ids(finder.find(shown({4: LEFT, 9: RIGHT}), 2 * FRAME)) == [4, 9]
+    assert ids(finder.find(shown({9: RIGHT}), 3 * FRAME)) == [9]
+
+
+def test_a_new_tag_beside_one_that_moves_is_found_at_once(shown: Shown) -> None:
+    """Also one that stands so near that it reaches into the surroundings of the known one."""
+    finder = TagSearch()
+    finder.find(shown({3: LEFT}), 0.0)
+    beside = LEFT @ Pose((0.042, 0.0, 0.0))
+    assert ids(finder.find(shown({3: LEFT @ Pose((0.0, 0.0005, 0.0)), 4: beside}), FRAME)) == [3, 4]
+
+
+def test_a_hand_over_a_tag_hides_it_at_once_and_another_picture_size_begins_anew(shown: Shown) -> None:
+    finder = TagSearch()
+    whole = shown({3: LEFT, 4: RIGHT})
+    finder.find(whole, 0.0)
+    hidden = whole.copy()
+    corners = TagDetector().detect(whole)[1].corners
+    (left, upper), (right, lower) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
+    hidden[(upper + lower) // 2 : lower + 20, left:right] = (200, 150, 130)
+    assert ids(finder.find(hidden, FRAME)) == [3]
+    assert ids(finder.find(whole, 2 * FRAME)) == [3, 4]
+    assert ids(finder.find(whole[:, :320].copy(), 3 * FRAME)) == [3]
 
 
 @pytest.mark.parametrize("stamp", [-1.0, 0.0])

@@ -15,7 +15,7 @@ from dsr.perception.consensus import agree_beyond_chance, tells_rotation
         ([False, False, False], True),
     ],
 )  # fmt: skip
-def test_as_many_numbers_as_a_place_has_must_agree_beyond_those_of_a_pose(turnings: list[bool], is_enough: bool) -> None:
+def test_a_place_or_turn_more_than_those_of_a_pose_must_agree(turnings: list[bool], is_enough: bool) -> None:
     assert agree_beyond_chance(turnings) is is_enough
 
 
