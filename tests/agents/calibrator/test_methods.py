@@ -152,3 +152,21 @@ def test_what_cannot_be_solved_is_refused() -> None:
         calibrate([], DOWN)
     with pytest.raises(ValueError, match="cube_1: the percept has no covariance"):
         calibrate([one._replace(seen=one.seen.with_covariance(None)) for one in sightings(cubes())], DOWN)
+
+
+def test_a_prior_says_what_the_sightings_leave_open_and_hardly_more() -> None:
+    """A bare place tells three of six numbers; four cubes tell all."""
+    believed = DOWN @ BUMP
+    prior = believed.with_covariance(0.05**2 * np.eye(6))
+    few = sightings(cubes(WIDE[:1]), bare=("cube_1",))
+    found = calibrate(few, believed, prior=prior)
+    assert found.is_adoptable and found.geometry.is_weak
+    assert np.linalg.norm((found.pose @ few[0].seen).translation - few[0].believed.translation) < 0.0005
+    assert found.pose.covariance is not None and np.linalg.eigvalsh(found.pose.covariance)[-1] > 0.03**2
+    many = calibrate(sightings(cubes()), believed, prior=prior)
+    assert many.pose.distance(DOWN)[0] < 0.0005
+
+
+def test_a_prior_without_covariance_is_refused() -> None:
+    with pytest.raises(ValueError, match="says nothing"):
+        Problem(sightings(cubes()), DOWN)
