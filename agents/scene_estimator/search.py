@@ -6,6 +6,7 @@ whole picture is searched all the same, for what single pictures do not always s
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TypeVar
 
 import cv2
@@ -68,7 +69,7 @@ class TagSearch:
     def _look(self, grey: Grey, changed: NDArray[np.bool_] | None, ago: float) -> None:
         """Read the tags in what changed, `ago` s after the last picture, and search what these do not explain.
 
-        Nothing is kept, and all is searched, if it is None.
+        If it is None, all is searched but the tags that are read again.
         """
         around = _boxes(self._tags) // BLOCK
         reached = np.array([changed is None or _part(changed, box).any() for box in around], bool)
@@ -87,7 +88,20 @@ class TagSearch:
         self._search(grey, boxes)
 
     def _read(self, grey: Grey, tags: list[Tag], ago: float) -> list[Tag | None]:
-        """The tags where they would be by their speeds; else where they were, if they are still there."""
+        """The tags where they would be by their speeds; else where they were, if they are still there.
+
+        An id that shows twice is not read again: of two tags nobody knows which went where.
+        """
+        if not tags:
+            return []
+        counts = Counter(tag.marker_id for tag in self._tags)
+        alone = [place for place, tag in enumerate(tags) if counts[tag.marker_id] == 1]
+        found: list[Tag | None] = [None] * len(tags)
+        for place, tag in zip(alone, self._read_alone(grey, [tags[place] for place in alone], ago), strict=True):
+            found[place] = tag
+        return found
+
+    def _read_alone(self, grey: Grey, tags: list[Tag], ago: float) -> list[Tag | None]:
         if not tags:
             return []
         corners = np.array([tag.corners for tag in tags])
@@ -102,8 +116,8 @@ class TagSearch:
     def _unexplained(self, grey: Grey, changed: NDArray[np.bool_], lost: Boxes) -> Boxes:
         """Boxes around what changed with the outlines that reach into it, and around tags that were lost.
 
-        Outlines of tags that are known, and of what is just around these, do not count. But whatever a box shares
-        with the surroundings of such a tag, it has all of: a new tag may reach into them.
+        Outlines of tags that are known, and of what is just around these, do not count. A box that shares pixels with
+        the surroundings of such a tag has all of these: a new tag may reach into them.
         """
         boxes, known = lost, _boxes(self._tags)
         if changed.any():

@@ -106,7 +106,7 @@ def test_a_tag_that_creeps_is_not_left_behind(shown: Shown) -> None:
         assert np.abs(tag.corners - fresh.corners).mean() < 2 * APRILTAG_STD
 
 
-def test_a_picture_in_which_all_moves_is_searched_as_a_whole(shown: Shown, searched: list[int]) -> None:
+def test_all_are_found_where_all_move(shown: Shown) -> None:
     finder = TagSearch()
     places = [(0.1 * column - 0.2, 0.1 * row - 0.1, 0.6) for row in range(3) for column in range(5)]
     for number in range(3):
@@ -124,6 +124,16 @@ def test_an_id_that_comes_a_second_time_is_left_out_from_then_on(shown: Shown) -
     assert ids(finder.find(one, 0.0)) == [3]
     assert ids(finder.find(both, FRAME)) == []
     assert ids(finder.find(one, 2 * FRAME)) == [3]
+
+
+def test_a_copy_that_comes_and_goes_while_all_moves_leaves_nothing_behind(shown: Shown) -> None:
+    finder = TagSearch()
+    for number in range(16):
+        left, right = (Pose((x + 5e-4 * number, 0.0, 0.5), FACING) for x in (-0.12, 0.12))
+        color, has_copy = shown({3: left}), number in (1, 2)
+        if has_copy:
+            color = np.hstack([color[:, :320], shown({3: right})[:, 320:]])
+        assert ids(finder.find(color, FRAME * number)) == ([] if has_copy else [3])
 
 
 def test_known_tags_that_move_a_little_are_read_without_a_search(shown: Shown, searched: list[int]) -> None:
