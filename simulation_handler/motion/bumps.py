@@ -6,11 +6,10 @@ are surprising then, and explained.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from dsr.perception.consensus import agree_beyond_chance, tells_rotation
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import FEWEST, explained_by_camera
 from simulation_handler.explaining.scoring import is_displaced
@@ -18,6 +17,9 @@ from simulation_handler.explaining.situation import Properties, Seen, Situation
 from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
+
+_FEWEST_AGREEING = FEWEST + 1
+"""Objects that must agree on one motion of the camera: two boxes may be moved so that they do."""
 
 
 def seem_bumped(
@@ -33,18 +35,13 @@ def seem_bumped(
     """
     seen = {name: _newest(items[name], config, now) for name in rested}
     displaced = {name for name, one in seen.items() if is_displaced(one, rested[name], config)}
-    if not _can_tell(rested, seen) or len(displaced) < FEWEST:
+    if len(rested) < _FEWEST_AGREEING or len(displaced) < FEWEST:
         return frozenset()
     properties = {name: Properties(items[name].mass, items[name].friction) for name in rested}
     situation = Situation(now, config, {}, rested, properties, seen, surprising=tuple(sorted(displaced)))
     alike = explained_by_camera(situation)
-    enough = _can_tell(alike, seen) and len(alike & displaced) >= FEWEST
+    enough = len(alike) >= _FEWEST_AGREEING and len(alike & displaced) >= FEWEST
     return alike if enough else frozenset()
-
-
-def _can_tell(names: Collection[str], seen: Mapping[str, Seen]) -> bool:
-    """Whether objects that agree on one motion of the camera tell more than its pose takes."""
-    return agree_beyond_chance(tells_rotation(seen[name].turning) for name in names)
 
 
 def _newest(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
