@@ -17,14 +17,13 @@ from dsr.perception.consensus import agree_beyond_chance, tells_rotation
 from dsr.vocabulary import nats
 
 _MOST_LEANING = 8.0  # nats for one object that would lean, though it is not believed to
-_UP = np.array([0.0, 0.0, 1.0])
 _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
 _TILT, _HEIGHT = 0.0175, 0.005  # rad, m by which objects that are moved on a table may seem to leave it, at least
 _SIGMAS = 4.0  # standard deviations, likewise
 
 
-_BUMPED = np.diag([0.05**2] * 3 + [0.05**2] * 3)
+_BUMPED = 0.05**2 * np.eye(6)
 """m^2, rad^2: how far a bump moves a camera. Whoever touches a stand or its head seldom shifts it by more than 0.1."""
 
 
@@ -160,7 +159,7 @@ def _hovering(problem: Problem, before: Pose, world_from_parent: Pose, explained
     """Nats: what was moved was put down as high as it was. How much those (n,) hover, which something would hold."""
     seen = (world_from_parent @ before).matrix @ problem.seen
     believed = world_from_parent.matrix @ problem.believed
-    ups = np.einsum("nji,j->ni", seen[:, :3, :3], _UP)  # in the frames of the objects, as covariances are
+    ups = seen[:, 2, :3]  # in the frames of the objects, as covariances are
     variances = np.einsum("ni,nij,nj->n", ups, problem.covariances[:, :3, :3], ups) + (_HEIGHT / _SIGMAS) ** 2
     squared = (seen[:, 2, 3] - believed[:, 2, 3]) ** 2 / variances
     return float(np.clip(0.5 * squared - _NOISE, 0.0, nats.HELD)[explained].sum())
