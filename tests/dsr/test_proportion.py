@@ -40,9 +40,30 @@ def additions(count: int, name: Callable[[int], str] = "n{}".format, first: int 
 
 
 @pytest.fixture
+def alone() -> float:
+    """What `cost_to_others` is in a graph where nobody else is, s."""
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    return min(cost_to_others(synchroniser, agent) for agent in OTHERS)
+
+
+@pytest.fixture
 def fair() -> float:
     """Processor time of the addition of `COUNT` nodes, s."""
     return cost(lambda: sent(Synchroniser(Graph("me-1"), joined=True), additions(COUNT)))
+
+
+def cost_to_others(synchroniser: Synchroniser, agent: str) -> float:
+    """Processor time of `COUNT / 30` nodes that another agent adds, each in a message of its own, s."""
+
+    def others() -> None:
+        for number in range(1, COUNT // 30 + 1):
+            delta = Delta(adds=[Add((agent, number), f"{agent}-{number}", "cube")], context=[(agent, number, number)])
+            sent(synchroniser, delta, agent)
+
+    return cost(others)
+
+
+OTHERS = ("other-1", "other-2", "other-3")
 
 
 def sent(synchroniser: Synchroniser, delta: Delta, sender: str = LIAR) -> None:
@@ -88,41 +109,31 @@ def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
     assert len(synchroniser.graph.edges) == COUNT
 
 
-def test_edges_whose_ends_never_come_cost_others_nothing(fair: float) -> None:
+def test_edges_whose_ends_never_come_cost_others_nothing(alone: float) -> None:
     synchroniser = Synchroniser(Graph("me-1"), joined=True)
     nowhere = (("nobody-1", 7),)
     adds = [Add((LIAR, number + 1), ("a", f"b{number}", "on"), "on", nowhere, nowhere) for number in range(5 * COUNT)]
     sent(synchroniser, Delta(adds=adds, context=[(LIAR, 1, 5 * COUNT)]))
 
-    def others() -> None:
-        for number in range(COUNT // 30):
-            add = Add(("other-1", number + 1), f"n{number}", "cube")
-            sent(synchroniser, Delta(adds=[add], context=[("other-1", number + 1, number + 1)]), "other-1")
-
-    assert cost(others) < FACTOR * fair / 10
+    assert min(cost_to_others(synchroniser, agent) for agent in OTHERS) < FACTOR * alone
     sent(synchroniser, Delta(context=[("nobody-1", 1, 9)]), "nobody-1")  # nothing of nobody's is left
     synchroniser.make_durable()
-    assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == COUNT // 30
+    assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == 3 * (COUNT // 30)
 
 
-def test_edges_that_name_many_ends_cost_others_nothing(fair: float) -> None:
+def test_edges_that_name_many_ends_cost_others_nothing(alone: float) -> None:
     synchroniser = Synchroniser(Graph("me-1"), joined=True)
     nowhere = tuple(("nobody-1", number + 1) for number in range(100)) * (MAX_ENDS // 100)
     for first in (1, 151):
         adds = [Add((LIAR, first + n), ("a", f"b{first + n}", "on"), "on", nowhere, nowhere) for n in range(150)]
         sent(synchroniser, Delta(adds=adds, context=[(LIAR, first, first + 149)]))
 
-    def others() -> None:
-        for number in range(COUNT // 30):
-            add = Add(("other-1", number + 1), f"n{number}", "cube")
-            sent(synchroniser, Delta(adds=[add], context=[("other-1", number + 1, number + 1)]), "other-1")
-
-    assert cost(others) < FACTOR * fair / 30
-    assert cost(synchroniser.make_durable) < FACTOR * fair / 30
+    assert min(cost_to_others(synchroniser, agent) for agent in OTHERS) < FACTOR * alone
+    assert min(cost(synchroniser.make_durable) for _ in range(3)) < FACTOR * alone
     sent(synchroniser, Delta(context=[("nobody-1", 1, 100)]), "nobody-1")  # nothing of nobody's is left
     for _ in range(30):
         synchroniser.make_durable()
-    assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == COUNT // 30
+    assert not synchroniser.graph._unattached and len(synchroniser.graph.store.entries) == 3 * (COUNT // 30)
 
 
 def test_a_chain_of_frames_is_read_as_fast_as_many_frames() -> None:

@@ -92,6 +92,18 @@ def test_stream_sample_of_a_dead_writer_reaches_everybody() -> None:
     assert converged(world)["a", "b", "RT"]["pose"] == Pose((7, 1, 0))
 
 
+def test_a_write_that_was_lost_on_the_way_is_asked_for() -> None:
+    """Nothing was added or removed meanwhile: the elements of both are the same, and only what was seen differs."""
+    world = World([0.0] * 2)
+    world.add_node(0, "a", "cube", 1)
+    for _ in range(3):
+        world.advance(1.1)
+    world.partition(0b01)
+    world.update_node(0, "a", 2)
+    world.deliver()
+    assert converged(world) == {"a": {"seen": 2, "mass": 2.0}}
+
+
 def test_write_to_a_doubly_created_node_survives_the_removal_of_one_incarnation() -> None:
     """Replicas 0 and 1 create "a" at once; 2 has seen only one of the two when it removes it."""
     world = World([0.0] * 3)
