@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.reading import DICTIONARY, MIN_CONTRAST, Grey, read_again
+from agents.scene_estimator.reading import DICTIONARY, MIN_CONTRAST, READ_STD, Grey, read_again
 from dsr.math3d.transforms import Array
 
 APRILTAG_BIAS = 0.42
@@ -82,7 +82,8 @@ def read_anew(grey: Grey, tags: list[Tag], corners: Array) -> list[Tag | None]:
     if not tags:
         return []
     found, shown = read_again(grey, np.array([tag.marker_id for tag in tags]), corners)
-    return [replace(tag, corners=found[place]) if shown[place] else None for place, tag in enumerate(tags)]
+    read = (replace(tag, corners=found[place], corner_std=READ_STD) for place, tag in enumerate(tags))
+    return [tag if is_shown else None for tag, is_shown in zip(read, shown, strict=True)]
 
 
 def unambiguous(found: list[Tag]) -> list[Tag]:

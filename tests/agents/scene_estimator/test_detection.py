@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.scene_estimator.detection import APRILTAG_STD, TagDetector, tag_corners
+from agents.scene_estimator.detection import TagDetector, tag_corners
+from agents.scene_estimator.reading import READ_STD
 from benchmarks.tag_camera import Camera, facing
 from dsr import Pose
 
@@ -25,10 +26,10 @@ def test_corners_are_those_of_the_tag(detector: TagDetector, camera: Camera, rng
         square = (camera_from_cube @ Pose((0.0, 0.0, 0.02))).apply(tag_corners(0.032))
         (tag,) = detector.detect(camera.frame({7: camera_from_cube}, rng).arrays["color"])
         assert tag.marker_id == 7
-        assert tag.corner_std == APRILTAG_STD
+        assert tag.corner_std == READ_STD
         errors.append(tag.corners - camera.intrinsics.project(square))
     assert np.mean(errors, axis=(0, 1)) == pytest.approx([0.0, 0.0], abs=0.03)
-    assert np.std(errors) < APRILTAG_STD
+    assert READ_STD / 2.0 < np.std(errors) < 1.5 * READ_STD
 
 
 def test_tags_come_by_id(detector: TagDetector, camera: Camera, rng: np.random.Generator) -> None:
@@ -51,7 +52,7 @@ def test_a_small_second_copy_makes_an_id_ambiguous_too(
     near, far = (
         camera.frame({3: Pose((x, 0.0, z), FACING)}, rng).arrays["color"] for x, z in ((-0.1, 0.4), (0.1, 1.5))
     )
-    assert [tag.corner_std > APRILTAG_STD for tag in detector.detect(far)] == [True]
+    assert [tag.marker_id for tag in detector.detect(far)] == [3]
     assert detector.detect(np.hstack([near[:, :320], far[:, 320:]])) == []
 
 
