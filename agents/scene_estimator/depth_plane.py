@@ -18,6 +18,7 @@ from dsr.vocabulary.intrinsics import Intrinsics
 _INSET = 0.95  # of the tag's half diagonals, so that no pixel straddles its edge
 _MAX_PIXELS = 2000
 _MIN_PIXELS = 40
+_ENOUGH_PIXELS = 4 * _MIN_PIXELS  # of the box around a tag: a tag on its corner fills half of it
 _MIN_VALID = 0.5  # of the pixels within the tag
 _ITERATIONS = 5
 _CAUCHY = 2.385  # scales, for 95 % efficiency on Gaussian errors
@@ -63,7 +64,7 @@ def fit_depth_planes(
         correlation: px, over which neighbouring depth errors are alike.
     """
     planes = DepthPlanes(np.full((len(corners), 3), np.nan), np.full((len(corners), 3, 3), np.nan))
-    tag, u, v, stride = _pixels_within(corners, depth.shape)
+    tag, u, v, stride = _pixels_within(corners, depth.shape, correlation)
     within = np.bincount(tag, minlength=len(corners))
     z = depth[v, u].astype(np.float64)
     valid = np.isfinite(z) & (z > 0.0)
@@ -127,16 +128,21 @@ class _Pixels(NamedTuple):
 
 
 def _pixels_within(
-    corners: Array, shape: tuple[int, ...]
+    corners: Array, shape: tuple[int, ...], correlation: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag."""
+    """Pixels inside the inset outlines of tags: tag, u and v of each, by tag, and the stride of each tag.
+
+    Two pixels within a `correlation` (px) tell what all of them do.
+    """
     centre = corners.mean(axis=1, keepdims=True)
     outline = centre + _INSET * (corners - centre)
     last = np.array([shape[1] - 1, shape[0] - 1])
     low = np.clip(np.ceil(outline.min(axis=1)), 0, last + 1).astype(np.int64)
     high = np.clip(np.floor(outline.max(axis=1)), -1, last).astype(np.int64)
     extent = np.maximum(high - low + 1, 0)
-    stride = np.maximum(1, np.ceil(np.sqrt(extent.prod(axis=1) / _MAX_PIXELS)).astype(np.int64))
+    area = extent.prod(axis=1)
+    alike = np.minimum(0.5 * correlation, np.sqrt(area / _ENOUGH_PIXELS)).astype(np.int64)
+    stride = np.maximum(1, np.maximum(alike, np.ceil(np.sqrt(area / _MAX_PIXELS)).astype(np.int64)))
     columns, rows = (-(-extent // stride[:, None])).T
     number = np.arange((columns * rows).max(initial=0))
     row, column = np.divmod(number, np.maximum(columns, 1)[:, None])
