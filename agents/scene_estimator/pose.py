@@ -159,7 +159,8 @@ def most_likely(fits: list[TagFit]) -> Pose | None:
             doubt = 1.0 / (1.0 + math.exp(min(0.5 * (other.cost - best.cost), _CERTAIN)))
             covariance += doubt * np.outer(apart, apart)
     rotation = quaternions.from_matrix(best.pose[:3, :3].tolist())
-    return Pose(best.pose[:3, 3], rotation, covariance=covariance)
+    x, y, z = best.pose[:3, 3].tolist()
+    return Pose.unchecked((x, y, z), rotation, cov=tuple(covariance.ravel().tolist()))
 
 
 class _Fits(NamedTuple):
