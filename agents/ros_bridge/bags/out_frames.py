@@ -35,13 +35,13 @@ class FramesOut:
     def send(self, topic: str, payload: bytes) -> None:
         """Publish what a message on `blob/...` holds. Raises `WireError` for one that is malformed."""
         node = self._node(topic.removeprefix(BLOB))
-        if not self._core.wants((node.name if node is not None else topic.removeprefix(BLOB),)):
+        sensor = topic.removeprefix(BLOB) if node is None else node.name
+        if not self._core.wants((sensor,)):
             return
         packed = decode_frame(payload)
         kept = {} if self._raw else {name: packed.arrays[name] for name in _PACKED if name in packed.arrays}
         frame = unpack(Frame(packed.stamp, {n: a for n, a in packed.arrays.items() if n not in kept}, packed.meta))
-        stream = topic.removeprefix(BLOB)
-        base, name = sensor_topic(stream), self._core.names.frame(stream if node is None else node.name)
+        base, name = sensor_topic(sensor), self._core.names.frame(sensor)
         types, stamp = self._core.types, self._core.times.to_ros(frame.stamp)
         for array, data in kept.items():
             self._send(

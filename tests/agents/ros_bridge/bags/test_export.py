@@ -69,7 +69,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> World:
     memory.add_node("arm", "arm", joint_names="a,b", joint_positions=[0.0, 0.5], joint_velocities=[0.0, 0.0])
     memory.add_node("cube_3", "cube", size=(0.04, 0.05, 0.06), color=(1.0, 0.5, 0.0))
     memory.add_node("table", "table", size=(1.0, 0.8, 0.02))
-    memory.add_node("camera_top", "camera", stream="camera_top", **INTRINSICS)
+    memory.add_node("camera_top", "camera", stream="top_images", **INTRINSICS)
     memory.add_edge("world", "camera_top", "RT", pose=MOUNT)
     memory.add_edge("world", "table", "RT", pose=Pose((0.0, 0.0, 0.0)))
     world.run(0.5)
@@ -83,7 +83,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> World:
         if second == 3:
             memory.update_node("cube_3", surprising=True)
         depth = np.full((120, 160), 0.5 + 0.1 * second, np.float32)
-        memory.put_frame("camera_top", Frame(now, {"color": picture(second), "depth": depth}, {"fx": 200.0}))
+        memory.put_frame("top_images", Frame(now, {"color": picture(second), "depth": depth}, {"fx": 200.0}))
         status = Status(agent="planner", rid="planner-1", pid=7, state=State.DEGRADED, last_error="slow", stamp=now)
         memory.transport.publish(KEYS.status("planner"), encode_status(status))
         world.run(1.0)
