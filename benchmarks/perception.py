@@ -6,6 +6,7 @@
     python -m benchmarks.perception --tilted --distances 0.9 1.4 --trials 5
     python -m benchmarks.perception --shapes --distances 0.6 1.0 1.4
     python -m benchmarks.perception --touching --distances 0.6 1.0
+    python -m benchmarks.perception --corners --distances 0.3 0.6 1.0 1.3 --blur 0.6
 
 A 40 mm cube with a 32 mm tag stands at each distance, turned and tilted at random by up to 50 degrees; grey and depth
 are as noisy as a RealSense's at 640 x 480, depth alike over 4 px. The peer is what most tag libraries do: OpenCV's
@@ -26,6 +27,8 @@ yaw, counts of wrong shapes, CPU time, and the smallest rectangle around the poi
 
 With --touching, two blocks touch from the beginning, of one colour or two (benchmarks/touching.py): how many are found
 surely, how many of those are wrong, and errors, beside taking each piece of one colour for one block.
+
+With --corners, errors of the corners of tags (benchmarks/corners.py), beside two of OpenCV's detectors.
 """
 
 from __future__ import annotations
@@ -52,6 +55,7 @@ from agents.scene_estimator.sighting import FrameSource
 from agents.scene_estimator.turning import nearest_alike, order
 from benchmarks.blocks import shape_rows, shape_table
 from benchmarks.color_scene import ColorScene, looking_at
+from benchmarks.corners import corner_rows, corner_table
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
 from benchmarks.touching import pair_rows, pair_table
 from dsr.clock import WALL_CLOCK
@@ -98,6 +102,11 @@ def main() -> None:
         Console().print(pair_table(pairs))
         _write(pairs, options)
         return
+    if options.corners:
+        corners = list(corner_rows(options.distances, options.trials, options.seed, options.blur))
+        Console().print(corner_table(corners))
+        _write(corners, options)
+        return
     if options.colors or options.tilted:
         trial = _turning if options.tilted else _standing
         rows = [row for model in sorted(model_files()) for row in _rows(model, trial, options)]
@@ -142,6 +151,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--tilted", action="store_true", help="the same, tilted in the air")
     parser.add_argument("--shapes", action="store_true", help="boxes and cylinders found by depth")
     parser.add_argument("--touching", action="store_true", help="pairs of boxes that touch, found by depth")
+    parser.add_argument("--corners", action="store_true", help="errors of the corners of tags")
+    parser.add_argument(
+        "--blur", type=_not_negative, default=0.0, metavar="PX", help="standard deviation of their blur (0)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser
 
@@ -150,6 +163,13 @@ def _positive(text: str) -> int:
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"{number}: expected 1 or more")
+    return number
+
+
+def _not_negative(text: str) -> float:
+    number = float(text)
+    if not 0.0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: expected 0 or more")
     return number
 
 

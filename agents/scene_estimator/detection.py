@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.reading import DICTIONARY, MIN_CONTRAST, READ_STD, Grey, read_again
+from agents.scene_estimator.reading import DICTIONARY, MIN_CONTRAST, READ_STD, Grey, corners_near
 from dsr.math3d.transforms import Array
 
 APRILTAG_BIAS = 0.42
@@ -24,7 +24,7 @@ SUBPIX_STD = 0.4
 """px, error of a corner by sub-pixel refinement on tags of 20 to 30 px."""
 _LEAST_PERIMETER = 0.03
 """Of the image's longer side, as OpenCV has it: what is smaller is not looked at"""
-_MARGIN = 0.25
+_WHITE_MARGINS = 0.25
 """Of the tag's side, both white margins of a tag: one of its eight cells on each side."""
 
 
@@ -65,7 +65,7 @@ class TagDetector:
         self._subpix.setDetectorParameters(settings)
         fine = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
         found = [*_tags(self._subpix, without(grey, fine), 0.0, SUBPIX_STD), *fine]
-        again = read_anew(grey, found, np.array([tag.corners for tag in found]))
+        again = tags_near(grey, found, np.array([tag.corners for tag in found]))
         return [tag if sharper is None else sharper for tag, sharper in zip(found, again, strict=True)]
 
 
@@ -74,14 +74,14 @@ def grey_of(color: NDArray[np.uint8]) -> Grey:
     return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
-def read_anew(grey: Grey, tags: list[Tag], corners: Array) -> list[Tag | None]:
+def tags_near(grey: Grey, tags: list[Tag], corners: Array) -> list[Tag | None]:
     """Tags with the corners that their edges have in an image (h, w), where corners (n, 4, 2) px are expected.
 
     None for those that are not seen clearly there.
     """
     if not tags:
         return []
-    found, shown = read_again(grey, np.array([tag.marker_id for tag in tags]), corners)
+    found, shown = corners_near(grey, np.array([tag.marker_id for tag in tags]), corners)
     read = (replace(tag, corners=found[place], corner_std=READ_STD) for place, tag in enumerate(tags))
     return [tag if is_shown else None for tag, is_shown in zip(read, shown, strict=True)]
 
@@ -99,7 +99,7 @@ def without(grey: Grey, tags: list[Tag]) -> Grey:
     painted, last = grey.copy(), np.array(grey.shape[::-1]) - 1
     corners = np.array([tag.corners for tag in tags])
     centres = corners.mean(axis=1, keepdims=True)
-    inner, outer = (centres + (1.0 + share * _MARGIN) * (corners - centres) for share in (0.4, 0.6))
+    inner, outer = (centres + (1.0 + share * _WHITE_MARGINS) * (corners - centres) for share in (0.4, 0.6))
     around = np.concatenate([outer, 0.5 * (outer + np.roll(outer, 1, axis=1))], axis=1)
     u, v = np.moveaxis(np.clip(np.rint(around), 0, last).astype(int), -1, 0)
     for outline, margin in zip(np.rint(inner).astype(np.int32), np.median(painted[v, u], axis=1), strict=True):

@@ -23,7 +23,7 @@ MIN_CONTRAST = 20
 """Grey levels between black and white; OpenCV's default of 5 finds edges in sensor noise, at 25 times the cost."""
 
 READ_STD = 0.05
-"""px, error of a corner where edges meet that were read: 0.03 to 0.06 in sharp renders of tags of 100 to 15 px."""
+"""px, error of a corner where edges meet that were read: 0.03 to 0.06 in sharp renders (benchmarks/corners.py)"""
 
 _CELLS = 8
 """Of a tag's side: six bits between two black cells of its border"""
@@ -61,7 +61,7 @@ class _Edges(NamedTuple):
     """(n, 4) px, root mean square of what places along the edge miss it by"""
 
 
-def read_again(grey: Grey, marker_ids: NDArray[np.int64], corners: Array) -> tuple[Array, NDArray[np.bool_]]:
+def corners_near(grey: Grey, marker_ids: NDArray[np.int64], corners: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Corners (n, 4, 2) px of the tags that are about there, and which of them (n,) show their bits and all edges.
 
     Args:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.detection import Tag, TagDetector, grey_of, read_anew, unambiguous, without
+from agents.scene_estimator.detection import Tag, TagDetector, grey_of, tags_near, unambiguous, without
 from agents.scene_estimator.reading import MIN_CONTRAST, Grey
 from dsr.math3d.batches import Array
 
@@ -106,9 +106,9 @@ class TagSearch:
             return []
         corners = np.array([tag.corners for tag in tags])
         moves = np.array([ago * self._speeds.get(tag.marker_id, np.zeros((4, 2))) for tag in tags])
-        found = read_anew(grey, tags, corners + moves)
+        found = tags_near(grey, tags, corners + moves)
         stopped = [place for place, tag in enumerate(found) if tag is None and moves[place].any()]
-        again = read_anew(grey, [tags[place] for place in stopped], corners[stopped])
+        again = tags_near(grey, [tags[place] for place in stopped], corners[stopped])
         for place, tag in zip(stopped, again, strict=True):
             found[place] = tag
         return found
