@@ -24,7 +24,7 @@ from agents.scene_estimator.detection import (
     grey_of,
     tag_corners,
 )
-from agents.scene_estimator.reading import READ_STD, Grey
+from agents.scene_estimator.reading import READ_STD
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.tags import TAG_RATIO
@@ -103,7 +103,7 @@ def _by_opencv(refinement: int, bias: float, std: float) -> Finder:
     detector = cv2.aruco.ArucoDetector(DICTIONARY, parameters)
 
     def find(color: NDArray[np.uint8]) -> Tag | None:
-        grey: Grey = grey_of(color)
+        grey: Any = grey_of(color)
         quads, ids, _ = detector.detectMarkers(grey)
         if ids is None:
             return None
