@@ -40,6 +40,8 @@ class Fetch:
         """Of the piece to ask for; None if all have come."""
         self.before: State = (0, 0)
         """Of the asker, when it began to ask."""
+        self.brought = 0.0
+        """How much its pieces have brought, as `brought` tells: that is lost if this answer is forgotten."""
         self.first = 0
         """Number of the first request of which a reply may belong to this answer."""
         self.seen = seen
@@ -118,9 +120,7 @@ def brought(piece: Piece, store: Store, before: State, *, weighed: bool) -> floa
     if begin[0] == end[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
         whole = piece.whole or []
         return max(share_of_told(whole), _LEAST) if weighed else float(is_new or len(whole) >= FEWEST_TOLD)
-    if begin[0] == "":
-        return 1.0
     told = chain(piece.kept, (add.dot for add in piece.adds))
-    if not is_new and not any(begin[:2] <= dot < end[:2] and dot in store.entries for dot in told):
+    if begin[0] and not is_new and not any(begin[:2] <= dot < end[:2] and dot in store.entries for dot in told):
         return 0.0
     return max(share_of_full(piece, store), _LEAST) if weighed else 1.0

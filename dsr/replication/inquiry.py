@@ -3,8 +3,8 @@
 One piece of one answer is asked for at a time. An answer is paused if its next piece does not come in time, or after
 its turn while others wait. It goes on with the same piece when it is the turn of who gives it.
 
-To be paused is no end of a question: another peer is asked as well. A piece that comes late takes its answer further all
-the same. Whose piece has come is asked for the next one before the first of anybody else is waited for any longer.
+To be paused is no end of a question: another peer is asked as well. A piece that comes late takes its answer further
+all the same. Whose piece has come is asked for the next one before the first of anybody else is waited for any longer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ JOIN_RETRY = 0.02
 TURN = SILENCE
 """s after which another peer is asked, if there is one that may have something else: an answer may never end."""
 MAX_PAUSED = 8
-"""Answers that wait for their next turn, those first that went on in their last one; others begin at the beginning."""
+"""Answers that wait for their next turn, those first that have brought most; others begin at the beginning."""
 
 
 class Inquiry:
@@ -86,16 +86,19 @@ class Inquiry:
         """Whether nothing is waited for; whose patience or turn is over is paused."""
         if self._asked_ahead:
             self._asked_at, self._asked_ahead = now, False
-        if self.fetch is not None and now >= self._turn_ends and not self._turn_over:
-            self._turn_over = self._others_wait(self.fetch.peer, now, joined=joined)
-        if self.fetch is not None and self._under_way is not None:
-            if now - self._asked_at >= self._patience(self.fetch):
-                self._peers.came_late(self.fetch.peer)
-            elif self.fetch.begin != START or self._who_goes_on(now, joined=joined) is None:
+        fetch = self.fetch
+        if fetch is None:
+            return True
+        if now >= self._turn_ends and not self._turn_over:
+            self._turn_over = self._others_wait(fetch.peer, now, joined=joined)
+        if self._under_way is not None:
+            if now - self._asked_at >= self._patience(fetch):
+                self._peers.came_late(fetch.peer)
+            elif fetch.begin != START or self._who_goes_on(now, joined=joined) is None:
                 return False
             self._turn_over = True
-        if self.fetch is not None and self._turn_over:
-            self._pause(self.fetch)
+        if self._turn_over:
+            self._pause(fetch)
         return True
 
     def _patience(self, fetch: Fetch) -> float:
@@ -121,19 +124,16 @@ class Inquiry:
 
     def keep(self, fetch: Fetch) -> None:
         """Keep an answer for its next turn, if there is room."""
-        if len(self._paused) >= MAX_PAUSED and fetch.peer not in self._paused:
-            least = min(self._paused, key=self._worth)
-            if self._worth(least) >= self._worth(fetch.peer):
-                return
-            del self._paused[least]
         self._paused[fetch.peer] = fetch
+        if len(self._paused) > MAX_PAUSED:
+            del self._paused[min(reversed(self._paused), key=self._worth)]
 
-    def _worth(self, peer: str) -> tuple[bool, bool]:
-        """Whose paused answer is kept: of a peer that is waited for, and whose answer goes on."""
-        return peer not in self._joining.given_up, peer in self._ready
+    def _worth(self, peer: str) -> tuple[bool, float]:
+        """Whose paused answer is kept: of a peer that is waited for, and that has brought most."""
+        return peer not in self._joining.given_up, self._paused[peer].brought
 
     def _who_goes_on(self, now: float, *, joined: bool) -> str | None:
-        """Whose answer went on after its turn, and is gone on with at once: nobody is more than a turn before others."""
+        """Whose answer went on after its turn, and is gone on with at once; nobody has two turns more than others."""
         peer, given_up = self._came_late, self._joining.given_up
         if peer is None or peer in given_up or peer not in self._paused or peer not in self._peers:
             return None

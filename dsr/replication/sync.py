@@ -237,6 +237,7 @@ class Synchroniser:
         if in_time:
             self._peers.answered(sender)
         if fetch is not None and (taken or in_time):
+            fetch.brought += share
             self._go_on(fetch, piece, physical, taken=taken)
 
     def _go_on(self, fetch: Fetch, piece: Piece, physical: float, *, taken: bool) -> None:
