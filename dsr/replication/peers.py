@@ -46,6 +46,8 @@ class Peer:
     rest_known: bool = False
     """Whether, when its digest came, there was no difference beyond what that lists."""
     heard_at: float = -math.inf
+    told_at: float = -math.inf
+    """When the first of its digests came that told of something which has been missing here since."""
     ahead: bool = False
     """Whether the peer's physical clock was more than MAX_DRIFT in our future."""
     asked: int = 0

@@ -181,10 +181,9 @@ class Synchroniser:
             return
         known = self._peers.get(sender)
         before = known and (known.ahead, known.digest is not None and self.graph.rid in known.digest.ahead)
-        peer = self._peers.heard(sender, digest, now)
+        peer = self.lacking.note(sender, digest, now)
         if peer is None:
             return
-        self.lacking.note(peer, digest)
         self._note_acknowledged(sender, peer, digest)
         peer.ahead = digest.now - physical > MAX_DRIFT
         if peer.ahead:

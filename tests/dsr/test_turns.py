@@ -12,6 +12,7 @@ from dsr.crdt.pieces import START, Piece, Place
 from dsr.graph.graph import Graph
 from dsr.replication import fetching
 from dsr.replication.inquiry import TURN
+from dsr.replication.lacking import GRACE
 from dsr.replication.outputs import Ask
 from dsr.replication.piece_wire import Request, decode_request, encode_piece
 from dsr.replication.sync import Synchroniser
@@ -150,3 +151,46 @@ def test_a_piece_that_was_lost_is_asked_for_again_and_not_all_before_it(monkeypa
             mine.receive_reply("holder-1", ask.number, encode_piece(piece), now)
     assert mine.joined and len(mine.graph.nodes) == 40
     assert begins == sorted(begins) and begins.count(START) == 1
+
+
+def test_who_tells_again_and_again_that_something_is_missing_is_asked_for_it() -> None:
+    """Digests that follow each other sooner than a delta may take must not put the question off."""
+    mine, holder = Synchroniser(Graph("me-1"), joined=True), Synchroniser(Graph("holder-1"), joined=True)
+    holder.graph.add_node("cup", "cube", {}, 0.0)
+    mine.peer_appeared("holder-1", 0.0)
+    asked_at = [
+        now
+        for now in (number / 20 for number in range(1, 11))
+        if mine.receive_digest("holder-1", holder.digest(now), now, now) is None
+        and any(isinstance(each, Ask) for each in mine.tick(now, now))
+    ]
+    assert asked_at and GRACE <= asked_at[0] <= 2 * GRACE + 0.05
+
+
+def test_a_liar_that_answers_no_more_keeps_nobody_from_who_speaks_when_its_turn_ends() -> None:
+    """A turn lasts for a whole number of seconds, and so do the times between digests."""
+    mine, holder = Synchroniser(Graph("me-1"), joined=True), Synchroniser(Graph("holder-1"), joined=True)
+    holder.graph.add_node("cup", "cube", {}, 0.0)
+    for rid in ("liar-1", "holder-1"):
+        mine.peer_appeared(rid, 0.0)
+    liar = CausalContext([("nobody-1", 1, 5)]).summary()
+    number = 0
+    while number < 400 and not mine.graph.nodes:
+        number += 1
+        now = number / 10
+        if number % 10 == 0:
+            mine.receive_digest("liar-1", encode_digest(Digest("liar-1", now, liar, 0, ())), now, now)
+        if number % 10 == 2 and number > 10:
+            mine.receive_digest("holder-1", holder.digest(now), now, now)
+        for ask in [each for each in mine.tick(now, now) if isinstance(each, Ask)]:
+            begin = decode_request(ask.payload).begin
+            if ask.peer == "liar-1" and begin == START:
+                piece = Piece(START, ("nobody-1", 1, ""), whole=[("nobody-1", 1, 5)])
+            elif ask.peer == "liar-1":
+                continue
+            else:
+                answer = holder.answer("me-1", ask.payload)
+                assert answer is not None
+                piece = answer
+            mine.receive_reply(ask.peer, ask.number, encode_piece(piece), now)
+    assert number < 150
