@@ -5,12 +5,13 @@ its turn while others wait. It goes on with the same piece when it is the turn o
 
 To be paused is no end of a question: another peer is asked as well. A piece that comes late takes its answer further
 all the same. Whose piece has come is asked for the next one before the first of anybody else is waited for any longer.
+But each other turn is of who has waited longest, so that neither late pieces nor ever new ids keep anybody waiting.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import START, Piece, seen_by
@@ -61,6 +62,10 @@ class Inquiry:
         """By peer, the number of the first request to begin an answer since one came."""
         self._came_late: str | None = None
         """Whose answer has gone on since its turn."""
+        self._out_of_turn = False
+        """Whether the one that is asked now did not wait for its turn."""
+        self._asked_last = ""
+        """Whose turn it is, or was until now."""
         self._requests = 0
         self._under_way: int | None = None
         """Number of the request whose answer is waited for."""
@@ -73,10 +78,13 @@ class Inquiry:
         if not self._is_due(now, joined=joined):
             return None
         if self.fetch is None:
-            peer = self._who_goes_on(now, joined=joined) or self._peer_to_ask(now, joined=joined)
-            self._came_late = None
+            if (before := self._peers.get(self._asked_last)) is not None:
+                before.queued_at = now
+            late, self._asked_last = self._who_goes_on(), ""
+            peer = late or self._peer_to_ask(now, joined=joined)
             if peer is None:
                 return None
+            self._out_of_turn, self._came_late = late is not None, None
             self._begin(peer, now, insists=joined or self._joining.insists)
         assert self.fetch is not None
         self._asked_at = now
@@ -94,7 +102,7 @@ class Inquiry:
         if self._under_way is not None:
             if now - self._asked_at >= self._patience(fetch):
                 self._peers.came_late(fetch.peer)
-            elif fetch.begin != START or self._who_goes_on(now, joined=joined) is None:
+            elif fetch.begin != START or self._who_goes_on() is None:
                 return False
             self._turn_over = True
         if self._turn_over:
@@ -108,11 +116,8 @@ class Inquiry:
 
     def _others_wait(self, answering: str, now: float, *, joined: bool) -> bool:
         """Whether somebody else may have what is missing here."""
-        return any(rid != answering for rid in self._may_help(now, joined=joined))
-
-    def _may_help(self, now: float, *, joined: bool) -> Iterable[str]:
-        """Who may have what is missing here."""
-        return self._lacking.due(now) if joined else filter(self._joining.may_have_more, self._peers)
+        others = self._lacking.due(now) if joined else filter(self._joining.may_have_more, self._peers)
+        return any(rid != answering for rid in others)
 
     def _pause(self, fetch: Fetch) -> None:
         """Let others answer; this answer goes on, with the same piece, when it is the turn of who gives it."""
@@ -132,30 +137,23 @@ class Inquiry:
         """Whose paused answer is kept: of a peer that is waited for, and that has brought most."""
         return peer not in self._joining.given_up, self._paused[peer].brought
 
-    def _who_goes_on(self, now: float, *, joined: bool) -> str | None:
-        """Whose answer went on after its turn, and is gone on with at once; nobody has two turns more than others."""
-        peer, given_up = self._came_late, self._joining.given_up
-        if peer is None or peer in given_up or peer not in self._paused or peer not in self._peers:
-            return None
-        asked = (self._peers[rid].asked for rid in self._may_help(now, joined=joined) if rid not in given_up)
-        return peer if self._peers[peer].asked <= 1 + min(asked, default=0) else None
+    def _who_goes_on(self) -> str | None:
+        """Whose answer went on after its turn, and is gone on with at once; each other turn is of who waits longest."""
+        peer = self._came_late
+        is_known = peer in self._peers and peer in self._paused and peer not in self._joining.given_up
+        return peer if is_known and not self._out_of_turn else None
 
     def _peer_to_ask(self, now: float, *, joined: bool) -> str | None:
+        """Who has waited longest for its turn: nobody that comes later, under whatever ids, is asked before."""
         if not joined:
-            asked = {rid: peer.asked for rid, peer in self._peers.items() if now - peer.asked_at >= JOIN_RETRY}
-            return self._joining.choose(asked, asked, now)
+            queued = {rid: peer.queued_at for rid, peer in self._peers.items() if now - peer.asked_at >= JOIN_RETRY}
+            return self._joining.choose(queued, now)
         leaving = [rid for rid, peer in self._peers.items() if peer.is_leaving]
-        if leaving:
-            return leaving[0]
-        return self._least_asked(self._lacking.due(now))
-
-    def _least_asked(self, rids: list[str]) -> str | None:
-        """The peers in turn, so that one that does not answer is not asked for ever; last those that seem to leave."""
-        peers = self._peers
-        return min(rids, key=lambda rid: (peers[rid].withdrawn_at is not None, peers[rid].asked), default=None)
+        return min([*leaving, *self._lacking.due(now)], key=lambda rid: self._peers[rid].queued_at, default=None)
 
     def _begin(self, peer: str, now: float, *, insists: bool) -> None:
         """Begin the turn of a peer, with a new answer or one that goes on."""
+        self._asked_last = peer
         self._peers[peer].asked += 1
         self._peers[peer].asked_at = now
         paused = self._paused.pop(peer, None)
