@@ -81,10 +81,11 @@ class Inquiry:
             if (before := self._peers.get(self._asked_last)) is not None:
                 before.queued_at = now
             late, self._asked_last = self._who_goes_on(), ""
+            self._out_of_turn = late is not None
             peer = late or self._peer_to_ask(now, joined=joined)
             if peer is None:
                 return None
-            self._out_of_turn, self._came_late = late is not None, None
+            self._came_late = None
             self._begin(peer, now, insists=joined or self._joining.insists)
         assert self.fetch is not None
         self._asked_at = now

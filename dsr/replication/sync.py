@@ -52,14 +52,12 @@ from dsr.replication.pace import Pace
 from dsr.replication.peers import SILENCE, Peer, Peers
 from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.portions import parts_in, portion
-from dsr.replication.wire import Digest, decode_delta, decode_digest, encode_digest
+from dsr.replication.wire import MOST_NAMED, Digest, decode_delta, decode_digest, encode_digest
 
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 LONG_WAIT = 1.0
 """s of waiting after which a newcomer says for which replicas it waits."""
-MOST_NAMED = 32
-"""Replicas that one message names to people, or for votes about clocks: those known longest."""
 
 
 class ChangeGate(Protocol):
