@@ -48,7 +48,7 @@ MAX_ADD = 3 * MAX_STRUCTURE // 8
 """Bytes of one addition, which an answer holds beside much else. The most ends with the longest ids take 336 kB."""
 
 MOST_NAMED = 32
-"""Replicas that one message names to people, or for votes about clocks, those known longest; who reads them keeps them."""
+"""Replicas that one message names to people, or for votes about clocks: those known longest. Readers keep them."""
 
 _FEW_ENDS = MAX_ADD // (4 * MAX_NAME + 32)
 """Creation dots that fit into one addition, however long their replica ids are."""
