@@ -189,7 +189,7 @@ def share_of_full(piece: Piece, store: Store) -> float:
     Only elements and writes count that are there now: of what is made up, refused or outdated, anybody has any number.
     """
     entries, weigher = store.entries, _Weigher()
-    added = [add for add in piece.adds if add.dot in entries]
+    added = [add for add in piece.adds if piece.begin[:2] <= add.dot and add.dot in entries]
     kept = [dot for dot in piece.kept if piece.begin[:2] <= dot and dot in entries]
     for add in added:
         weigher.add(add)

@@ -6,7 +6,7 @@ off the list: the dots of its elements name it for ever.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import msgspec
 
@@ -56,13 +56,27 @@ def to_attribute(info: PartInfo) -> str:
     return _encoder.encode(_Stored(info.types, info.creator, info.created)).decode()
 
 
+class _Entry(msgspec.Struct, frozen=True):
+    """What a node of the base graph says about a part."""
+
+    record: object
+    """As it stands there."""
+    info: PartInfo | None
+    """None if it makes no sense."""
+    types: frozenset[str]
+    """What the part claims."""
+
+
 class PartList:
-    """The parts that a base graph lists, as it is now."""
+    """The parts that a base graph lists, as it is now. An entry is read when it has changed, whatever else changes."""
 
     def __init__(self) -> None:
         self._graph: Graph | None = None
+        self._entries: dict[str, _Entry] = {}
+        """By name of the node."""
         self._known: dict[str, PartInfo] = {}
-        self._by_type: dict[str, list[str]] = {}
+        self._claims: dict[str, list[str]] = {}
+        """Names of the parts that claim a type, for each that was asked for since the list changed."""
         self._changes = self._read = 0
         """How often the list has changed, and at which of these changes it was read last."""
 
@@ -81,9 +95,10 @@ class PartList:
         """The readable entries by name, in order."""
         if (changes := self._changes) != self._read and self._graph is not None:
             nodes = list(self._graph.nodes_by_type.get(PART_RECORD, {}).values())
-            found = [info for node in nodes if (info := read_record(node)) is not None]
+            self._entries = {node.name: _entry(node, self._entries.get(node.name)) for node in nodes}
+            found = [entry.info for entry in self._entries.values() if entry.info is not None]
             self._known = {info.name: info for info in sorted(found, key=lambda info: info.name)}
-            self._by_type = _claims(self._known.values())
+            self._claims = {}
             self._read = changes  # last: another thread must not take what was before for the list, nor Ctrl-C leave it
         return self._known
 
@@ -96,17 +111,23 @@ class PartList:
 
     def claiming(self, type: str) -> Sequence[str]:
         """Names of the parts that claim new nodes of a type, in order."""
-        return self._by_type.get(type, ()) if self.parts else ()
+        if not self.parts:
+            return ()
+        claims, entries = self._claims, self._entries  # made in the other order: claims never outlive their entries
+        names = claims.get(type)
+        if names is None:
+            names = [entry.info.name for entry in entries.values() if entry.info is not None and type in entry.types]
+            names = claims[type] = sorted(names)
+        return names
 
 
-def _claims(parts: Iterable[PartInfo]) -> dict[str, list[str]]:
-    """The names of the parts that claim each type; the list of parts itself is in none."""
-    claims: dict[str, list[str]] = {}
-    for info in parts:
-        for type in info.types:
-            if type not in RECORDS:
-                claims.setdefault(type, []).append(info.name)
-    return claims
+def _entry(node: Node, before: _Entry | None) -> _Entry:
+    """What a node says; that is what it said before unless it has changed."""
+    record = node.get("record", "")
+    if before is not None and before.record == record:
+        return before
+    info = read_record(node)
+    return _Entry(record, info, frozenset(info.types if info is not None else ()) - RECORDS.keys())
 
 
 def read_record(node: Node) -> PartInfo | None:

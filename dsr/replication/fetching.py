@@ -5,6 +5,8 @@ A fetch that is broken off has lost nothing: what came is joined, and the next f
 
 from __future__ import annotations
 
+from itertools import chain
+
 from dsr.crdt.context import CausalContext, Dot, DotRange, without
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import FEWEST_TOLD, START, Piece, Place, share_of_full, share_of_told
@@ -26,7 +28,7 @@ class Fetch:
 
     Args:
         peer: who is asked.
-        seen: what need not be sent; it is not changed, and must not be.
+        seen: what need not be sent; it is not changed, and must not be while it is here.
         insists: see `Request`.
     """
 
@@ -38,7 +40,12 @@ class Fetch:
         """Of the piece to ask for; None if all have come."""
         self.before: State = (0, 0)
         """Of the asker, when it began to ask."""
-        self._seen = seen
+        self.brought = 0.0
+        """How much its pieces have brought, as `brought` tells: that is lost if this answer is forgotten."""
+        self.first = 0
+        """Number of the first request of which a reply may belong to this answer."""
+        self.seen = seen
+        """What need not be sent; it may only grow while an answer goes on."""
         self._insists = insists
         self._whole: list[DotRange] = []
         self._live: set[Dot] = set()
@@ -48,7 +55,7 @@ class Fetch:
     def request(self, rid: str) -> bytes:
         """The question for the next piece, of replica `rid`."""
         assert self.begin is not None
-        return encode_request(Request(rid, self._seen, self.begin, self._insists))
+        return encode_request(Request(rid, self.seen, self.begin, self._insists))
 
     def take(self, piece: Piece) -> bool:
         """Note that the piece has come, which is to be joined; false if it is not the one asked for."""
@@ -106,15 +113,14 @@ def brought(piece: Piece, store: Store, before: State, *, weighed: bool) -> floa
     It is 1 for the last one, and 0 if nothing is new and nothing of it is here: made-up pieces have no end. Unless it
     is to be `weighed`, whatever is more than nothing is 1.
     """
-    begin, end, entries = piece.begin, piece.end, store.entries
+    begin, end = piece.begin, piece.end
     if end is None:
         return 1.0
     is_new = state_of(store) != before
     if begin[0] == end[0] == "":  # it tells what the peer has seen, which cannot be much without many ranges
-        told = piece.whole or []
-        return max(share_of_told(told), _LEAST) if weighed else float(is_new or len(told) >= FEWEST_TOLD)
-    if begin[0] == "":
-        return 1.0
-    if not is_new and not any(begin[:2] <= dot < end[:2] and dot in entries for dot in piece.kept):
+        whole = piece.whole or []
+        return max(share_of_told(whole), _LEAST) if weighed else float(is_new or len(whole) >= FEWEST_TOLD)
+    told = chain(piece.kept, (add.dot for add in piece.adds))
+    if begin[0] and not is_new and not any(begin[:2] <= dot < end[:2] and dot in store.entries for dot in told):
         return 0.0
     return max(share_of_full(piece, store), _LEAST) if weighed else 1.0

@@ -25,6 +25,8 @@ class Impersonation:
         """Whether peers may believe somebody else who spoke in our name, and no other id was taken since."""
         self.forged: dict[Dot, None] = {}
         """Creation dots under which somebody else added something in our name."""
+        self.renewed: dict[Dot, Dot] = {}
+        """What the last change of the id made anew: each creation dot and the one that came for it."""
         self._graph = graph
         self._complaints = complaints
         self._new_id_at = -math.inf

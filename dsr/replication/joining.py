@@ -14,7 +14,7 @@ joined. So two newcomers that meet nobody else soon know that they hold all ther
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 from dsr.crdt.pieces import START, Place
 
@@ -50,7 +50,7 @@ class Joining:
         self._exhausted: set[str] = set()
         self._reached: dict[str, Place] = {}
         self._went_on: dict[str, float] = {}
-        self._asked_again_at, self._asked_again_last = -math.inf, False
+        self._asked_again_at, self._asked_again_last = -math.inf, True
 
     def appeared(self, rid: str) -> None:
         """A replica announced itself."""
@@ -118,17 +118,18 @@ class Joining:
         """Whether all replicas gave their whole content."""
         return bool(self.others) and all(rid in self._exhausted for rid in self.others)
 
-    def choose(self, reachable: Iterable[str], asked: dict[str, int], now: float) -> str | None:
-        """Choose the replica to ask, or None: the oldest first, for a younger one may be a newcomer, too."""
+    def choose(self, queued_at: dict[str, float], now: float) -> str | None:
+        """Choose the replica to ask, or None, of those that wait for their turn since then.
+
+        Of those that came at once the oldest is the first, for a younger one may be a newcomer, too.
+        """
         settled = self._exhausted if self.insists else self._exhausted | self._unjoined.keys()
         age = {rid: number for number, rid in enumerate(self.others)}
         by_turns = sorted(
-            reachable,
-            key=lambda rid: (rid in self.given_up, asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid),
+            queued_at,
+            key=lambda rid: (rid in self.given_up, queued_at[rid], not self._trusts(rid), age.get(rid, len(age)), rid),
         )
         fresh = [rid for rid in by_turns if rid not in settled]
-        if fresh and not asked[fresh[0]]:
-            return fresh[0]
         again = [rid for rid in by_turns if rid in settled]
         is_turn_of_fresh = bool(fresh) and self._asked_again_last  # however rarely this is called
         if again and not is_turn_of_fresh and now - self._asked_again_at >= UNJOINED_RETRY:

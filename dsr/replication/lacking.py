@@ -28,26 +28,38 @@ class Lacking:
         """Whether a removal has come somewhere without its dot: then only what all hold tells who is right."""
         self._graph, self._peers, self._complaints, self._trusts = graph, peers, complaints, trusts
 
-    def note(self, peer: Peer, digest: Digest) -> None:
-        """Compare a digest that has just come: if nothing is unknown here, what changes from now on does not matter."""
+    def note(self, rid: str, digest: Digest, now: float) -> Peer | None:
+        """Compare the digest of a replica that has just come; returns what is known of it, None if none is listened to.
+
+        If nothing is unknown here, what changes from now on does not matter. If what the digest before told is still
+        missing, another one gives it no more time to come.
+        """
+        before = self._peers.get(rid)
+        lacked = before is not None and self._has_more(rid, before)
+        peer = self._peers.heard(rid, digest, now)
+        if peer is None:
+            return None
+        if not lacked:
+            peer.told_at = now
         listed, peer.rest_known = self._graph.store.context.compare(digest.seen)
         if listed and peer.rest_known and not self._differs(digest):
             peer.covered = digest
+        return peer
 
     def have_more(self, now: float) -> list[str]:
         """Peers of which a digest told of something that is not here, though it had the time to come."""
         return [
             rid
             for rid, peer in self._peers.items()
-            if peer.digest
-            and peer.digest is not peer.covered
-            and GRACE <= now - peer.heard_at < SILENCE
-            and self._is_behind(rid, peer, peer.digest)
+            if now - peer.told_at >= GRACE and now - peer.heard_at < SILENCE and self._has_more(rid, peer)
         ]
 
     def due(self, now: float) -> list[str]:
         """Those of them that were not asked since their last digest, nor too soon after an answer in vain."""
         return [rid for rid in self.have_more(now) if self._peers[rid].is_due(now)]
+
+    def _has_more(self, rid: str, peer: Peer) -> bool:
+        return peer.digest is not None and peer.digest is not peer.covered and self._is_behind(rid, peer, peer.digest)
 
     def _is_behind(self, rid: str, peer: Peer, digest: Digest) -> bool:
         listed, rest = self._graph.store.context.compare(digest.seen)

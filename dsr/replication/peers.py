@@ -46,8 +46,12 @@ class Peer:
     rest_known: bool = False
     """Whether, when its digest came, there was no difference beyond what that lists."""
     heard_at: float = -math.inf
+    told_at: float = -math.inf
+    """When the first of its digests came that told of something which has been missing here since."""
     ahead: bool = False
     """Whether the peer's physical clock was more than MAX_DRIFT in our future."""
+    queued_at: float = -math.inf
+    """Since when it has waited for its turn to be asked: when it came, or its last turn ended."""
     asked: int = 0
     """Number of requests to the peer."""
     asked_at: float = -math.inf
@@ -187,7 +191,7 @@ class Peers(dict[str, Peer]):
             self.refused += 1
             return False
         self._of_agent[agent] += 1
-        self[rid] = Peer(now)
+        self[rid] = Peer(now, queued_at=now)
         return True
 
     def _silent(self, agent: str) -> str | None:

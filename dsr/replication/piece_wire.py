@@ -26,6 +26,7 @@ from dsr.replication.wire import (
     CounterOrZero,
     Indexes,
     Name,
+    Names,
     Natural,
     WriteRow,
     add_rows,
@@ -76,7 +77,7 @@ class _Piece(msgspec.Struct, array_like=True, gc=False):
     begin: _Place
     end: _Place | None
     joined: bool
-    waits_for: Annotated[list[Name], MOST_CHANGES]
+    waits_for: Names
 
 
 class _Head(msgspec.Struct, array_like=True, gc=False):

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 from dsr.crdt.context import Dot, to_ranges
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.graph.graph import Graph
 
+_NONE: Mapping[Dot, Dot] = MappingProxyType({})
 _TAKEN = re.compile(r"(?P<first>.+)r(?P<number>[0-9]{6})[0-9a-f]{8}")
 
 
@@ -24,14 +26,22 @@ def next_id(rid: str) -> str:
     return f"{first}r{number + 1:06}{secrets.token_hex(4)}"
 
 
-def going_on_as(graph: Graph, rid: str, confirmed: int, now: float, forged: Iterable[Dot] = ()) -> Delta:
+def going_on_as(
+    graph: Graph, rid: str, confirmed: int, now: float, forged: Iterable[Dot] = (), renewed: Mapping[Dot, Dot] = _NONE
+) -> tuple[Delta, dict[Dot, Dot]]:
     """Give the graph another replica id, and write anew, as one delta, what peers may not have taken under the old one.
 
     That is what was added or written since counter `confirmed`, and samples of streams that are not durable yet. Values
-    keep their stamps. What somebody else had added under the dots `forged` is removed; edges of others that end there
-    are added anew, too. The graph must be locked.
+    keep their stamps. What somebody else had added under the dots `forged` is removed. So is what the last change of
+    the id had made anew (`renewed`: each dot and the one that came for it), so that nobody grows by further changes.
+    Edges of others that would end nowhere are added anew, too. Returns what is made anew now. The graph must be locked.
     """
     old, store, void = graph.rid, graph.store, set(forged)
+    gone = void.union(renewed)
+
+    def ends_nowhere(ends: tuple[Dot, ...]) -> bool:
+        return bool(ends) and all(end in gone or (store.is_known(end) and store.find(end) is None) for end in ends)
+
     graph.rid, graph.counter = rid, 0
     delta = Delta()
     found = [entry for dot in store.written_dots() if (entry := store.find(dot))]
@@ -39,27 +49,36 @@ def going_on_as(graph: Graph, rid: str, confirmed: int, now: float, forged: Iter
         entry
         for entry in found
         if entry.dot in store.entries
+        and entry.dot not in renewed
         and (
-            _is_lost(entry.dot, old, confirmed)
-            or not void.isdisjoint((entry.dot, *entry.sources, *entry.destinations))
+            entry.dot in void
+            or _is_lost(entry.dot, old, confirmed)
+            or ends_nowhere(entry.sources)
+            or ends_nowhere(entry.destinations)
         )
     ]
     anew: dict[Dot, Dot] = {}
     for entry in sorted(lost, key=lambda entry: not isinstance(entry.key, str)):  # nodes first: edges name their dots
         dot = anew[entry.dot] = graph.new_dot()
-        ends = ((*dots, *(anew[end] for end in dots if end in anew)) for dots in (entry.sources, entry.destinations))
+        ends = (_with_renewed(dots, renewed, anew) for dots in (entry.sources, entry.destinations))
         delta.adds.append(Add(dot, entry.key, entry.type, *ends))
         delta.writes += [_again(write, dot, rid, graph.new_dot()) for write in entry.registers.values()]
     for entry in found:
         own = [write for write in entry.registers.values() if _is_unsure(write, old, confirmed)]
-        delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own]
-    delta.removed = sorted(void)
+        delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own if entry.dot not in renewed]
+    delta.removed = sorted(gone)
     if delta.removed:
         graph.new_dot()
     if graph.counter:
         delta.context = [(rid, 1, graph.counter)]
     graph.join(delta, now)
-    return delta
+    return delta, anew
+
+
+def _with_renewed(ends: tuple[Dot, ...], renewed: Mapping[Dot, Dot], anew: Mapping[Dot, Dot]) -> tuple[Dot, ...]:
+    """The ends of an edge, with those that took their places at the last change of the id and at this one."""
+    latest = dict.fromkeys([*ends, *(renewed[end] for end in ends if end in renewed)])
+    return tuple(dict.fromkeys([*latest, *(anew[end] for end in latest if end in anew)]))
 
 
 def unconfirmed(graph: Graph, confirmed: int) -> Delta:

@@ -325,8 +325,10 @@ class Replica:
             with self.lock:
                 bundles, samples = self._outbox.take()
                 old, rid = self.graph.rid, next_id(self.graph.rid)
-                sync = self.synchroniser
-                self.commit(going_on_as(self.graph, rid, sync.confirmed, self._clock.now(), sync.impersonation.forged))
+                sync, now = self.synchroniser, self._clock.now()
+                lies = sync.impersonation
+                delta, lies.renewed = going_on_as(self.graph, rid, sync.confirmed, now, lies.forged, lies.renewed)
+                self.commit(delta)
                 sync.id_taken()
             self._publish_as(old, bundles, samples)
             withdrawn, self._announced = self._announced, self._announce()

@@ -52,14 +52,12 @@ from dsr.replication.pace import Pace
 from dsr.replication.peers import SILENCE, Peer, Peers
 from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.portions import parts_in, portion
-from dsr.replication.wire import Digest, decode_delta, decode_digest, encode_digest
+from dsr.replication.wire import MOST_NAMED, Digest, decode_delta, decode_digest, encode_digest
 
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 LONG_WAIT = 1.0
 """s of waiting after which a newcomer says for which replicas it waits."""
-MOST_NAMED = 32
-"""Replicas that one message names to people, or for votes about clocks: those known longest."""
 
 
 class ChangeGate(Protocol):
@@ -181,10 +179,9 @@ class Synchroniser:
             return
         known = self._peers.get(sender)
         before = known and (known.ahead, known.digest is not None and self.graph.rid in known.digest.ahead)
-        peer = self._peers.heard(sender, digest, now)
+        peer = self.lacking.note(sender, digest, now)
         if peer is None:
             return
-        self.lacking.note(peer, digest)
         self._note_acknowledged(sender, peer, digest)
         peer.ahead = digest.now - physical > MAX_DRIFT
         if peer.ahead:
@@ -205,55 +202,62 @@ class Synchroniser:
 
     def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
-        fetch, before = self.inquiry.answer_to(number), state_of(self.graph.store)
-        if fetch is not None and sender in self._peers:  # what was asked before its token went proves nothing
+        in_time, before = self.inquiry.is_awaited(number), state_of(self.graph.store)
+        fetch = self.inquiry.answer_to(sender, number)
+        if in_time and sender in self._peers:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
         try:
             with collector_paused():
                 piece = decode_piece(payload)
                 delta = piece.as_delta()
                 self._check_piece(sender, piece, delta)
-                taken = fetch is not None and self.inquiry.take(piece)
+                if fetch is None and sender in self._peers:
+                    fetch = self.inquiry.begun_late(sender, number, piece)
+                taken = fetch is not None and self.inquiry.take(fetch, piece)
                 self._join_reply(sender, delta, physical)
         except WireError as error:
             self.complaints.drop(sender, error)
             self._peers.gave(sender, useful=False)
             if fetch is not None:
-                self._break_off(fetch.peer)
+                self._break_off(fetch)
             return
         except BaseException:  # the piece may not be joined: the end of this answer must not account for it
             if fetch is not None:
-                self.inquiry.give_up()
+                self.inquiry.give_up(fetch)
             raise
-        counts = taken if fetch is not None else not is_refusal(piece) and sender in self._peers
+        counts = taken if in_time else not is_refusal(piece) and sender in self._peers
         weighed = self.joining.weighs_pieces
         share = brought(piece, self.graph.store, before, weighed=weighed) if counts else 0.0
         if share and self.joining.went_on(sender, piece.end, share):
-            self.pieces += fetch is not None
-            self.inquiry.went_on(sender, in_time=fetch is not None)
-        if fetch is not None:
+            self.pieces += taken
+            self.inquiry.went_on(sender)
+        if in_time:
             self._peers.answered(sender)
+        if fetch is not None and (taken or in_time):
+            fetch.brought += share
             self._go_on(fetch, piece, physical, taken=taken)
 
     def _go_on(self, fetch: Fetch, piece: Piece, physical: float, *, taken: bool) -> None:
-        """Go on with an answer of which a piece came in time, or end it."""
+        """Go on with an answer of which a piece came, or end it."""
         if is_refusal(piece):
             self.joining.declined(fetch.peer, piece.waits_for)
-            self.inquiry.give_up()
+            self.inquiry.give_up(fetch)
         elif not taken:
-            self._reject(fetch.peer, "another piece than was asked for")
+            self._reject(fetch, "another piece than was asked for")
         else:
             fetch.note_joined(piece, self.graph.store)
             if fetch.begin is None:
                 self._finish(fetch, physical)
             elif fetch.is_useless:
-                self._reject(fetch.peer, "too many changes in one answer that cannot be joined")
+                self._reject(fetch, "too many changes in one answer that cannot be joined")
+            elif fetch is not self.inquiry.fetch:
+                self.inquiry.keep(fetch)
 
-    def _reject(self, peer: str, why: str) -> None:
+    def _reject(self, fetch: Fetch, why: str) -> None:
         """Drop an answer that makes no sense."""
-        self.complaints.drop(peer, WireError(why))
-        self._peers.gave(peer, useful=False)
-        self.inquiry.give_up()
+        self.complaints.drop(fetch.peer, WireError(why))
+        self._peers.gave(fetch.peer, useful=False)
+        self.inquiry.give_up(fetch)
 
     def _check_piece(self, sender: str, piece: Piece, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name; leave out of it what nobody can have seen."""
@@ -298,16 +302,15 @@ class Synchroniser:
 
     def request_done(self, number: int) -> None:
         """No more answers to that `Ask` will come."""
-        fetch = self.inquiry.answer_to(number)
-        if fetch is not None:
-            self._break_off(fetch.peer)
+        if self.inquiry.fetch is not None and self.inquiry.is_awaited(number):
+            self._break_off(self.inquiry.fetch)
 
-    def _break_off(self, peer: str) -> None:
+    def _break_off(self, fetch: Fetch) -> None:
         """Expect no more of an answer, and perhaps of who gave it."""
-        self.inquiry.give_up()
-        self._peers.unanswered(peer)
-        if peer not in self._peers:
-            self._forget(peer)
+        self.inquiry.give_up(fetch)
+        self._peers.unanswered(fetch.peer)
+        if fetch.peer not in self._peers:
+            self._forget(fetch.peer)
 
     def nobody_there(self) -> None:
         """Note that there is nothing to wait for: the caller knows that the graph begins here, or wants this."""

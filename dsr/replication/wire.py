@@ -47,6 +47,9 @@ MAX_STRUCTURE = 1 << 20
 MAX_ADD = 3 * MAX_STRUCTURE // 8
 """Bytes of one addition, which an answer holds beside much else. The most ends with the longest ids take 336 kB."""
 
+MOST_NAMED = 32
+"""Replicas that one message names to people, or for votes about clocks: those known longest. Readers keep them."""
+
 _FEW_ENDS = MAX_ADD // (4 * MAX_NAME + 32)
 """Creation dots that fit into one addition, however long their replica ids are."""
 
@@ -56,6 +59,7 @@ CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
 _Hash = Annotated[int, msgspec.Meta(ge=0)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=MAX_STAMP)]
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
+Names = Annotated[list[Name], msgspec.Meta(max_length=MOST_NAMED)]
 
 
 SentAdd = tuple[int, int, Key, str, list[int], list[int]]
@@ -128,7 +132,7 @@ class _Digest(msgspec.Struct, array_like=True, gc=False):
     recent: Annotated[list[_Listed], msgspec.Meta(max_length=LISTED)]
     hash: _Hash
     fingerprint: int
-    ahead: list[Name]
+    ahead: Names
 
 
 class _FirstDigest(msgspec.Struct, array_like=True, gc=False):
@@ -139,7 +143,7 @@ class _FirstDigest(msgspec.Struct, array_like=True, gc=False):
     now: float
     context: list[tuple[Name, _Counter, _Counter]]
     fingerprint: int
-    ahead: list[Name]
+    ahead: Names
 
 
 class _Head(msgspec.Struct, array_like=True, gc=False):

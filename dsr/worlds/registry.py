@@ -9,11 +9,13 @@ one: the winning record tells the channel on which both go on.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Annotated
 
 import msgspec
 
 from dsr.clock import is_time
 from dsr.crdt.context import Dot
+from dsr.crdt.delta import MAX_ENDS
 from dsr.errors import ConfigError, WireError
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
@@ -68,7 +70,7 @@ class _Stored(msgspec.Struct, frozen=True, omit_defaults=True):
     follows: bool = False
     creator: str = ""
     created: float = 0.0
-    below: tuple[Dot, ...] = ()
+    below: Annotated[tuple[Dot, ...], msgspec.Meta(max_length=MAX_ENDS)] = ()
 
 
 BASE_INFO = WorldInfo(BASE)
@@ -82,8 +84,8 @@ def node_name(world: str) -> str:
 
 
 def to_attribute(info: WorldInfo, channel: str, below: Iterable[Dot] = ()) -> str:
-    """The value of the attribute `record`; `below` is `Record.below`."""
-    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created, tuple(sorted(below)))
+    """The value of the attribute `record`; `below` is `Record.below`, of which `MAX_ENDS` are named: the latest."""
+    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created, tuple(sorted(below)[-MAX_ENDS:]))
     return _encoder.encode(stored).decode()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import tracemalloc
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import msgpack
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from dsr.errors import WireError
 from dsr.graph.schema import MAX_LENGTH
 from dsr.replication.piece_wire import decode_piece, decode_request
-from dsr.replication.wire import MAX_MESSAGE, MAX_STRUCTURE, decode_delta, decode_digest
+from dsr.replication.wire import MAX_MESSAGE, MAX_STRUCTURE, MOST_NAMED, decode_delta, decode_digest
 from tests.dsr.test_wire import message, written
 
 SIZE = 1 << 20
@@ -105,3 +106,14 @@ def test_the_longest_values_pass(longest: object) -> None:
 
 def test_small_floats_of_other_languages_pass() -> None:
     assert decode_delta(value(array(3, b"\xca" + struct.pack(">f", 0.5)))).writes[0].value == (0.5, 0.5, 0.5)
+
+
+def test_no_message_names_more_replicas_than_an_honest_one() -> None:
+    """Who reads keeps these names of each peer: of a digest of 1 MB that would be 11 MB."""
+    names = [f"r{number}" for number in range(MOST_NAMED + 1)]
+    for named, fits in ((names[1:], True), (names, False)):
+        piece = msgpack.packb([1, [], [], [], [], [], None, ["", 0, ""], None, False, named])
+        first, second = (msgpack.packb([*head, named]) for head in ([1, "a", 0.0, [], 0], [2, "a", 0.0, [], 1, 0]))
+        for decode, payload in ((decode_piece, piece), (decode_digest, first), (decode_digest, second)):
+            with nullcontext() if fits else pytest.raises(WireError):
+                decode(payload)

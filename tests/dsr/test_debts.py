@@ -30,14 +30,17 @@ def lie(net: Net, kind: Kind, agent: str = "liar", number: int = 1, part: str = 
     return Claimant(kind, transport, net.clock, "g", f"{agent}-{number}", (part,))
 
 
-def pump(net: Net, seconds: float, *liars: Claimant, until: Callable[[], object] = lambda: False) -> float:
+def pump(
+    net: Net, seconds: float, *liars: Claimant, until: Callable[[], object] = lambda: False,
+    faults: Faults | None = None,
+) -> float:  # fmt: skip
     """Let time pass in which liars speak once a second; returns after how many s the condition held."""
     for second in range(round(seconds)):
         if until():
             return second
         for liar in liars:
             liar.speak()
-        net.pump(1.0)
+        net.pump(1.0, faults)
     return seconds
 
 
@@ -173,29 +176,32 @@ def test_a_part_that_is_taken_again_and_again_waits_for_who_came_to_hold_it(net:
     assert joined(b) and "spoon" in b
 
 
-@pytest.mark.parametrize("kind", ["never ends", "is silent", "begins anew", "makes up"])
+@pytest.mark.parametrize(("count", "delay"), [(5, 1.2), (9, 1.2), (9, 2.5), (9, 4.5)])
+@pytest.mark.parametrize("kind", ["never ends", "is silent", "waits itself", "begins anew", "makes up", "trickles"])
 def test_a_slow_holder_is_not_given_up_while_liars_have_their_turns(
-    net: Net, kind: Kind, monkeypatch: pytest.MonkeyPatch
+    net: Net, kind: Kind, count: int, delay: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 20)
     a, b = house(net)
     for k in range(100):
         a.add_node(f"thing_{k}", "cube", "kitchen")
     net.pump(2.0)
-    liars = [lie(net, kind, f"liar{k}") for k in range(5)]
+    liars = [lie(net, kind, f"liar{k}") for k in range(count)]
     pump(net, 3, *liars)
     b._parts("test").take("kitchen")
-    late = Faults(delay=(1.2, 1.2))
-    for _ in range(200):
-        for liar in liars:
-            liar.speak()
-        net.pump(1.0, late)
-        if joined(b):
-            break
-    assert joined(b) and sum(node.name.startswith("thing") for node in b.nodes()) == 100
+    took = pump(net, 300, *liars, until=lambda: joined(b), faults=Faults(delay=(delay, delay)))
+    assert took < 300 and sum(node.name.startswith("thing") for node in b.nodes()) == 100
 
 
-@pytest.mark.parametrize(("count", "delay"), [(4, 1.2), (9, 1.2), (15, 0.5)])
+@pytest.mark.parametrize("kind", ["makes up", "never ends"])
+def test_who_answers_an_earlier_question_while_it_is_asked_again_has_no_more_time(net: Net, kind: Kind) -> None:
+    """A liar answers after 0.6 s, and is asked again after 0.5 s."""
+    a, liar = alone(net, kind)
+    a._parts("test").take("kitchen")
+    assert pump(net, 2 * BOUND, liar, until=lambda: joined(a), faults=Faults(delay=(0.3, 0.3))) < BOUND + 5
+
+
+@pytest.mark.parametrize(("count", "delay"), [(4, 1.2), (9, 1.2), (15, 0.5), (5, 2.0), (10, 2.0)])
 def test_many_slow_holders_give_all_where_nobody_lies(
     net: Net, count: int, delay: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,11 +214,8 @@ def test_many_slow_holders_give_all_where_nobody_lies(
         net.join(f"holder{number}", interest=())._parts("test").take("kitchen")
     net.pump(15.0)
     b._parts("test").take("kitchen")
-    seconds = 0
-    while not joined(b) and seconds < 300:
-        net.pump(1.0, Faults(delay=(delay, delay)))
-        seconds += 1
-    assert joined(b) and sum(node.name.startswith("thing") for node in b.nodes()) == 400
+    took = pump(net, 300, until=lambda: joined(b), faults=Faults(delay=(delay, delay)))
+    assert took < 300 and sum(node.name.startswith("thing") for node in b.nodes()) == 400
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -227,11 +230,8 @@ def test_a_slow_or_lossy_holder_is_not_overtaken(
     net.pump(2.0)
     net.network._random = np.random.default_rng(seed)
     b._parts("test").take("kitchen")
-    seconds = 0
-    while not joined(b) and seconds < 1000:
-        net.pump(1.0, faults)
-        seconds += 1
-    assert joined(b) and "thing_399" in b and seconds > 1
+    took = pump(net, 1000, until=lambda: joined(b), faults=faults)
+    assert 1 < took < 1000 and "thing_399" in b
 
 
 def test_only_time_between_words_of_who_owes_something_counts() -> None:

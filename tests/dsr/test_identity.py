@@ -319,3 +319,28 @@ def test_a_process_is_found_under_its_new_id() -> None:
     assert [member.rid for member in rendezvous.members("g")] == ["a-1r000001"]
     registration.close()
     assert rendezvous.members("g") == []
+
+
+def test_who_speaks_in_its_name_again_and_again_lets_nobody_grow(net: Net) -> None:
+    """One short digest for each new id must not double what everybody holds."""
+    victim, other = net.join("victim"), net.join("other")
+    net.pump(2.0)
+    tabletop(victim)
+    net.pump(2.0)
+    other.add_edge("table", "cube_3", "on", since=1.0)
+    other.update_node("cube_3", mass=2.0)
+    net.pump(2.0)
+    before, held = content(victim), len(victim.replica.graph.store.entries)
+    liar, keys = stranger(net), victim.keys
+    liar.announce(keys.presence("stranger", "stranger-1"))
+    for number in range(60):
+        seen = CausalContext([(victim.replica.graph.rid, 1, MOST)]).summary()
+        liar.publish(keys.digest("stranger-1"), encode_digest(Digest("stranger-1", net.clock.now(), seen, 0, ())))
+        net.pump(1.0)
+        if number == 30:
+            other.add_edge("table", "world", "on", since=2.0)
+            before = content(victim) | content(other)
+    assert victim.statistics.new_ids >= 6
+    assert len(victim.replica.graph.store.entries) <= 2 * held + 2
+    assert content(victim) == before
+    check_equal(net, victim, other)

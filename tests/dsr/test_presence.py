@@ -116,32 +116,32 @@ def test_a_digest_that_was_under_way_when_the_token_went_keeps_nobody_alive() ->
 
 
 def test_a_newcomer_asks_those_who_had_not_joined_again_although_another_one_never_answers() -> None:
-    joining, asked = Joining("new-1", lambda rid: True), {"silent-1": 0, "late-1": 0}
-    for rid in asked:
+    joining, queued = Joining("new-1", lambda rid: True), {"silent-1": -1.0, "late-1": -1.0}
+    for rid in queued:
         joining.appeared(rid)
     joining.declined("late-1", ["silent-1"])
     chosen = []
     for step in range(10):
-        rid = joining.choose(asked, asked, step * UNJOINED_RETRY)
+        rid = joining.choose(queued, step * UNJOINED_RETRY)
         assert rid is not None
-        asked[rid] += 1
+        queued[rid] = step
         chosen.append(rid)
     assert chosen[0] == "silent-1" and chosen.count("late-1") == 5
 
 
 def test_a_newcomer_that_is_slow_does_not_ask_those_again_and_again_that_gave_all() -> None:
-    joining, asked = Joining("new-1", lambda rid: True), {"first-1": 0, "second-1": 0, "liar-1": 0}
-    for rid in asked:
+    joining, queued = Joining("new-1", lambda rid: True), {"first-1": -1.0, "second-1": -1.0, "liar-1": -1.0}
+    for rid in queued:
         joining.appeared(rid)
         joining.declined(rid, ["liar-1"])
     joining.given_up = frozenset(["liar-1"])
     for step in range(4):
-        rid = joining.choose(asked, asked, step * 2.0 * UNJOINED_RETRY)
+        rid = joining.choose(queued, step * 2.0 * UNJOINED_RETRY)
         assert rid is not None
-        asked[rid] += 1
+        queued[rid] = step
         joining.exhausted(rid)
-    assert asked["first-1"] and asked["second-1"]
-    assert joining.others == ["first-1", "second-1", *(["liar-1"] if asked["liar-1"] else [])]
+    assert queued["first-1"] >= 0.0 and queued["second-1"] >= 0.0
+    assert joining.others == ["first-1", "second-1", *(["liar-1"] if queued["liar-1"] >= 0.0 else [])]
 
 
 def test_an_answer_to_what_was_asked_before_the_token_went_keeps_nobody_alive() -> None:

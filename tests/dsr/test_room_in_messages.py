@@ -18,11 +18,12 @@ from dsr.network.keys import Keys
 from dsr.replication.fetching import Fetch
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.piece_wire import Request, decode_piece, decode_request, encode_piece, encode_request
-from dsr.replication.sync import MOST_NAMED, Synchroniser
+from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import (
     MAX_ADD,
     MAX_NAME,
     MAX_STRUCTURE,
+    MOST_NAMED,
     Digest,
     decode_delta,
     decode_digest,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 import pytest
@@ -12,6 +13,7 @@ from dsr.crdt.pieces import START, Piece, Place
 from dsr.graph.graph import Graph
 from dsr.replication import fetching
 from dsr.replication.inquiry import TURN
+from dsr.replication.lacking import GRACE
 from dsr.replication.outputs import Ask
 from dsr.replication.piece_wire import Request, decode_request, encode_piece
 from dsr.replication.sync import Synchroniser
@@ -150,3 +152,78 @@ def test_a_piece_that_was_lost_is_asked_for_again_and_not_all_before_it(monkeypa
             mine.receive_reply("holder-1", ask.number, encode_piece(piece), now)
     assert mine.joined and len(mine.graph.nodes) == 40
     assert begins == sorted(begins) and begins.count(START) == 1
+
+
+def test_who_tells_again_and_again_that_something_is_missing_is_asked_for_it() -> None:
+    """Digests that follow each other sooner than a delta may take must not put the question off."""
+    mine, holder = Synchroniser(Graph("me-1"), joined=True), Synchroniser(Graph("holder-1"), joined=True)
+    holder.graph.add_node("cup", "cube", {}, 0.0)
+    mine.peer_appeared("holder-1", 0.0)
+    asked_at = []
+    for now in (number / 20 for number in range(1, 11)):
+        mine.receive_digest("holder-1", holder.digest(now), now, now)
+        if any(isinstance(each, Ask) for each in mine.tick(now, now)):
+            asked_at.append(now)
+    assert asked_at and GRACE <= asked_at[0] <= 2 * GRACE + 0.05
+
+
+class Crowd:
+    """A replica, a holder whose answers take `delay` s, and liars that give a first piece, and never the next."""
+
+    def __init__(self, nodes: int, *, joined: bool, delay: float = 0.0) -> None:
+        self.mine = Synchroniser(Graph("me-1"), joined=joined)
+        self.delay, self.now, self._steps = delay, 0.0, 0
+        self._holder = Synchroniser(Graph("holder-1"), joined=True)
+        for number in range(nodes):
+            self._holder.graph.add_node(f"n{number}", "cube", {}, 0.0)
+        self._under_way: list[tuple[float, Ask, Piece]] = []
+
+    def step(self, liars: list[str], *, holder_speaks: bool) -> None:
+        """Let 0.1 s pass; these liars speak now, and perhaps the holder."""
+        self._steps += 1
+        self.now = self._steps / 10
+        lie = CausalContext([("nobody-1", 1, 5)]).summary()
+        for rid in liars:
+            self.mine.receive_digest(rid, encode_digest(Digest(rid, self.now, lie, 0, ())), self.now, self.now)
+        if holder_speaks:
+            self.mine.receive_digest("holder-1", self._holder.digest(self.now), self.now, self.now)
+        for ask in [each for each in self.mine.tick(self.now, self.now) if isinstance(each, Ask)]:
+            if ask.peer == "holder-1":
+                piece = self._holder.answer("me-1", ask.payload)
+                assert piece is not None
+                self._under_way.append((self.now + self.delay, ask, piece))
+            elif decode_request(ask.payload).begin == START:
+                self._under_way.append((self.now, ask, Piece(START, (ask.peer, 1, ""), whole=[("nobody-1", 1, 5)])))
+        for come in [each for each in self._under_way if each[0] <= self.now]:
+            self._under_way.remove(come)
+            self.mine.receive_reply(come[1].peer, come[1].number, encode_piece(come[2]), self.now)
+
+
+def test_a_liar_that_answers_no_more_keeps_nobody_from_who_speaks_when_its_turn_ends() -> None:
+    """A turn lasts for a whole number of seconds, and so do the times between digests."""
+    crowd = Crowd(1, joined=True)
+    number = 0
+    while number < 400 and not crowd.mine.graph.nodes:
+        number += 1
+        crowd.step(["liar-1"] if number % 10 == 0 else [], holder_speaks=number % 10 == 2 and number > 10)
+    assert number < 150
+
+
+@pytest.mark.parametrize("withdraws", [False, True])
+@pytest.mark.parametrize("joined", [False, True])
+def test_a_liar_that_comes_under_ever_new_ids_is_not_asked_before_who_waits(
+    joined: bool, withdraws: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 10)
+    crowd, ids = Crowd(60, joined=joined, delay=2.5), deque[str](maxlen=20)
+    crowd.mine.peer_appeared("holder-1", 0.0)
+    for number in range(2000):
+        if number % 10 == 5:
+            if len(ids) == 20:
+                crowd.mine.peer_gone(ids[0], crowd.now)
+            ids.append(f"liar-{number}")
+            crowd.mine.peer_appeared(ids[-1], crowd.now)
+        crowd.step(list(ids) if number % 10 == 6 else [], holder_speaks=number % 10 == 2)
+        if withdraws and number % 10 == 7 and ids:
+            crowd.mine.peer_gone(ids[-1], crowd.now)
+    assert len(crowd.mine.graph.nodes) == 60

@@ -18,9 +18,12 @@ from dsr import (
 )
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta
+from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
+from dsr.graph.schema import PART_RECORD
 from dsr.network.keys import Keys, part_of, part_rid
 from dsr.parts.graph import PartedGraph
+from dsr.parts.registry import node_name, read_record, to_attribute
 from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.conftest import Net, reply_of
 from tests.dsr.test_interrupts import interrupted_at
@@ -485,3 +488,25 @@ def test_edges_that_are_gone_leave_no_trace_of_the_parts_for_which_they_waited(n
     a.remove_node("cup")
     net.pump(1.5)
     assert graph(b)._beyond == {}
+
+
+def test_of_the_list_of_parts_only_what_has_changed_is_read_again(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One short message must not have everybody read all that anybody has ever listed."""
+    a, b = house(net)
+    for number in range(20):
+        a.create_part(f"room_{number:02}", types=("ball",))
+    net.pump(1.0)
+    assert len(b.parts()) == 22
+    read: list[str] = []
+
+    def noted(node: Node) -> PartInfo | None:
+        read.append(node.name)
+        return read_record(node)
+
+    monkeypatch.setattr("dsr.parts.registry.read_record", noted)
+    b.write_record(node_name("room_07"), PART_RECORD, to_attribute(PartInfo("room_07", ("cube",), "b", 1.0)))
+    assert next(info for info in b.parts() if info.name == "room_07").types == ("cube",)
+    assert read == [node_name("room_07")]
+    listed = b._parts("test").listed
+    assert "room_07" not in listed.claiming("ball") and len(listed.claiming("ball")) == 20
+    assert listed.claiming("cube") == ["room_07"] and not listed.claiming(PART_RECORD)

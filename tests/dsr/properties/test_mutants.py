@@ -281,7 +281,7 @@ def forget_removals(original: Any) -> Any:
 
 def count_on_what_somebody_may_never_have_taken(original: Any) -> Any:
     """A replica with another id writes nothing anew."""
-    return lambda graph, rid, confirmed, now, forged=(): original(graph, rid, graph.counter, now, forged)
+    return lambda graph, rid, confirmed, *rest: original(graph, rid, graph.counter, *rest)
 
 
 def believe_claims_for_others(original: Any) -> Any:

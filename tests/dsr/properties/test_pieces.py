@@ -13,7 +13,7 @@ from benchmarks.years.showing import state
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, Place, piece_of, reply_to
+from dsr.crdt.pieces import START, Piece, Place, piece_of, reply_to, seen_by
 from dsr.graph.graph import Graph
 from dsr.replication.fetching import Fetch
 from dsr.replication.piece_wire import decode_piece, encode_piece
@@ -65,12 +65,13 @@ class Room:
         """One replica asks another one; unless `whole`, it may be broken off. Whether all came."""
         mine, theirs = self.graphs[asker], self.graphs[asked]
         fetch = Fetch("peer", CausalContext(mine.store.context.ranges()), insists=True)
-        seen = fetch._seen
         while fetch.begin is not None:
             if not whole and self.random.random() < 0.1:
                 return False
+            if not whole and self.random.random() < 0.3:  # the answer was paused, and goes on
+                fetch.seen = CausalContext(seen_by(mine.store))
             with self._limits:
-                piece = decode_piece(encode_piece(piece_of(theirs.store, seen, fetch.begin)))
+                piece = decode_piece(encode_piece(piece_of(theirs.store, fetch.seen, fetch.begin)))
             self.old.append((asker, piece))
             if not whole and self.random.random() < 0.5:
                 self.change()
