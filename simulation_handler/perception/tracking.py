@@ -1,7 +1,7 @@
 """Percepts of one object over time: averaged while it rests, single wrong frames ignored, moves followed.
 
 A percept beyond the gate is set aside; only several in a row mean that the object has moved. A move too small for
-that shows in the mean of the last few.
+that shows in the mean of the newest, of as many as tell it best.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ class PerceptTrack:
             return
         self.last_stamp = percept.stamp
         self._newest.append(percept)
+        if self.estimate is not None:
+            self._recent.append((percept, self.estimate.innovation(percept)))
         if self.estimate is not None and self.estimate.accepts(percept):
             self._fuse(self.estimate, percept)
             return
@@ -105,19 +107,25 @@ class PerceptTrack:
         return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
 
     def _fuse(self, estimate: Estimate, percept: WeighedPercept) -> None:
-        """Take in a percept that agrees; if the recent ones together do not, weigh the newer of them anew."""
-        self._recent.append((percept, estimate.innovation(percept)))
+        """Take in a percept that agrees; if the recent ones together do not, weigh these anew."""
         self._pending.clear()
         self.moving = False
         self.changed = True
-        newer = [percept]
-        innovations = [innovation for _, innovation in self._recent]
-        if len(self._recent) == RECENT_PERCEPTS and not estimate.agrees(innovations, percept, self._config.recent_gate):
-            estimate.loosen(innovations)
-            newer = [recent for recent, _ in self._recent][RECENT_PERCEPTS // 2 :]  # the older half may be from before
+        newer = self._since_moved(estimate, percept)
+        if newer:
+            estimate.loosen([innovation for _, innovation in newer])
             self._recent.clear()
-        for recent in newer:
+        for recent, _ in newer or [self._recent[-1]]:
             estimate.fuse(recent)
+
+    def _since_moved(self, estimate: Estimate, percept: WeighedPercept) -> list[tuple[WeighedPercept, Innovation]]:
+        """The newest percepts that agree with each other, and together disagree most with the estimate; none if none
+        do. Some of them may have been set aside: not each is beyond the gate.
+        """
+        recent, fewest = list(self._recent), self._config.confirm_frames
+        count = estimate.farthest([innovation for _, innovation in recent], percept, self._config.recent_gate, fewest)
+        newer = recent[len(recent) - count :]
+        return newer if newer and fused([one for one, _ in newer], self._config) is not None else []
 
     def _restart(self, percepts: Sequence[WeighedPercept], old: Estimate | None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
