@@ -72,7 +72,7 @@ class Belief:
         self._explainer.take = self._touching.take
         self._evidence = EvidenceReader(
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
-            self._explainer.in_doubt, self.config, self._courses.of,
+            self._explainer.in_doubt, self.config, self._courses.of, lambda: self._explainer.waiting,
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)

@@ -41,7 +41,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track: it is surprising there."""
     recent_gate: float = math.sqrt(2.0 * (SURPRISING + math.log(RECENT_PERCEPTS / FRAME)))
     """Standard deviations beyond which the mean of some of the last ten percepts disagrees with the track.
-    The test is made at each percept of a second, of each number of them, so the gate is wider than that of a single one.
+    The test is made at each percept of a second, of each number of them. So the gate is wider than that of one percept.
     """
     confirm_frames: int = CONFIRM_FRAMES
     """Percepts in a row that must disagree before the object has moved: fewer may be false."""

@@ -99,6 +99,8 @@ class Discrepancies:
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
         if item.is_led or item.name not in self._bodies.sim or item.estimate_at(now) is None:
             return False
+        if item.is_told_to_rest and item.restarts == item.track.restarts:
+            return False
         return seems_displaced(item, self._bodies.solid(item.name), self._config, now)
 
     def _is_missing(self, name: str, seconds: float) -> bool:

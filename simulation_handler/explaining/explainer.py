@@ -229,7 +229,7 @@ class Explainer:
             },
             surprising=due,
             glanced=frozenset(
-                name for name, item in told.items() if item.track.is_fresh(now) and item.track.is_glanced
+                name for name, item in told.items() if item.track.glance_at(now) is not None
             ),
             beneath=_by_first(self._relations.current()),
             inside=_by_first(self._containment.current()),

@@ -369,6 +369,8 @@ class Driving:
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
         item.track.begin_anew(item.path.newest - PRESENT)
+        item.notice_restart()
+        item.is_told_to_rest = True
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen

@@ -48,6 +48,7 @@ class Estimate:
         self.position_covariance = percept.position_covariance
         self.rotation_covariance = percept.rotation_covariance
         self.ray = percept.ray
+        self.stamp = percept.stamp
         self.count = 1
         self._config = config
 
@@ -84,7 +85,7 @@ class Estimate:
         x, y, z = (gain @ rotation).tolist()
         step = quaternions.from_rotvec((x, y, z))
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
-        self.ray = percept.ray
+        self.ray, self.stamp = percept.ray, percept.stamp
 
     def loosen(self, innovations: Sequence[Innovation]) -> None:
         """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""

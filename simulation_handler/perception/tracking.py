@@ -63,10 +63,14 @@ class PerceptTrack:
         """The newest percepts, the last one at the end."""
         return tuple(self._newest)
 
-    @property
-    def is_glanced(self) -> bool:
-        """Whether it is seen again, but too shortly yet to tell where it is."""
-        return self.estimate is None and bool(self._pending)
+    def estimate_at(self, now: float) -> Estimate | None:
+        """The estimate from percepts at `now` (s); None if none of lately is in it: all of it is from before a gap."""
+        return self.estimate if self.estimate is not None and self.is_recent(self.estimate.stamp, now) else None
+
+    def glance_at(self, now: float) -> WeighedPercept | None:
+        """The newest percept of what is seen again at `now` (s), but too shortly yet to tell where it is; or None."""
+        is_glanced = self._pending and self.is_fresh(now) and self.estimate_at(now) is None
+        return self._pending[-1] if is_glanced else None
 
     @property
     def is_restless(self) -> bool:
