@@ -16,7 +16,6 @@ from dsr.perception.scales import (
     CONTACT_DELAY,
     FRAME,
     LIKELY_SIGMAS,
-    RECENT_PERCEPTS,
     SAME_PLACE,
     STEADY,
     SURE_SIGMAS,
@@ -39,9 +38,9 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
 
     gate: float = math.sqrt(2.0 * SURPRISING)
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track: it is surprising there."""
-    recent_gate: float = math.sqrt(2.0 * (SURPRISING + math.log(RECENT_PERCEPTS / FRAME)))
+    recent_gate: float = math.sqrt(2.0 * (SURPRISING - math.log(FRAME)))
     """Standard deviations beyond which the mean of some of the last ten percepts disagrees with the track.
-    The test is made at each percept of a second, of each number of them. So the gate is wider than that of one percept.
+    The test is made at each percept of a second, so the gate is wider than that of a single one.
     """
     confirm_frames: int = CONFIRM_FRAMES
     """Percepts in a row that must disagree before the object has moved: fewer may be false."""
