@@ -64,8 +64,10 @@ class PerceptTrack:
         return tuple(self._newest)
 
     def estimate_at(self, now: float) -> Estimate | None:
-        """The estimate from percepts at `now` (s); None if none of lately is in it: all of it is from before a gap."""
-        return self.estimate if self.estimate is not None and self.is_recent(self.estimate.stamp, now) else None
+        """The estimate from percepts at `now` (s); None while unseen, or if all in it is from before a gap."""
+        if self.estimate is None or not self.is_fresh(now):
+            return None
+        return self.estimate if self.is_recent(self.estimate.stamp, self.last_stamp) else None
 
     def glance_at(self, now: float) -> WeighedPercept | None:
         """The newest percept of what is seen again at `now` (s), but too shortly yet to tell where it is; or None."""
