@@ -374,7 +374,7 @@ class Driving:
             self._supported.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
-        item.track.begin_anew(item.path.newest - PRESENT)
+        item.track.begin_anew(item.path.newest - (PRESENT if drive.still_since is None else AT_REST))
         item.notice_restart()
         item.is_told_to_rest = True
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -80,8 +80,13 @@ class PerceptTrack:
         return self.moving or bool(self._pending)
 
     def begin_anew(self, since: float) -> None:
-        """Start the estimate anew from the percepts since `since` (s), because the object has come to rest."""
+        """Start the estimate anew from the percepts since `since` (s), because the object has come to rest.
+
+        Of these, the newest count that agree with each other: the others may be of its way.
+        """
         percepts = [percept for percept in self._newest if percept.stamp >= since]
+        while len(percepts) > self._config.confirm_frames and fused(percepts, self._config) is None:
+            del percepts[0]
         if percepts:
             self._restart(percepts, None)
 

@@ -137,6 +137,18 @@ def test_a_move_of_four_standard_deviations_is_followed_by_as_few_percepts_as_te
     assert len(counts) == 20 and np.median(counts) <= 5
 
 
+@pytest.mark.parametrize("at_rest", [3, 6])
+def test_what_has_come_to_rest_is_where_all_percepts_have_it_that_agree(at_rest: int) -> None:
+    watcher = Watcher()
+    for step in range(6 - at_rest):
+        watcher.see(cube_at(0.3 + 0.03 * step, 0.1))
+    watcher.see(HERE, at_rest)
+    watcher.track.begin_anew(watcher.now - 0.55)
+    estimate = watcher.track.estimate
+    assert estimate is not None and estimate.count == at_rest and not watcher.track.moving
+    assert watcher.error(HERE) < 0.003
+
+
 def test_an_estimate_from_before_a_gap_is_not_what_is_seen_after_it() -> None:
     watcher = Watcher()
     watcher.see(HERE, 20)
