@@ -39,7 +39,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     gate: float = math.sqrt(2.0 * SURPRISING)
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track: it is surprising there."""
     recent_gate: float = math.sqrt(2.0 * (SURPRISING - math.log(FRAME)))
-    """Standard deviations beyond which the mean of the last ten percepts disagrees with the track.
+    """Standard deviations beyond which the mean of some of the last ten percepts disagrees with the track.
     The test is made at each percept of a second, so the gate is wider than that of a single one.
     """
     confirm_frames: int = CONFIRM_FRAMES

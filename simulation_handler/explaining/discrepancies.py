@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Set
 
 from dsr.believing.absence import missed, most_missed
 from dsr.perception.scales import FRAME
@@ -31,6 +31,11 @@ class Discrepancies:
     def displaced(self) -> Collection[str]:
         """Objects that are seen elsewhere than believed."""
         return self._displaced_since.keys()
+
+    @property
+    def expected(self) -> Set[str]:
+        """Objects that cameras should see where they are believed to be, seen or not."""
+        return self._expected_by.keys()
 
     def update(self, now: float, visibility: VisibilityQuery | None) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
@@ -98,6 +103,8 @@ class Discrepancies:
 
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
         if item.is_led or item.name not in self._bodies.sim or item.estimate_at(now) is None:
+            return False
+        if item.is_told_to_rest and item.restarts == item.track.restarts:
             return False
         return seems_displaced(item, self._bodies.solid(item.name), self._config, now)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Set
 from dataclasses import replace
 
 from dsr.math3d.tolerance import PoseTolerance
@@ -88,6 +88,11 @@ class Explainer:
     def waiting(self) -> Collection[str]:
         """Objects that perception must not move by itself."""
         return self._discrepancies.displaced
+
+    @property
+    def expected(self) -> Set[str]:
+        """Objects that cameras should see where they are believed to be, seen or not."""
+        return self._discrepancies.expected
 
     def missing(self, now: float) -> Collection[str]:
         """Objects that should be seen where they are believed to be, and are not."""
@@ -229,7 +234,7 @@ class Explainer:
             },
             surprising=due,
             glanced=frozenset(
-                name for name, item in told.items() if item.track.is_fresh(now) and item.track.is_glanced
+                name for name, item in told.items() if item.track.glance_at(now) is not None
             ),
             beneath=_by_first(self._relations.current()),
             inside=_by_first(self._containment.current()),

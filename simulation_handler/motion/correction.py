@@ -105,6 +105,7 @@ class Correction:
     def _reconsider(self, item: BelievedObject, around: Neighbourhood, errors: KnownErrors, now: float) -> bool:
         """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
         item.notice_restart()
+        item.is_told_to_rest = False
         if not item.shows_stance:
             item.take_stances(self._stances(item, around, errors), self._config)
         is_astray = self._bodies.has_left(item)

@@ -87,13 +87,17 @@ class Driving:
         self._leaders: dict[str, str] = {}  # driven object on or in which each other one is
         self._now = -math.inf
 
-    def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
+    def update(
+        self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset(),
+        expected: Set[str] = frozenset(),
+    ) -> None:  # fmt: skip
         """Begin, continue and end drives at time `now` (s).
 
         Args:
             now: s
             unmoved: objects that no hand touches, and that only cameras see that may have been bumped.
             in_doubt: objects of which only cameras tell that probably were: those set out in a hand alone.
+            expected: objects that cameras should see where they are.
         """
         seconds, self._now = max(now - self._now, 0.0), now
         for name in [name for name in self._drives if not self._may_go_on(name)]:
@@ -109,7 +113,7 @@ class Driving:
             if name not in stay or self._bodies.objects[name].hand:
                 self._begin(self._bodies.objects[name], start)
         self._lead_from_below(self._drives.keys() - before, now)
-        self._let_pass(now)
+        self._let_pass(now, expected)
         supported = self._supported.supported(self._drives)
         self._leaders = {load: name for name in sorted(self._drives) for load in self._supported.supported([name])}
         for item in self._bodies.objects.values():
@@ -170,14 +174,16 @@ class Driving:
         """(3,) m from where an object is believed to be to where it was seen last."""
         return np.subtract(item.path.at(item.path.newest).t, self._bodies.sim.position(item.name))
 
-    def _let_pass(self, now: float) -> None:
+    def _let_pass(self, now: float, expected: Set[str]) -> None:
         """Bodies beside each other, of which one is driven, do not push each other while both are seen: that tells all.
 
-        Their thin walls would get into each other by the noise of that, and not out again without a kick.
+        Their thin walls would get into each other by the noise of that, and not out again without a kick. Nor is
+        pushed what should be seen and is not: it is not where the driven one was seen to pass.
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         led = {name for name, drive in self._drives.items() if not drive.runs}
         seen = {item.name for item in objects if now - item.track.last_stamp <= UNSEEN and item.name in sim}
+        seen |= {name for name in expected if name in sim}
         pairs = sorted({(min(a, b), max(a, b)) for a in led for b in led | seen if a != b})
         supported = {name: self._supported.supported([name]) for name in {name for pair in pairs for name in pair}}
         sim.let_pass(
@@ -368,7 +374,9 @@ class Driving:
             self._supported.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
-        item.track.begin_anew(item.path.newest - PRESENT)
+        item.track.begin_anew(item.path.newest - (PRESENT if drive.still_since is None else AT_REST))
+        item.notice_restart()
+        item.is_told_to_rest = True
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen

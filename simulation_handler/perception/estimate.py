@@ -48,21 +48,31 @@ class Estimate:
         self.position_covariance = percept.position_covariance
         self.rotation_covariance = percept.rotation_covariance
         self.ray = percept.ray
+        self.stamp = percept.stamp
         self.count = 1
         self._config = config
 
     def accepts(self, percept: WeighedPercept) -> bool:
         """Whether the percept may be of an object that has not moved: within the gate in place and rotation."""
-        return self.agrees([self.innovation(percept)], percept, self._config.gate)
+        shift, rotation = self.innovation(percept)
+        limit = self._config.gate**2
+        is_near = _mahalanobis2(shift, self.position_covariance + percept.position_covariance) <= limit
+        return is_near and _mahalanobis2(rotation, self.rotation_covariance + percept.rotation_covariance) <= limit
 
-    def agrees(self, innovations: Sequence[Innovation], percept: WeighedPercept, gate: float) -> bool:
-        """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
-        shift, rotation = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
-        limit, share = gate**2, 1.0 / len(innovations)
-        position_covariance = self.position_covariance + share * percept.position_covariance
-        rotation_covariance = self.rotation_covariance + share * percept.rotation_covariance
-        is_near = _mahalanobis2(shift, position_covariance) <= limit
-        return is_near and _mahalanobis2(rotation, rotation_covariance) <= limit
+    def farthest(self, innovations: Sequence[Innovation], percept: WeighedPercept, gate: float, fewest: int) -> int:
+        """Of how many of the last innovations, `fewest` or more, the mean is farthest beyond the gate; 0 if none is.
+
+        Each is as noisy as `percept`.
+        """
+        counts = np.arange(1, len(innovations) + 1)[:, None]
+        means = np.cumsum(np.array(innovations)[::-1], axis=0) / counts[:, None]
+        known = np.stack([self.position_covariance, self.rotation_covariance])
+        noise = np.stack([percept.position_covariance, percept.rotation_covariance])
+        solved = np.linalg.solve(known + noise / counts[..., None, None], means[..., None])[..., 0]
+        distances2 = (means * solved).sum(axis=-1).max(axis=1)[fewest - 1 :]
+        if not np.any(distances2 > gate**2):
+            return 0
+        return fewest + int(np.argmax(distances2))
 
     def fuse(self, percept: WeighedPercept) -> None:
         """Take in a percept; with more than the window's, the older ones count less and less (Kalman update)."""
@@ -75,7 +85,7 @@ class Estimate:
         x, y, z = (gain @ rotation).tolist()
         step = quaternions.from_rotvec((x, y, z))
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
-        self.ray = percept.ray
+        self.ray, self.stamp = percept.ray, percept.stamp
 
     def loosen(self, innovations: Sequence[Innovation]) -> None:
         """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""

@@ -1,7 +1,7 @@
 """Percepts of one object over time: averaged while it rests, single wrong frames ignored, moves followed.
 
 A percept beyond the gate is set aside; only several in a row mean that the object has moved. A move too small for
-that shows in the mean of the last few.
+that shows in the mean of the newest, of as many as tell it best.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ class PerceptTrack:
             return
         self.last_stamp = percept.stamp
         self._newest.append(percept)
+        if self.estimate is not None:
+            self._recent.append((percept, self.estimate.innovation(percept)))
         if self.estimate is not None and self.estimate.accepts(percept):
             self._fuse(self.estimate, percept)
             return
@@ -61,10 +63,16 @@ class PerceptTrack:
         """The newest percepts, the last one at the end."""
         return tuple(self._newest)
 
-    @property
-    def is_glanced(self) -> bool:
-        """Whether it is seen again, but too shortly yet to tell where it is."""
-        return self.estimate is None and bool(self._pending)
+    def estimate_at(self, now: float) -> Estimate | None:
+        """The estimate from percepts at `now` (s); None while unseen, or if all in it is from before a gap."""
+        if self.estimate is None or not self.is_fresh(now):
+            return None
+        return self.estimate if self.is_recent(self.estimate.stamp, self.last_stamp) else None
+
+    def glance_at(self, now: float) -> WeighedPercept | None:
+        """The newest percept of what is seen again at `now` (s), but too shortly yet to tell where it is; or None."""
+        is_glanced = self._pending and self.is_fresh(now) and self.estimate_at(now) is None
+        return self._pending[-1] if is_glanced else None
 
     @property
     def is_restless(self) -> bool:
@@ -72,8 +80,13 @@ class PerceptTrack:
         return self.moving or bool(self._pending)
 
     def begin_anew(self, since: float) -> None:
-        """Start the estimate anew from the percepts since `since` (s), because the object has come to rest."""
+        """Start the estimate anew from the percepts since `since` (s), because the object has come to rest.
+
+        Of these, the newest count that agree with each other: the others may be of its way.
+        """
         percepts = [percept for percept in self._newest if percept.stamp >= since]
+        while len(percepts) > self._config.confirm_frames and fused(percepts, self._config) is None:
+            del percepts[0]
         if percepts:
             self._restart(percepts, None)
 
@@ -105,19 +118,25 @@ class PerceptTrack:
         return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
 
     def _fuse(self, estimate: Estimate, percept: WeighedPercept) -> None:
-        """Take in a percept that agrees; if the recent ones together do not, weigh the newer of them anew."""
-        self._recent.append((percept, estimate.innovation(percept)))
+        """Take in a percept that agrees; if the recent ones together do not, weigh these anew."""
         self._pending.clear()
         self.moving = False
         self.changed = True
-        newer = [percept]
-        innovations = [innovation for _, innovation in self._recent]
-        if len(self._recent) == RECENT_PERCEPTS and not estimate.agrees(innovations, percept, self._config.recent_gate):
-            estimate.loosen(innovations)
-            newer = [recent for recent, _ in self._recent][RECENT_PERCEPTS // 2 :]  # the older half may be from before
+        newer = self._since_moved(estimate, percept)
+        if newer:
+            estimate.loosen([innovation for _, innovation in newer])
             self._recent.clear()
-        for recent in newer:
+        for recent, _ in newer or [self._recent[-1]]:
             estimate.fuse(recent)
+
+    def _since_moved(self, estimate: Estimate, percept: WeighedPercept) -> list[tuple[WeighedPercept, Innovation]]:
+        """The newest percepts that agree with each other, and together disagree most with the estimate; none if none
+        do. Some of them may have been set aside: not each is beyond the gate.
+        """
+        recent, fewest = list(self._recent), self._config.confirm_frames
+        count = estimate.farthest([innovation for _, innovation in recent], percept, self._config.recent_gate, fewest)
+        newer = recent[len(recent) - count :]
+        return newer if newer and fused([one for one, _ in newer], self._config) is not None else []
 
     def _restart(self, percepts: Sequence[WeighedPercept], old: Estimate | None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""

@@ -74,6 +74,8 @@ class BelievedObject:
     """Whether something is beside it on which it may lean."""
     leans: bool = False
     """Whether it is believed to lean: its systematic error is then that of the others."""
+    is_told_to_rest: bool = False
+    """Whether its way, or an explanation, told that it rests where it is seen: percepts have yet to tell how."""
     is_recalled: bool = False
     """Whether its placement is where an earlier run has left it."""
     aslant: tuple[float, PerceivedBody] | None = None
@@ -120,7 +122,7 @@ class BelievedObject:
 
     def estimate_at(self, now: float) -> Estimate | None:
         """The estimate from percepts at `now` (s); None while the object is not seen."""
-        return self.track.estimate if self.track.is_fresh(now) else None
+        return self.track.estimate_at(now)
 
     def cameras_at(self, now: float) -> frozenset[str]:
         """Names of the cameras that have lately seen the object, at `now` (s)."""
@@ -264,7 +266,7 @@ class BelievedObject:
         if self.restarts == self.track.restarts:
             self.strike(now)
         self.notice_restart()
-        self.hovering_since, self.gone = None, False
+        self.hovering_since, self.gone, self.is_told_to_rest = None, False, True
 
     def leave_to_physics(self) -> None:
         """Forget all percepts of the object, and leave its body to physics."""
@@ -284,9 +286,9 @@ class BelievedObject:
         self.last_strike = now
 
     def notice_restart(self) -> None:
-        """Forget the strikes of physics if the object has moved since the last call."""
+        """Forget what counts for percepts until now, if the object has moved since the last call."""
         if self.restarts != self.track.restarts:
-            self.restarts, self.strikes = self.track.restarts, 0
+            self.restarts, self.strikes, self.is_told_to_rest = self.track.restarts, 0, False
 
     def has_left(self, pose: Pose, config: BeliefConfig) -> bool:
         """Whether the object's body, now at `pose`, has left the pose at which it was put."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from simulation_handler.contact.relations import ContactRelations, Relation, Sup
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.hands.touching import Touching
+from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
@@ -55,7 +56,7 @@ class ObjectEvidence:
     agreeing: int
     """Percepts that are averaged in its estimate, at most those of a window; 0 without one"""
     is_moving: bool
-    """Whether the newest percepts contradict each other."""
+    """Whether the newest percepts contradict each other, or where it is believed to be: that is not explained yet."""
     seen: Pose | None = None
     """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
     is_doubted: bool = False
@@ -145,6 +146,8 @@ class _Moment(NamedTuple):
     """Names of what each object rests on"""
     touches: Sequence[Relation]
     """Pairs (hand, object), sorted"""
+    displaced: Collection[str]
+    """Objects that are seen elsewhere than believed, which is not explained yet"""
     doubted: frozenset[str]
     """Objects of which only cameras tell that may have moved"""
     places: Mapping[str, Pose]
@@ -167,6 +170,7 @@ class EvidenceReader:
         in_doubt: gives the names of objects of which only cameras tell at a time (s) that may have moved.
         config: how far percepts are trusted.
         courses: gives where an object may be by now that vanished on its way, by name.
+        displaced: gives the names of the objects that are seen elsewhere than believed.
     """
 
     def __init__(
@@ -179,9 +183,11 @@ class EvidenceReader:
         in_doubt: Callable[[float], frozenset[str]],
         config: BeliefConfig,
         courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
+        displaced: Callable[[], Collection[str]] = tuple,
     ) -> None:
         self._bodies = bodies
         self._courses = courses
+        self._displaced = displaced
         self._lead = lead
         self._in_doubt = in_doubt
         self._config = config
@@ -198,7 +204,7 @@ class EvidenceReader:
                 below[upper] = (*below.get(upper, ()), lower)
         places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         moment = _Moment(
-            now, contents, below, sorted(self._touching.grasps), self._in_doubt(now), places,
+            now, contents, below, sorted(self._touching.grasps), self._displaced(), self._in_doubt(now), places,
             self._believed(places, now), self._seen(now),
         )  # fmt: skip
         objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
@@ -221,7 +227,7 @@ class EvidenceReader:
             percept=_pose_of(trail[-1], item) if trail else None,
             is_recognised=item.track.is_fresh(now),
             agreeing=0 if estimate is None else estimate.count,
-            is_moving=item.track.is_restless,
+            is_moving=item.track.is_restless or name in moment.displaced,
             seen=moment.seen.get(name),
             is_doubted=name in moment.doubted,
             gone=item.gone,
@@ -252,13 +258,17 @@ class EvidenceReader:
         return believed | _with_covariances({name: (believed[name], *both) for name, both in told if both is not None})
 
     def _seen(self, now: float) -> dict[str, Pose]:
-        """world_from_object by the mean of the percepts that agree, with its covariance."""
+        """world_from_object by the percepts that agree, or by the newest one after a gap, with its covariance."""
         seen: dict[str, tuple[Pose, Array, Array]] = {}
         for name, item in self._bodies.objects.items():
             if item.estimate_at(now) is not None:
                 solid = item.percept()
                 pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
                 seen[name] = pose, item.percept_covariance(self._config), item.turning()
+            elif (glance := item.track.glance_at(now)) is not None:
+                alone = Estimate(glance, self._config)
+                place = alone.total_covariance(item.error_std(self._config))
+                seen[name] = _pose_of(glance, item), place, glance.rotation_covariance
         return _with_covariances(seen)
 
 

@@ -52,6 +52,14 @@ def until_close(world: World, name: str, limit: float = 0.005, most: float = 3.0
     return world.now - start
 
 
+def likeliest(belief: Belief, name: str) -> Pose:
+    """Where an object most probably is by the weighted worlds."""
+    (island,) = [island for island in belief.islands() if name in island.names]
+    pose = max(island.worlds, key=lambda world: world.weight).objects[name].pose
+    assert pose is not None
+    return pose
+
+
 @pytest.mark.parametrize("truths", [grid(1, 0), grid(4, 1), grid(8, 2), block(2, 2), block(4, 1)])
 def test_a_noisy_scene_is_believed_better_than_perceived_and_stays_still(truths: dict[str, Pose]) -> None:
     world = World(truths, seed=len(truths))
@@ -390,6 +398,35 @@ def test_what_cameras_see_flatly_tells_nothing_for_sure_of_what_is_seen_from_abo
         belief.close()
     steep, flat = sure.values()
     assert steep == [pytest.approx(-0.01, abs=0.002)] * 4 and flat == []
+
+
+def test_what_is_seen_again_elsewhere_is_likeliest_there_from_the_first_percept_on() -> None:
+    world = World({"a": cube_at(0.4, 0.1), "b": cube_at(0.3, -0.1)})
+    world.run(2.0)
+    world.seen = set()
+    world.run(3.0)
+    world.truths["a"], world.seen = cube_at(0.5, 0.2), {"a", "b"}
+    for _ in range(3):
+        world.run(2.0 * PERIOD)
+        assert math.dist(likeliest(world.belief, "a").t, world.truths["a"].t) < 0.02
+        assert math.dist(likeliest(world.belief, "b").t, world.truths["b"].t) < 0.005
+
+
+def test_what_rests_elsewhere_is_likeliest_there_before_it_is_explained() -> None:
+    belief = Belief(BeliefConfig())
+    belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
+    belief.add_object("a", CUBE, mass=0.05)
+    explained = []
+    for tick in range(1, 40):
+        there = cube_at(0.4, 0.1 if tick < 20 else 0.2)
+        belief.observe("a", there, PERIOD * tick)
+        belief.step(PERIOD * tick)
+        explained += belief.explanations()
+        if tick > 25 and not explained:
+            assert math.dist(likeliest(belief, "a").t, there.t) < 0.01
+            pose = belief.pose("a")
+            assert pose is not None and math.dist(pose.t, there.t) > 0.05
+    assert explained
 
 
 def test_removed_objects_are_gone_and_unknown_ones_an_error() -> None:

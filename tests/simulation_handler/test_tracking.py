@@ -120,6 +120,48 @@ def test_a_move_of_three_millimetres_is_followed_within_a_second() -> None:
     assert watcher.track.estimate.position[0] == pytest.approx(0.403, abs=0.001)
 
 
+def test_a_move_of_four_standard_deviations_is_followed_by_as_few_percepts_as_tell_it() -> None:
+    """Percepts of a colour are 2.5 mm off: single ones seldom tell of 10 mm, and of the last ten too few are newer."""
+    counts = []
+    for seed in range(20):
+        rng, track, now = np.random.default_rng(seed), PerceptTrack(CONFIG), 100.0
+        covariance = np.diag([0.0025**2] * 3 + [math.pi**2] * 3)
+        for k in range(60):
+            now, there = now + 0.1, np.array((0.41 if k >= 40 else 0.4, 0.1, 0.02))
+            percept = Pose(there + rng.normal(0.0, 0.0025, 3), covariance=covariance)
+            track.add(make_percept(percept, now, CAMERA, CONFIG))
+            assert track.estimate is not None
+            if k >= 40 and float(np.linalg.norm(track.estimate.position - there)) < 0.004:
+                counts.append(k - 39)
+                break
+    assert len(counts) == 20 and np.median(counts) <= 5
+
+
+@pytest.mark.parametrize("at_rest", [3, 6])
+def test_what_has_come_to_rest_is_where_all_percepts_have_it_that_agree(at_rest: int) -> None:
+    watcher = Watcher()
+    for step in range(6 - at_rest):
+        watcher.see(cube_at(0.3 + 0.03 * step, 0.1))
+    watcher.see(HERE, at_rest)
+    watcher.track.begin_anew(watcher.now - 0.55)
+    estimate = watcher.track.estimate
+    assert estimate is not None and estimate.count == at_rest and not watcher.track.moving
+    assert watcher.error(HERE) < 0.003
+
+
+def test_an_estimate_from_before_a_gap_is_not_what_is_seen_after_it() -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 20)
+    assert watcher.track.estimate_at(watcher.now) is watcher.track.estimate
+    watcher.now += 3.0
+    watcher.see(cube_at(0.2, -0.1))
+    assert watcher.track.estimate_at(watcher.now) is None
+    glance = watcher.track.glance_at(watcher.now)
+    assert glance is not None and glance.position == pytest.approx((0.2, -0.1, 0.02), abs=0.02)
+    watcher.see(HERE)
+    assert watcher.track.estimate_at(watcher.now) is not None and watcher.track.glance_at(watcher.now) is None
+
+
 def test_an_object_on_its_way_is_followed_frame_by_frame() -> None:
     watcher = Watcher()
     watcher.see(HERE, 20)
