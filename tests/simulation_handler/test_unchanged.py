@@ -6,8 +6,10 @@ from collections import Counter
 
 import pytest
 
+from dsr.math3d.transforms import Pose
 from simulation_handler.contact.placement import separate
 from simulation_handler.motion import correction
+from simulation_handler.scales import GAP
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE, World, cube_at
 
@@ -64,3 +66,28 @@ def test_only_what_was_placed_and_what_it_is_pushed_into_gives_way() -> None:
     assert pushed.keys() == set("abc")
     assert all(pushed[name] == there for name, there in separate(solids[:3], weights).items())
     assert separate(solids, weights, ()) == {}
+
+
+def test_a_body_that_trembles_is_where_it_was_and_one_that_creeps_is_not() -> None:
+    before = Solid("cube", CUBE, (0.3, 0.1, 0.02))
+    creeping = [before.moved((0.3 + share * GAP, 0.1, 0.02)) for share in (0.3, 0.6, 0.9, 1.2, 1.5)]
+    assert [solid.is_at(before) for solid in creeping] == [True, True, True, False, False]
+    assert not before.turned(Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, 0.002)).q).is_at(before)
+    assert not Solid("other", CUBE, before.position).is_at(before)
+    assert not Solid("cube", (0.04, 0.04, 0.05), before.position).is_at(before)
+
+
+def test_a_pose_is_read_once_until_physics_goes_on() -> None:
+    world = World({"cube_1": cube_at(0.3, 0.1)})
+    world.run(2.0)
+    sim = world.belief._bodies.sim
+    position, rotation = before = sim.pose("cube_1")
+    assert sim.pose("cube_1") is before
+    sim.place("cube_1", (position[0], position[1], position[2] + 0.1), rotation)
+    lifted = sim.pose("cube_1")
+    assert lifted[0][2] == pytest.approx(position[2] + 0.1)
+    handle = sim.snapshot()
+    sim.step(10)
+    assert sim.pose("cube_1")[0][2] < lifted[0][2] - 0.001
+    sim.restore(handle)
+    assert sim.pose("cube_1") == lifted
