@@ -283,7 +283,7 @@ class Belief:
         known = self._worlds.poses()
         bodies = {name: self._bodies.sim.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         self._places = {name: (body, self._located(name, body, known.get(name))) for name, body in bodies.items()}
-        places = {name: self.pose(name) for name in self._bodies.objects}
+        places = {name: self._places[name][1] if name in self._places else None for name in self._bodies.objects}
         self._deeds.update(places, self._explainer.in_doubt(now), self._worlds.worlds, now)
 
     def _let_go(self, now: float) -> set[str]:

@@ -12,6 +12,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.looks import Looks
+from dsr.math3d import quaternions
 from dsr.math3d.batches import skew
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
@@ -66,7 +67,7 @@ class Bullet:
     def pose(self, body: int) -> Pose:
         """world_from_body, the frame at the body's centre of mass."""
         position, rotation = self.getBasePositionAndOrientation(body)
-        return Pose(position, rotation)
+        return Pose.unchecked(position, quaternions.normalised(rotation))
 
     def link_pose(self, body: int, link: int) -> Pose:
         """world_from_link as the URDF defines the link's frame."""

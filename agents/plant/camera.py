@@ -95,7 +95,8 @@ class SimulatedCamera:
             return lambda: Frame(stamp, {"color": color, "depth": depth}, meta)
         with world.shown_at(self.seen_poses(world)):
             errors = {world.body(name): error for name, error in self.sensor.errors().items() if name in world}
-            ideal = renderer.render(self.pose, self.intrinsics.pinhole(), bodies=self.sensor.is_per_object)
+            lens, bodies = self.intrinsics.pinhole(), self.sensor.is_per_object
+            ideal = renderer.render(self.pose, lens, bodies=bodies, camera=self.name)
 
         def develop() -> Frame:
             color, depth = self._develop(ideal, errors)

@@ -123,7 +123,8 @@ class Reality:
     def expose(self, stamp: float, camera: SimulatedCamera) -> Exposure:
         """Draw what a camera sees now; only with the sensor `pixels`."""
         assert self._renderer is not None
-        camera.in_view = recognisable(camera, self.world, self.hands)
+        if camera is self.camera:  # the truth tells of no other one
+            camera.in_view = recognisable(camera, self.world, self.hands)
         self.hands.draw()
         return camera.expose(self.world, self._renderer, stamp)
 

@@ -51,7 +51,7 @@ class RenderedPicture(msgspec.Struct, frozen=True):
 
 
 class _Shot(msgspec.Struct, frozen=True):
-    """The last picture, and all that it depends on but the looks of bodies, which never change."""
+    """A picture, and all that it depends on but the looks of bodies, which never change."""
 
     asked: tuple[Intrinsics, bool]
     state: NDArray[np.float64]
@@ -67,7 +67,7 @@ class _Shot(msgspec.Struct, frozen=True):
 
 
 class Renderer:
-    """Renders the world of one physics client; as long as nothing moves, the picture is made once.
+    """Renders the world of one physics client; as long as nothing moves, the picture of a camera is made once.
 
     Args:
         bullet: the physics client, still without bodies: OpenGL does not draw those that were there before it.
@@ -76,7 +76,8 @@ class Renderer:
 
     def __init__(self, bullet: Bullet, wanted: RendererName = "auto") -> None:
         self._bullet = bullet
-        self._last: _Shot | None = None
+        self._last: dict[str, _Shot] = {}
+        """The last picture of each camera"""
         self._opengl: OpenGl | None = None
         if wanted != "tiny":
             looks = Looks()
@@ -92,12 +93,17 @@ class Renderer:
         """`opengl` or `tiny`."""
         return "tiny" if self._opengl is None else "opengl"
 
-    def render(self, world_from_camera: Pose, intrinsics: Intrinsics, *, bodies: bool = False) -> RenderedPicture:
-        """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`."""
-        asked, state = (intrinsics, bodies), self._state(world_from_camera)
-        if self._last is None or not self._last.shows(asked, state):
-            self._last = _Shot(asked, state, self._draw(world_from_camera, intrinsics, bodies))
-        return self._last.picture
+    def render(
+        self, world_from_camera: Pose, intrinsics: Intrinsics, *, bodies: bool = False, camera: str = ""
+    ) -> RenderedPicture:
+        """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`.
+
+        The last picture of each `camera`, by its name, is kept.
+        """
+        asked, state, shot = (intrinsics, bodies), self._state(world_from_camera), self._last.get(camera)
+        if shot is None or not shot.shows(asked, state):
+            shot = self._last[camera] = _Shot(asked, state, self._draw(world_from_camera, intrinsics, bodies))
+        return shot.picture
 
     def _state(self, world_from_camera: Pose) -> NDArray[np.float64]:
         """Which bodies there are, where they and the camera are, and how their joints are."""

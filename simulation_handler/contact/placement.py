@@ -7,7 +7,7 @@ enters the simulation: interpenetrating bodies would be thrown apart, hovering o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from dsr.math3d.polygons import Point, are_apart, area, contains, hull, intersection, overlap
@@ -69,6 +69,16 @@ def place(
     if level is None:
         return Placement(_above(percept, covariance, others), (), covariance)
     return Placement(solid, supports if upright else (), covariance_given_height(covariance))
+
+
+def placed_again(percept: Solid, covariance: Array, before: Placement, config: BeliefConfig) -> Placement | None:
+    """As `place`, of what rested as it did `before`, if that carries it still; None if something else may."""
+    flat, tilt = percept.face_down()
+    level = before.solid.bottom
+    if not before.rests or tilt > config.tilt_tolerance or abs(flat.bottom - level) > config.hover_tolerance:
+        return None
+    solid = flat.moved(given_height(flat.position, covariance, level + flat.half_height))
+    return Placement(solid, before.supports, covariance_given_height(covariance))
 
 
 def find_support(
@@ -159,34 +169,43 @@ def covariance_given_height(covariance: Array) -> Array:
     return rest
 
 
-def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str, Vector3]:
+def separate(
+    solids: Sequence[Solid], weights: Mapping[str, float], around: Collection[str] | None = None
+) -> dict[str, Vector3]:
     """Push overlapping solids apart sideways, and return the new positions of the solids that had to give way.
 
     Args:
         solids: at their desired poses.
         weights: how easily each gives way, by name, relative to the others; 0 for never.
+        around: names of those that may overlap with others, or push them into others; None if all may.
     """
-    placed = {solid.name: solid for solid in solids}
-    pairs = _neighbours(solids, weights)
-    moved: set[str] = set()
+    placed, order = {solid.name: solid for solid in solids}, {solid.name: k for k, solid in enumerate(solids)}
+    pairs: dict[tuple[int, int], _Pair] = {}
+    left, moved = list(solids), set[str]()
+    reached = order.keys() if around is None else order.keys() & around
     for _ in range(_SWEEPS):
-        pushed = [pair for pair in pairs if _push_apart(placed, pair, weights)]
+        for solid in [solid for solid in left if solid.name in reached]:
+            left.remove(solid)
+            for pair in _neighbours(solid, left, weights, order):
+                pairs[order[pair[0]], order[pair[1]]] = pair
+        pushed = [pairs[key] for key in sorted(pairs) if _push_apart(placed, pairs[key], weights)]
         if not pushed:
             break
-        moved.update(name for a, b, _ in pushed for name in (a, b))
+        reached = {name for a, b, _ in pushed for name in (a, b)}
+        moved |= reached
     return {name: placed[name].position for name in sorted(moved) if weights.get(name, 0.0) > 0.0}
 
 
-def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_Pair]:
-    """Pairs of which parts share a height and are, or could soon be, in each other's way."""
-    both = (
-        (a, b)
-        for i, a in enumerate(solids)
-        for b in near(a, solids[i + 1 :])
-        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
-    )
-    pairs = ((a, b, parts) for a, b in both if (parts := _side_by_side_parts(a, b)))
-    return [(a.name, b.name, parts) for a, b, parts in pairs if max(a.face_down()[1], b.face_down()[1]) <= _ASKEW]
+def _neighbours(
+    solid: Solid, others: Iterable[Solid], weights: Mapping[str, float], order: Mapping[str, int]
+) -> Iterator[_Pair]:
+    """Pairs with a solid of which parts share a height and are, or could soon be, in each other's way; in `order`."""
+    for other in near(solid, others):
+        a, b = sorted((solid, other), key=lambda one: order[one.name])
+        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) <= 0.0:
+            continue
+        if (parts := _side_by_side_parts(a, b)) and max(a.face_down()[1], b.face_down()[1]) <= _ASKEW:
+            yield a.name, b.name, parts
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:

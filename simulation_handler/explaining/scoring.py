@@ -171,8 +171,13 @@ def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:
 
 def seems_displaced(item: BelievedObject, solid: Solid, config: BeliefConfig, now: float) -> bool:
     """Whether an object that is seen at `now` (s) is displaced from a pose, as of `is_displaced`."""
-    is_apart = is_far(shown_now(item, config)[0], solid, config)  # of most nothing more must be worked out
-    return is_apart and is_displaced(seen_now(item, config, now), solid, config)
+    percept = item.percept()
+    if item.agreed is not None and item.agreed[0] is percept and solid.is_at(item.agreed[1]):
+        return False
+    if is_far(shown_now(item, config)[0], solid, config):  # of most nothing more must be worked out
+        return is_displaced(seen_now(item, config, now), solid, config)
+    item.agreed = percept, solid
+    return False
 
 
 def displaced(situation: Situation) -> tuple[str, ...]:

@@ -48,6 +48,8 @@ class Seeing:
         self._last = -math.inf
         self._poses: dict[str, Pose] = {}
         """world_from_camera at the last look"""
+        self._told: dict[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]] = {}
+        """Of what each edge was judged last"""
         self._rays = _Rays()
         self.visibility: VisibilityQuery | None = None
         """What the cameras should see by the last look; None without a camera."""
@@ -82,8 +84,11 @@ class Seeing:
         for edge in self._memory.edges("sees"):
             if edge.src in cameras and "detectable" in edge and (edge.src, edge.dst) not in visibilities:
                 self._memory.remove_edge(edge.src, edge.dst, "sees")
+        before, self._told = self._told, dict(visibilities)
         for (camera, name), (whole, tag) in visibilities.items():
             written = self._memory.get_edge(camera, name, "sees")
+            if written is not None and before.get((camera, name)) == (whole, tag):
+                continue
             values = {
                 "share": whole.share,
                 "visible": is_enough(whole.share, written is not None and written.get("visible") is True),

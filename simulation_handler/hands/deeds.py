@@ -25,7 +25,7 @@ from simulation_handler.hands.relation import DONE, LET_GO
 from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
-from simulation_handler.scales import ASTRAY, GONE_FROM
+from simulation_handler.scales import ASTRAY, GAP, GONE_FROM
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -167,7 +167,10 @@ class Deeds:
                 self._lose(name)
                 continue
             item = self._bodies.objects[name]
-            moment = self._moment(item, item.solid(pose.t, pose.q), carriers.get(name, set()), now)
+            solid = self._bodies.solid(name)
+            if math.dist(solid.position, pose.t) > GAP:  # what is on its way is ahead of its body
+                solid = item.solid(pose.t, pose.q)
+            moment = self._moment(item, solid, carriers.get(name, set()), now)
             is_led = item.rides or (name in in_doubt and not moment.holder)
             self.take_in(name, self._weighed(name, moment._replace(follows=is_led), carriers, worlds))
 

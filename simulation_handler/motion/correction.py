@@ -6,17 +6,16 @@ import math
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
-import numpy as np
-
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.scales import SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
-from simulation_handler.contact.placement import Placement, place, separate
+from simulation_handler.contact.placement import Placement, place, placed_again, separate
 from simulation_handler.contact.stances import Stance, stances
 from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning, neighbours
-from simulation_handler.motion.neighbourhood import Neighbourhood, Scene
+from simulation_handler.motion.neighbourhood import Neighbourhood
+from simulation_handler.motion.unchanged import Unchanged
 from simulation_handler.perception.estimate import RayError
 from simulation_handler.perception.systematic import KnownErrors
 from simulation_handler.scales import ROUNDING, UNSEEN_VARIANCE
@@ -32,6 +31,7 @@ class Correction:
         self._bodies = bodies
         self._config = config
         self._leaning = Leaning(bodies, config)
+        self._unchanged = Unchanged(config)
 
     def close(self) -> None:
         """Free the simulation of what leans; harmless when repeated."""
@@ -68,7 +68,7 @@ class Correction:
         """Move the bodies of objects that are perceived elsewhere than they are believed to be.
 
         They are placed from the lowest up, so that each finds its support at its final height. Those that are
-        `waiting` for an explanation stay.
+        `waiting` for an explanation stay. What rests where it was put, among what has not moved, stays as well.
         """
         free = [item for item in self._bodies.objects.values() if not item.is_led and item.name not in waiting]
         led = [item for item in free if self._is_led_by_perception(item, now)]
@@ -81,12 +81,14 @@ class Correction:
         errors = KnownErrors(self._config.depth_bias)
         for item in self._bodies.objects.values():
             errors.note(item.name, item.known_error())
+        self._unchanged.look(self._bodies.scene(leaving_out=()))
         moving = []
         for item in by_height:
-            if self._reconsider(item, around, errors, now):
+            if not self._stays(item, around) and self._reconsider(item, around, errors, now):
                 moving.append(item)
             errors.note(item.name, item.known_error())
-        self._realise(moving, scene, now)
+        if around.placed:
+            self._realise(moving, around, now)
 
     def _height(self, item: BelievedObject) -> float:
         """Height (m) of the bottom of a perceived object: where its body is, if that is near, for that has no noise."""
@@ -101,6 +103,21 @@ class Correction:
         """Whether it is seen; of one without a place even an old percept says the most."""
         has_place = item.name in self._bodies.sim
         return (item.estimate_at(now) if has_place else item.track.estimate) is not None
+
+    def _stays(self, item: BelievedObject, around: Neighbourhood) -> bool:
+        """Keep an object on what carries it, if nothing has changed but how well its place is known."""
+        placement = item.placement
+        if item not in self._unchanged or placement is None or self._bodies.has_left(item) or self._is_aside(item):
+            return False
+        if item.static or item.leans or item.aslant or item.prop or not item.shows_stance:
+            return False
+        again = placed_again(item.percept(), item.percept_covariance(self._config), placement, self._config)
+        if again is None or self._differs(item, placement, again):
+            return False
+        item.know(again)
+        item.learn_error(again)
+        around.scene[item.name] = self._bodies.solid(item.name)
+        return True
 
     def _reconsider(self, item: BelievedObject, around: Neighbourhood, errors: KnownErrors, now: float) -> bool:
         """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
@@ -127,18 +144,25 @@ class Correction:
             item.learn_error(placement)
         must_move = is_new or is_astray or self._may_return(item)
         believed = item.placement.solid if item.placement and (must_move or item.static) else None
-        around.put(believed or self._bodies.solid(item.name))
+        solid = believed or self._bodies.solid(item.name)
+        around.put(solid)
+        self._unchanged.note(solid)
+        self._unchanged.placed(item)
         return must_move
 
     def _may_return(self, item: BelievedObject) -> bool:
         """Whether it was put beside its placement because of something that is not in its way any more."""
-        if item.static or item.placement is None or item.put is None:
+        if item.static or item.placement is None or not self._is_aside(item):
             return False
         solid = item.placement.solid
-        if math.dist(item.put.t, solid.position) <= self._config.divergence:
-            return False
         scene = self._bodies.scene(leaving_out={item.name})
         return not separate([*scene.values(), solid], {item.name: 1.0})
+
+    def _is_aside(self, item: BelievedObject) -> bool:
+        """Whether it was put beside its placement."""
+        if item.put is None or item.placement is None:
+            return False
+        return math.dist(item.put.t, item.placement.solid.position) > self._config.divergence
 
     def _placed(self, item: BelievedObject, around: Neighbourhood, errors: KnownErrors) -> Placement:
         percept = item.percept()
@@ -216,13 +240,15 @@ class Correction:
         noise = PoseTolerance(*item.track.estimate.standard_deviations())
         return not noise.scaled(sigmas).covers(old.pose, new.pose)
 
-    def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
-        """Put bodies where they are believed to be, and out of each other's way."""
-        items = {item.name: item for item in moving}
+    def _realise(self, moving: Iterable[BelievedObject], around: Neighbourhood, now: float) -> None:
+        """Put bodies where they are believed to be, and what was placed out of others' way."""
+        items, scene = {item.name: item for item in moving}, around.scene
         before, in_motion = self._bodies.scene(leaving_out=()), self._bodies.in_motion()
-        scene |= with_contents({name: scene[name] for name in items if name in before}, before, stay=items)
+        contents = with_contents({name: scene[name] for name in items if name in before}, before, stay=items)
+        scene |= contents
         softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
-        pushed = separate([solid for name, solid in scene.items() if name in items or name not in in_motion], softness)
+        still = [solid for name, solid in scene.items() if name in items or name not in in_motion]
+        pushed = separate(still, softness, around.placed | contents.keys())
         for name in sorted(items.keys() | pushed.keys()):
             solid = scene[name]
             self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)
@@ -233,4 +259,4 @@ class Correction:
         """Sideways variance of a body's position, m^2: how easily it gives way to others."""
         if item.placement is None or item.estimate_at(now) is None:
             return UNSEEN_VARIANCE
-        return float(np.trace(item.placement.covariance[:2, :2]))
+        return float(item.placement.covariance[0, 0] + item.placement.covariance[1, 1])

@@ -26,22 +26,26 @@ class Neighbourhood:
         self._config = config
         self.scene = scene
         """All that was placed already, where it is believed to be"""
-        solids = bodies.scene(leaving_out=()) | scene
-        self._perceived = {name: self._where_perceived(solid) for name, solid in solids.items()}
+        self.placed: set[str] = set()
+        """Names of what was placed"""
+        self._solids = bodies.scene(leaving_out=()) | scene
+        self._perceived: Scene = {}
 
     def put(self, solid: Solid) -> None:
         """Take in where something was placed."""
-        self.scene[solid.name] = solid
-        self._perceived[solid.name] = self._where_perceived(solid)
+        self.scene[solid.name] = self._solids[solid.name] = solid
+        self._perceived.pop(solid.name, None)
+        self.placed.add(solid.name)
 
     def of(self, item: BelievedObject) -> Scene:
         """The scene without an object, but with what is to be placed after it; all where it is perceived.
 
         What had to give way to the object is where it would be without that.
         """
-        scene = self._perceived.copy()
-        scene.pop(item.name, None)
-        return scene
+        for name, solid in self._solids.items():
+            if name not in self._perceived:
+                self._perceived[name] = self._where_perceived(solid)
+        return {name: self._perceived[name] for name in self._solids if name != item.name}
 
     def _where_perceived(self, solid: Solid) -> Solid:
         """A solid moved to its percept, at its own height."""

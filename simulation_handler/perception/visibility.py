@@ -160,9 +160,12 @@ class _Parts(NamedTuple):
 class _Among:
     """All that may hide a solid, made ready for many looks."""
 
-    def __init__(self, solids: list[Solid], parts: _Parts) -> None:
+    def __init__(self, given: list[Solid], solids: list[Solid]) -> None:
+        self.given = given
+        """As somebody has said where they are"""
         self.solids = solids
-        self.parts = parts
+        """The same, but for less than counts"""
+        self.parts = _Parts.of(solids)
         self.names = [solid.name for solid in solids]
         self._place = {name: place for place, name in enumerate(self.names)}
 
@@ -226,8 +229,8 @@ class RayVisibility:
         self._whole = whole
         self._among: _Among | None = None
         """What was there in the question before"""
-        self._all: list[dict[str, ExpectedVisibility]] | None = None
-        """What cameras see of all of that, once somebody has asked"""
+        self._all: list[dict[str, ExpectedVisibility] | None] = []
+        """What cameras see of each of that, once somebody has asked"""
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
         """Share (0 to 1) of each solid that each camera should see, by (camera, name).
@@ -248,15 +251,39 @@ class RayVisibility:
         """What each camera, by its name, should see of each of some solids, if the others are as `among` says.
 
         What has the name of a solid hides nothing of it. So one question may be about several places of a solid.
-        A question about all that is there costs nothing when it is asked again.
+        A question about all that is there is answered anew only for what has moved, or may be hidden or revealed by it.
         """
-        if self._among is None or self._among.solids != list(among):
-            self._among, self._all = _Among(list(among), _Parts.of(among)), None
-        if list(solids) != self._among.solids:
-            return self._look(solids, self._among)
-        if self._all is None:
-            self._all = self._look(solids, self._among)
-        return [dict(by_camera) for by_camera in self._all]
+        there = self._noted(list(among))
+        if list(solids) != there.given:
+            return self._look(solids, there)
+        if asked := [place for place, known in enumerate(self._all) if known is None]:
+            for place, found in zip(asked, self._look([there.solids[place] for place in asked], there), strict=True):
+                self._all[place] = found
+        return [dict(known) for known in self._all if known is not None]
+
+    def _noted(self, given: list[Solid]) -> _Among:
+        """All that is there, made ready; what has not moved is where it was."""
+        before = self._among
+        if before is not None and before.given == given:
+            return before
+        there = {} if before is None else dict(zip(before.names, before.solids, strict=True))
+        stay = {solid.name for solid in given if solid.name in there and solid.is_at(there[solid.name])}
+        solids = [there[solid.name] if solid.name in stay else solid for solid in given]
+        if before is not None and before.solids == solids:
+            before.given = given
+            return before
+        now = self._among = _Among(given, solids)
+        known = {} if before is None else dict(zip(before.names, self._all, strict=True))
+        moved = [solid for solid in (*there.values(), *solids) if solid.name not in stay]
+        if 2 * len(stay) < len(solids) or len(set(now.names)) < len(solids):
+            self._all = [None] * len(solids)
+            return now
+        (centres, reach), disturbed = _balls(solids), np.array([name not in stay for name in now.names], dtype=bool)
+        for camera in self._cameras:
+            disturbed |= _meet(camera.eye, centres, reach, *_balls(moved)).any(axis=1)
+        asked = zip(now.names, disturbed.tolist(), strict=True)
+        self._all = [None if is_disturbed else known[name] for name, is_disturbed in asked]
+        return now
 
     def _look(self, solids: Sequence[Solid], among: _Among) -> list[dict[str, ExpectedVisibility]]:
         by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
@@ -386,16 +413,27 @@ def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts, own: 
 
     What a body hides of itself is no target: a part of the body `own` (n,) of a target is left out.
     """
-    ray = targets.middle - eye
-    to_part = parts.bodies.centre - eye
-    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), ROUNDING)[:, None], 0.0, 1.0)
-    gap = to_part[None] - along[:, :, None] * ray[:, None]
-    reach: Array = parts.radius[None] + targets.reach[:, None]
-    near: Flags = np.less_equal((gap * gap).sum(axis=2), reach * reach)
+    near = _meet(eye, targets.middle, targets.reach, parts.bodies.centre, parts.radius)
     near &= np.any(seen, axis=1)[:, None]
     near &= own[:, None] != parts.owner[None]
     target, part = np.nonzero(near)
     return target, part
+
+
+def _meet(eye: Array, targets: Array, reach: Array, centres: Array, radius: Array) -> Flags:
+    """(n, k) whether balls about centres (k, 3) meet the tubes from the eye to targets (n, 3), as wide as `reach`."""
+    ray, to_centre = targets - eye, centres - eye
+    along = np.clip((ray @ to_centre.T) / np.maximum((ray * ray).sum(axis=1), ROUNDING)[:, None], 0.0, 1.0)
+    gap = to_centre[None] - along[:, :, None] * ray[:, None]
+    both: Array = radius[None] + reach[:, None]
+    near: Flags = np.less_equal((gap * gap).sum(axis=2), both * both)
+    return near
+
+
+def _balls(solids: Sequence[Solid]) -> tuple[Array, Array]:
+    """Centres (n, 3) and radii (n,) of balls around solids, m."""
+    radii = np.array([solid.radius for solid in solids])
+    return _bounded([solid.position for solid in solids]), np.minimum(radii, _FARTHEST_SHOWN)
 
 
 def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:

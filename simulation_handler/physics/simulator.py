@@ -87,6 +87,8 @@ class Simulator:
         self._radii: dict[int, float] = {}
         self._passing: set[tuple[str, str]] = set()
         self._parts = 1
+        self._poses: dict[int, tuple[Vector3, Quaternion]] = {}
+        """Where bodies are, as far as somebody has asked since they moved"""
         self.fingers = FingerBodies(self._client, self._ids, FINGER_RADIUS)
         """Fingertips that push; they are none of the bodies."""
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
@@ -182,6 +184,7 @@ class Simulator:
         self.let_pass({pair for pair in self._passing if name not in pair})
         pybullet.removeBody(body, physicsClientId=self._client)
         del self._ids[name], self._names[body], self._masses[name], self._radii[body]
+        self._poses.pop(body, None)
 
     def position(self, name: str) -> Vector3:
         """(3,) of the body's centre, m."""
@@ -189,8 +192,11 @@ class Simulator:
 
     def pose(self, name: str) -> tuple[Vector3, Quaternion]:
         """Position (3,) m of the body's centre, and rotation (4,)."""
-        position, rotation = pybullet.getBasePositionAndOrientation(self._id(name), physicsClientId=self._client)
-        return position, rotation
+        body = self._id(name)
+        if (known := self._poses.get(body)) is None:
+            known = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+            self._poses[body] = known
+        return known
 
     def speed(self, name: str) -> tuple[float, float]:
         """How fast the body moves (m/s) and turns (rad/s)."""
@@ -211,6 +217,7 @@ class Simulator:
         """
         body = self._id(name)
         self._wake_around(body)
+        self._poses.pop(body, None)
         pybullet.resetBasePositionAndOrientation(body, position, rotation, physicsClientId=self._client)
         pybullet.resetBaseVelocity(body, velocity, spin, physicsClientId=self._client)
         self._forget_contacts(body)
@@ -253,6 +260,7 @@ class Simulator:
 
         Bodies that interpenetrate come apart as slowly in smaller steps: what flies apart must not do so ever faster.
         """
+        self._poses.clear()
         for _ in range(count):
             self.fingers.advance()
             parts = self._parts_of_a_step()
@@ -286,6 +294,7 @@ class Simulator:
     def restore(self, handle: int) -> None:
         """Go back to a snapshot. Raises `SimulationError` if bodies were added or removed since."""
         try:
+            self._poses.clear()
             pybullet.restoreState(handle, physicsClientId=self._client)
         except pybullet.error as error:
             raise SimulationError(f"snapshot {handle} does not fit the bodies that are there now") from error
@@ -310,14 +319,12 @@ class Simulator:
         """Into how many steps 1/240 s must be divided so that nothing gets far into what it hits."""
         if self._most_parts == 1:
             return 1
-        bodies = [*self._names, *self.fingers.bodies]
-        fastest = max(map(self._corner_speed, bodies), default=0.0) + GRAVITY * TIME_STEP
+        fastest = 0.0
+        for body in (*self._names, *self.fingers.bodies):  # of each a bound of the speed of its corners, m/s
+            linear, spin = pybullet.getBaseVelocity(body, physicsClientId=self._client)
+            fastest = max(fastest, math.hypot(*linear) + self._radii.get(body, FINGER_RADIUS) * math.hypot(*spin))
+        fastest += GRAVITY * TIME_STEP
         return min(math.ceil(fastest * TIME_STEP / _STEP_REACH), self._most_parts)
-
-    def _corner_speed(self, body: int) -> float:
-        """Upper bound of the speed of a body's corners, m/s."""
-        linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
-        return math.hypot(*linear) + self._radii.get(body, FINGER_RADIUS) * math.hypot(*angular)
 
     def _shape_of(self, size: Vector3, shape: Shape) -> int:
         """One shape per form for the life of the client: pybullet never frees the shape of a removed body."""

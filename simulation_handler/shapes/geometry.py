@@ -16,7 +16,7 @@ from dsr.math3d.polygons import Point, Polygon, hull
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Part, PartKind, Shape, box
 from dsr.math3d.transforms import Pose
-from simulation_handler.scales import ROUNDING
+from simulation_handler.scales import GAP, ROUNDING
 from simulation_handler.shapes.faces import ROUND, depth, dot, faces
 
 _CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
@@ -132,6 +132,14 @@ class Solid:
         local = quaternions.rotate(quaternions.conjugate(self.rotation), away)
         distance, normal = min(part.signed_distance(local) for part in self.shape or box(self.size))
         return distance, quaternions.rotate(self.rotation, normal)
+
+    def is_at(self, other: Solid) -> bool:
+        """Whether another one is the same body at the same place, but for less than counts: bodies at rest tremble."""
+        if self is other:
+            return True
+        turn = math.dist(self.rotation, other.rotation)  # half an angle, rad
+        is_near = math.dist(self.position, other.position) <= GAP and 2.0 * turn * self.radius <= GAP
+        return is_near and (self.name, self.size, self.shape) == (other.name, other.size, other.shape)
 
     def moved(self, position: Vector3) -> Solid:
         """The same solid elsewhere."""

@@ -117,6 +117,8 @@ class BelievedObject:
     """Whether the object was taken out of the scene."""
     seen_by: dict[str, float] = field(default_factory=dict)
     """Stamp (s) of the newest percept from each camera."""
+    agreed: tuple[Solid, Solid] | None = None
+    """Percept and body that were found at the same place last, but for noise"""
     _percept: tuple[tuple[Array, Array, Quaternion, float], Solid] | None = None
     """What `percept` was worked out of the last time, and what it was"""
 

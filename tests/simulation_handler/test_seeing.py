@@ -127,6 +127,27 @@ def test_it_is_quiet_and_ends_with_the_object_and_the_camera(table: Table) -> No
     assert seen(table) == {}
 
 
+def test_edges_are_compared_only_where_the_answer_changed_and_one_that_was_removed_comes_back(
+    table: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.3, -0.1))
+    table.run(2.0)
+    compared: list[tuple[str, str]] = []
+    is_news = seeing._is_news
+    monkeypatch.setattr(
+        seeing, "_is_news", lambda written, *of: (compared.append(written.key[:2]), is_news(written, *of))[1]
+    )
+    table.run(1.0)
+    assert compared == []
+    table.memory.remove_edge("camera", "cube_2", "sees")
+    table.run(0.3)
+    assert set(seen(table)) == {"cube_1", "cube_2"}
+    add_arm(table, 0.32, -0.06)
+    table.run(0.5)
+    assert {name for _, name in compared} == {"cube_2"} and seen(table)["cube_2"][1] == "link"
+
+
 def test_it_goes_on_after_a_restart(table: Table) -> None:
     table.add("cube_1", cube_at(0.4, 0.1))
     table.run(1.0)

@@ -63,11 +63,45 @@ def test_who_asks_the_same_again_gets_the_same_without_another_look(monkeypatch:
     kept = dict(first)
     first.clear()  # of the asker's own copy
     assert rays.visibilities((lower, upper)) == kept and len(looks) == 1
-    moved = solid("upper", Pose((0.37, 0.0, 0.0600001)))
+    trembling = solid("upper", Pose((0.37, 0.0, 0.0600001)))
+    assert rays.visibilities([lower, trembling]) == kept and len(looks) == 1
+    moved = solid("upper", Pose((0.37, 0.0, 0.061)))
     assert rays.visibilities([lower, moved]) == RayVisibility([view()]).visibilities([lower, moved])
     assert rays.visibilities([upper, lower]) == kept
     assert rays.visibilities([lower])["overhead", "lower"] == ExpectedVisibility(1.0, "")
     assert len(looks) == 5
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_only_what_moved_and_what_that_may_hide_is_looked_for_again(
+    monkeypatch: pytest.MonkeyPatch, *, whole: bool
+) -> None:
+    looked: list[int] = []
+    look = visibility._visibility
+    monkeypatch.setattr(visibility, "_visibility", lambda *of: (looked.append(len(of[1])), look(*of))[1])
+    rng, rays = np.random.default_rng(3), RayVisibility([view()], whole=whole)
+    places = [(*rng.uniform((0.1, -0.2), (0.6, 0.2)), rng.uniform(0.02, 0.1)) for _ in range(30)]
+    here = [solid(f"thing_{k}", Pose(place)) for k, place in enumerate(places)]
+    seen, hidden = 0, 0
+    for step in range(30):
+        moved = int(rng.integers(len(here)))
+        here[moved] = here[moved].moved((*(here[moved].position[:2] + rng.normal(size=2) * 0.03), 0.05))
+        tremble = 1e-6 * (step % 3)
+        here = [one.moved((one.position[0] + tremble, *one.position[1:])) for one in here]
+        if step % 10 == 5:
+            here.pop(moved)
+        if step % 10 == 8:
+            here.append(solid(f"new_{step}", Pose((*rng.uniform((0.1, -0.2), (0.6, 0.2)), 0.1))))
+        looked.clear()
+        found = rays.look_for(here, here)
+        seen += sum(looked)
+        expected = RayVisibility([view()], whole=whole).look_for(here, here)
+        for one, other in zip(found, expected, strict=True):
+            assert one["overhead"].share == pytest.approx(other["overhead"].share, abs=0.05)
+            assert one["overhead"].hidden_by == other["overhead"].hidden_by
+        hidden += sum(by_camera["overhead"].hidden_by != "" for by_camera in found)
+    assert hidden > 100 and seen < 0.4 * 30 * 30
+    assert RayVisibility([]).look_for(here, here) == [{}] * len(here)
 
 
 def test_places_of_a_solid_are_looked_for_together_as_each_alone() -> None:

@@ -107,6 +107,25 @@ def test_covered_lens_sees_nothing(make_reality: MakeReality, cube: MakeCube) ->
     assert not frame.arrays["color"].any() and not frame.arrays["depth"].any()
 
 
+def test_what_stands_still_before_two_cameras_is_drawn_once_for_each(
+    monkeypatch: pytest.MonkeyPatch, make_reality: MakeReality, cube: MakeCube
+) -> None:
+    drawn: list[Pose] = []
+    draw = Renderer._draw
+    monkeypatch.setattr(Renderer, "_draw", lambda self, *of: (drawn.append(of[0]), draw(self, *of))[1])
+    cameras = ("overhead", "wrist")
+    reality = make_reality(cube(3, 0.4, 0.0), config=images("tiny", width=64, height=48, more_cameras=cameras))
+    assert {camera.name for camera in reality.delivering} == set(cameras)
+    for _ in range(3):
+        frames = [reality.expose(1.0, camera)() for camera in reality.delivering]
+    assert drawn == [camera.pose for camera in reality.delivering]
+    assert np.any(frames[0].arrays["depth"] != frames[1].arrays["depth"])
+    reality.delivering[1].bump(Pose((0.0, 0.0, 0.01)))
+    for camera in reality.delivering:
+        reality.expose(2.0, camera)
+    assert len(drawn) == 3
+
+
 def test_bumps_add_up_in_the_optical_frame(make_reality: MakeReality) -> None:
     camera = make_reality().camera
     assert camera.pose == OVERHEAD
