@@ -2,6 +2,7 @@
 
 Peers that believed the lie take for seen what the replica adds from then on, so only another id helps. What it had
 added and they may not have taken it adds anew; then an element may have two incarnations, as when two create one name.
+It never has more of them: what came anew under the last id goes when it comes anew under the next one.
 """
 
 from __future__ import annotations
