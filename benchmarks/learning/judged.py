@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchmarks.honesty.statement import DOUBT, GONE, RESOLUTION, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d.transforms import Pose
+from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import is_unseen
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.parameters import WorldParameters
@@ -27,13 +28,14 @@ class RememberedShares:
     def __init__(self) -> None:
         self._known: dict[tuple[float, str, Pose], float] = {}
 
-    def __call__(self, evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
+    def __call__(self, evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
         """As `seen_shares` of one episode."""
-        keys = [(evidence.now, name, Pose.unchecked(place.t, place.q)) for place in places]
-        new = [key for key in dict.fromkeys(keys) if key not in self._known]
-        for key, share in zip(new, seen_shares(evidence, name, [key[2] for key in new]), strict=True):
-            self._known[key] = share
-        return [self._known[key] for key in keys]
+        keys = {name: {(evidence.now, name, solid.pose): solid for solid in there} for name, there in places.items()}
+        new = {name: [solid for key, solid in of.items() if key not in self._known] for name, of in keys.items()}
+        for name, shares in seen_shares(evidence, {name: there for name, there in new.items() if there}).items():
+            told = zip(new[name], shares, strict=True)
+            self._known |= {(evidence.now, name, solid.pose): share for solid, share in told}
+        return {name: [self._known[evidence.now, name, solid.pose] for solid in places[name]] for name in places}
 
 
 @dataclass(frozen=True)

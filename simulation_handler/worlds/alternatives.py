@@ -7,20 +7,19 @@ seen where it should be lowers a mode in proportion to what cameras should see o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import PRESENT
 from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
-from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence, SharesQuery
+from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import Rates, WorldParameters
 
 FOLLOWED = "followed"
@@ -71,7 +70,6 @@ class Alternatives:
         thing: the object when it was recognised last.
         before: its circumstance then.
         now: s, that time.
-        shares: how much cameras should see of it in places.
         worked: probability that somebody has been at work in this gap, but not at this object.
     """
 
@@ -81,12 +79,10 @@ class Alternatives:
         thing: ObjectEvidence,
         before: str,
         now: float,
-        shares: SharesQuery,
         worked: float = 0.0,
     ) -> None:
         assert thing.believed is not None
         self._parameters = parameters
-        self._shares = shares
         self.before = before
         self.left = thing.believed
         """world_from_object when it was recognised last"""
@@ -132,13 +128,12 @@ class Alternatives:
             self.modes[key].weight, self.modes[key].worked = weight, 0.0
         self.unshown = 0.0
 
-    def step(self, name: str, evidence: Evidence, *, look: bool, work: float = 0.0) -> None:
-        """Bring the modes of an object to the time of the evidence.
+    def step(self, name: str, evidence: Evidence, work: float = 0.0) -> None:
+        """Bring the modes of an object to the time of the evidence; `balance` them after that.
 
         Args:
             name: of the object.
             evidence: of a moment that is not before the last one.
-            look: whether it is worked out if it should be seen.
             work: probability that somebody began to work since the last step, while cameras saw nothing.
         """
         thing, step = evidence.objects[name], evidence.now - self._now
@@ -151,9 +146,9 @@ class Alternatives:
             self._enter(name, evidence)
             self._is_new = False
         self._go_on(thing)
-        if look:
-            self._miss(name, evidence, evidence.now - self.looked)
-            self.looked = evidence.now
+
+    def balance(self) -> None:
+        """Let the weights of all modes be 1 together."""
         total = sum(mode.weight for mode in self.modes.values())
         for key, mode in list(self.modes.items()):
             mode.weight /= total
@@ -293,40 +288,46 @@ class Alternatives:
             self.modes[key] = new
         return self.modes[key]
 
-    def _miss(self, name: str, evidence: Evidence, step: float) -> None:
-        """The object is not seen: that speaks against all places where cameras should see it."""
+    def asked(self, thing: ObjectEvidence, *, blind: bool) -> list[Solid]:
+        """The object at all places of which it counts if cameras should see it there; `blind`: they see nothing."""
+        self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
+        if self._solid is None:
+            return []
+        places = (_placed(mode.pose) for mode in self._asked(thing, blind=blind))
+        return [self._solid.at(place.t, place.q) for place in places]
+
+    def _asked(self, thing: ObjectEvidence, *, blind: bool) -> list[Mode]:
+        placed = {key: mode for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE}
+        if blind:
+            return [placed[FOLLOWED]] if FOLLOWED in placed and not thing.gone else []
+        return list(placed.values())
+
+    def miss(self, thing: ObjectEvidence, shares: Sequence[float], now: float, *, blind: bool) -> None:
+        """The object is not seen: that speaks against all places where cameras should see it.
+
+        That nothing is seen at all speaks against cameras that do not fail, and not against places.
+
+        Args:
+            thing: the object.
+            shares: of the places as of `asked`, how much cameras should see.
+            now: s
+            blind: whether nothing is seen at all.
+        """
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
-        if not any(evidence.now - other.seen_at < PRESENT for other in evidence.objects.values()):
-            self._miss_all(name, evidence, step)
-            return
-        placed = [mode for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE]
-        shares = self._shares(self._with_solid(name, evidence), name, [_placed(mode.pose) for mode in placed])
-        for mode, share in zip(placed, shares, strict=True):
-            missed = missed_after(mode.missed, share, step, absence)
-            mode.weight *= math.exp(mode.missed - missed)
-            mode.missed = missed
+        step, self.looked = now - self.looked, now
+        for mode, share in zip(self._asked(thing, blind=blind), shares, strict=False):  # no shares without a shape
+            if blind:
+                before = mode.missed + self.unshown
+                self.unshown += missed_after(before, share, step, absence) - before
+            else:
+                missed = missed_after(mode.missed, share, step, absence)
+                mode.weight *= math.exp(mode.missed - missed)
+                mode.missed = missed
         away = self.modes.get(ELSEWHERE)
-        if away is not None:
-            before = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
+        if away is not None and not blind:
+            weight = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
             away.missed += absence.rate * step
-            after = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
-            away.weight *= after / before
-
-    def _miss_all(self, name: str, evidence: Evidence, step: float) -> None:
-        """Nothing is seen at all: that speaks against cameras that do not fail, and not against places."""
-        followed = self.modes[FOLLOWED]
-        if followed.pose is not None and not evidence.objects[name].gone:
-            (share,) = self._shares(self._with_solid(name, evidence), name, [followed.pose])
-            missed = followed.missed + self.unshown
-            self.unshown += missed_after(missed, share, step, self._parameters.absence) - missed
-
-    def _with_solid(self, name: str, evidence: Evidence) -> Evidence:
-        """The evidence with the object as it was; it may still be there, though the simulation has taken it away."""
-        thing = evidence.objects[name]
-        if thing.solid is not None:
-            self._solid = thing.solid
-            return evidence
-        return replace(evidence, objects={**evidence.objects, name: replace(thing, solid=self._solid)})
+            away.weight *= (elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)) / weight
 
 
 def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:

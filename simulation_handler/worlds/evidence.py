@@ -303,22 +303,25 @@ def _pose_of(percept: WeighedPercept, item: BelievedObject) -> Pose:
     return Pose.unchecked((x, y, z), percept.rotation, percept.stamp)
 
 
-SharesQuery = Callable[[Evidence, str, list[Pose]], list[float]]
-"""From evidence, the name of an object and places (world_from_object) to shares (0 to 1) as of `seen_shares`."""
+SharesQuery = Callable[[Evidence, Mapping[str, Sequence[Solid]]], dict[str, list[float]]]
+"""From evidence, and objects at places where each may be, by its name, to shares (0 to 1) as of `seen_shares`."""
 
 
-def seen_shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
+def seen_shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
     """Share (0 to 1) of the frames in which the camera that sees most of an object should recognise it about places.
 
-    Everything else is where the simulation has it, and what is in the object is left out.
+    Everything else is where the simulation has it, and what is in an object is left out.
     """
-    solid, visibility = evidence.objects[name].solid, evidence.visibility
-    if visibility is None or solid is None:
-        return [0.0] * len(places)
-    among = [
-        other.solid
-        for one, other in evidence.objects.items()
-        if other.solid is not None and (one, name) not in evidence.contents
-    ]
-    there = [solid.at(place.t, place.q) for place in places]
-    return [max(by_camera.values(), default=0.0) for by_camera in recognised_about(there, among, visibility)]
+    visibility = evidence.visibility
+    if visibility is None:
+        return {name: [0.0] * len(there) for name, there in places.items()}
+    holding = {container for _, container in evidence.contents}
+    among = {name: thing.solid for name, thing in evidence.objects.items() if thing.solid is not None}
+    found: dict[str, list[float]] = {}
+    at_once = [name for name in places if name not in holding]
+    for asked in (*([at_once] if at_once else []), *([name] for name in places if name in holding)):
+        others = [solid for name, solid in among.items() if (name, asked[0]) not in evidence.contents]
+        told = iter(recognised_about([solid for name in asked for solid in places[name]], others, visibility))
+        for name in asked:
+            found[name] = [max(next(told).values(), default=0.0) for _ in places[name]]
+    return found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dsr.errors import ConfigError
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import FRAME
+from dsr.perception.scales import FRAME, PRESENT
 from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
@@ -162,16 +162,28 @@ class WeightedWorlds:
             elif watched.seen is not None:
                 if watched.alternatives is None:
                     watched.alternatives = Alternatives(
-                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._shares,
-                        self._blackouts.before,
+                        self._parameters, watched.seen, watched.circumstance, watched.seen_at, self._blackouts.before,
                     )  # fmt: skip
                 unseen_names.append(name)
-        looking = self._looking(unseen_names, evidence.now - (evidence if before is None else before).now)
-        for name in unseen_names:
-            found = self._watched[name].alternatives
-            assert found is not None
-            found.step(name, evidence, look=name in looking, work=work)
+        unseen = {name: found for name in unseen_names if (found := self._watched[name].alternatives) is not None}
+        looking = self._looking(unseen, evidence.now - (evidence if before is None else before).now)
+        for name, found in unseen.items():
+            found.step(name, evidence, work)
+        self._look({name: found for name, found in unseen.items() if name in looking}, evidence)
+        for found in unseen.values():
+            found.balance()
         self._hear_returned(evidence)
+
+    def _look(self, unseen: Mapping[str, Alternatives], evidence: Evidence) -> None:
+        """Take in that objects are not seen where cameras should see them: one question about all of them."""
+        if not unseen:
+            return
+        things = evidence.objects
+        blind = not any(evidence.now - thing.seen_at < PRESENT for thing in things.values())
+        asked = {name: found.asked(things[name], blind=blind) for name, found in unseen.items()}
+        shares = self._shares(evidence, asked)
+        for name, found in unseen.items():
+            found.miss(things[name], shares[name], evidence.now, blind=blind)
 
     def _unseen(self) -> dict[str, Alternatives]:
         """Alternatives of the objects that are not recognised."""
@@ -208,10 +220,10 @@ class WeightedWorlds:
         odds = {name: one.odds for name, one in self._unseen().items()}
         self._ratios = self._blackouts.ratios({name: value for name, value in odds.items() if value is not None})
 
-    def _looking(self, names: Sequence[str], step: float) -> Collection[str]:
+    def _looking(self, unseen: Mapping[str, Alternatives], step: float) -> Collection[str]:
         """Names of the unseen objects whose visibility is worked out now, in turn: that takes most of the time."""
-        most = math.ceil(len(names) * step / LOOK_PERIOD)
-        waiting = [(found.looked, name) for name in names if (found := self._watched[name].alternatives) is not None]
+        most = math.ceil(len(unseen) * step / LOOK_PERIOD)
+        waiting = [(found.looked, name) for name, found in unseen.items()]
         return {name for _, name in sorted(waiting)[:most]}
 
     def islands(self) -> list[Island]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import msgspec
@@ -38,9 +38,10 @@ class Blackout:
     """
 
     def __init__(self, expected: float = 1.0, later: Mapping[str, float] | None = None) -> None:
-        def shares(evidence: Evidence, name: str, places: list[Pose]) -> list[float]:
+        def shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
             dark = all(evidence.now - thing.seen_at >= PRESENT for thing in evidence.objects.values())
-            return [expected if dark else (later or {}).get(name, 0.0)] * len(places)
+            share = {name: expected if dark else (later or {}).get(name, 0.0) for name in places}
+            return {name: [share[name]] * len(there) for name, there in places.items()}
 
         self.worlds = WeightedWorlds(parameters(), shares)
         self.now = 0.0

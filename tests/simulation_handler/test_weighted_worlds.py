@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,12 +15,13 @@ from dsr.errors import ConfigError
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import SupportedPose
+from simulation_handler.perception.visibility import ExpectedVisibility, RayVisibility
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD_ALOFT, HELD_LYING, HELD_OPENING, RESTLESS
-from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
+from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence, seen_shares
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import ON_COURSE, WeightedWorlds
-from tests.simulation_handler.worlds import container
+from tests.simulation_handler.worlds import VIEW, container
 
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
 CUP: Shape = container((0.1, 0.1, 0.1))
@@ -44,7 +45,13 @@ class Course:
     """A box that is seen until 1 s, and other things."""
 
     def __init__(self, share: float = 0.0) -> None:
-        self.worlds = WeightedWorlds(learned_parameters(), lambda evidence, name, places: [share] * len(places))
+        self.asked: list[set[str]] = []
+
+        def shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
+            self.asked.append(set(places))
+            return {name: [share] * len(there) for name, there in places.items()}
+
+        self.worlds = WeightedWorlds(learned_parameters(), shares)
         self.now = 0.0
         self.box = thing(Pose((0.3, 0.0, 0.02)), 0.0)
         self.others: dict[str, ObjectEvidence] = {"other": thing(Pose((0.0, 0.5, 0.02)), 0.0, name="other")}
@@ -158,6 +165,41 @@ def test_what_should_be_seen_in_part_loses_weight_gradually() -> None:
     assert all(after < before for before, after in pairwise(weights))
     assert weights[0] > 0.5 and weights[-1] < 0.75 * weights[0]
     assert course.weight("gone") + course.weight("elsewhere") > 0.25
+
+
+def test_cameras_are_asked_once_about_all_unseen_objects() -> None:
+    course = Course(1.0)
+    course.others["third"] = thing(Pose((0.0, 0.3, 0.02)), 0.0, name="third")
+    course.run(1.0)
+    course.watching = False
+    course.run(2.0)
+    course.asked.clear()
+    course.run(2.0)
+    assert len(course.asked) == 20 and set().union(*course.asked[-2:]) == {"box", "other", "third"}
+    assert {len(names) for names in course.asked} == {2}, "all of three within two images"
+
+
+def test_the_shares_of_many_objects_are_those_of_each() -> None:
+    places = {"cup": (0.3, 0.0, 0.05), "box": (0.3, 0.0, 0.03), "low": (0.5, 0.0, 0.02), "high": (0.51, 0.0, 0.06)}
+    things = {
+        name: thing(Pose(place), 0.0, 0.1 if name == "cup" else 0.04, CUP if name == "cup" else (), name)
+        for name, place in places.items()
+    }
+    calls: list[int] = []
+    rays = RayVisibility([VIEW])
+
+    def look(solids: Sequence[Solid], among: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
+        calls.append(len(solids))
+        return rays.look_for(solids, among)
+
+    evidence = Evidence(1.0, things, {}, look, frozenset({("box", "cup")}))
+    solids = [known.solid for known in things.values() if known.solid is not None]
+    asked = {solid.name: [solid, solid.moved((0.45, 0.05, 0.02))] for solid in solids}
+    together = seen_shares(evidence, asked)
+    assert len(calls) <= 4, "about the cup apart from all others"
+    assert together == {name: seen_shares(evidence, {name: there})[name] for name, there in asked.items()}
+    assert together["low"][0] < together["low"][1] and together["cup"][0] > 0.5
+    assert seen_shares(replace(evidence, visibility=None), asked) == {name: [0.0, 0.0] for name in asked}
 
 
 def test_blind_cameras_tell_nothing() -> None:

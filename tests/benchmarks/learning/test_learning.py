@@ -52,7 +52,9 @@ def course(gone: bool, *, hand: str = "", seconds: float = 6.0) -> Episode:
         view = frozenset({"box", "other"} if seen else {"other"})
         moments.append(Recorded(now, evidence, truth, view, {"box": "hand"} if seen else {}, frozenset()))
     share = 1.0 if gone else 0.0
-    return Episode("hands-0", 0.0, moments, lambda evidence, name, places: [share] * len(places))
+    return Episode(
+        "hands-0", 0.0, moments, lambda _, places: {name: [share] * len(there) for name, there in places.items()}
+    )
 
 
 def still(places: np.ndarray, seen: np.ndarray | None = None, sigma: float = 0.001) -> Errors:
