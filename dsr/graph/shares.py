@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TypeVar
 
 from dsr.graph.elements import Edge, Node
 from dsr.network.keys import agent_of
 
 E = TypeVar("E", bound=Node | Edge)
+T = TypeVar("T")
 
 
 def makers(element: Node | Edge) -> frozenset[str]:
@@ -22,13 +23,17 @@ def shared_out(elements: Iterable[E], most: int) -> list[E]:
 
     Each agent has the same share, of which the first of its elements are taken. What it does not need is for others.
     """
-    wanted = list(elements)
+    return shared_by(list(elements), most, makers)
+
+
+def shared_by(wanted: Sequence[T], most: int, made_by: Callable[[T], Collection[str]]) -> list[T]:
+    """As `shared_out`, of anything that agents with those names have made."""
     if len(wanted) <= most:
-        return wanted
+        return list(wanted)
     made: Counter[str] = Counter()
     ranks = []
-    for element in wanted:
-        names = makers(element)
+    for one in wanted:
+        names = made_by(one)
         ranks.append(min(made[name] for name in names))
         made.update(names)
     chosen = sorted(range(len(wanted)), key=ranks.__getitem__)[:most]

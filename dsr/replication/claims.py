@@ -52,11 +52,15 @@ class Claims:
         self._early: dict[str, set[int]] = {}
         """Counters of what was removed before it came, by who is to have made it; until that one accounts for them."""
         self._newcomers: set[str] = set()
+        self._opened: dict[str, int] = {}
+        """Gaps among the counters of a replica that its own deltas opened"""
         self._while_ends = 0.0
 
     def look(self, now: float) -> None:
         """Bring the counts up to date; call this often with the monotonic time, s."""
         if now >= self._while_ends:
+            gaps = self._graph.store.context.gaps
+            self._opened = {rid: min(count, gaps(rid)) for rid, count in self._opened.items() if gaps(rid)}
             self._newcomers.clear()
             self._while_ends = now + WHILE
 
@@ -96,10 +100,11 @@ class Claims:
             return Delta(delta.adds, delta.writes, known, accounted_for(sender, delta))
         return delta
 
-    def may_grow(self, sender: str, delta: Delta, *, fetching: bool) -> bool:
+    def may_grow(self, sender: str, delta: Delta, *, joining: bool) -> bool:
         """Whether a delta keeps the bounds on newcomers and gaps; if not, it is passed over.
 
-        While pieces of an answer come (`fetching`), gaps are those between the pieces, and not judged.
+        Gaps between the pieces of an answer are not the sender's, and not counted. Who is still `joining` is told of
+        all that it lacks anyway, and counts none.
         """
         context = self._graph.store.context
         if _follows(context.vector.get(sender), delta) and sender not in self._early:
@@ -110,11 +115,14 @@ class Claims:
                 return False
             self._newcomers.add(sender)
         next_one = context.vector.get(sender, 0) + 1
-        apart = sum(first > next_one for _, first, _ in delta.context) + _unaccounted(delta)
-        there = 0 if fetching else context.gaps(sender)
+        opened = [rid for rid, first, _ in delta.context if first > next_one and (rid, first - 1) not in context]
+        apart = len(opened) + _unaccounted(delta)
+        there = 0 if joining else min(context.gaps(sender), self._opened.get(sender, 0))
         if apart and apart + there > MAX_GAPS:
             self.passed_over += 1
             return False
+        if apart and not joining:
+            self._opened[sender] = there + apart
         self._note_made(sender, delta.context)
         return True
 

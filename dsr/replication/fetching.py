@@ -46,6 +46,8 @@ class Fetch:
         """Number of the first request of which a reply may belong to this answer."""
         self.seen = seen
         """What need not be sent; it may only grow while an answer goes on."""
+        self.asks_for_all = False
+        """Whether nothing that was seen is left out, since a digest told of more than the gaps here."""
         self._insists = insists
         self._whole: list[DotRange] = []
         self._live: set[Dot] = set()

@@ -31,6 +31,10 @@ TURN = SILENCE
 MAX_PAUSED = 8
 """Answers that wait for their next turn, those first that have brought most; others begin at the beginning."""
 
+FADES = 8.0
+"""By what an answer counts less for each turn without a piece: three silent turns outweigh hundreds of pieces, and who
+is slow keeps its place for one."""
+
 
 class Inquiry:
     """Asks peers for what is missing here; all times are of the monotonic clock, in s.
@@ -54,6 +58,8 @@ class Inquiry:
         self._turn_ends, self._turn_over = math.inf, False
         self._turn_brought = False
         """Whether the answer has gone on in this turn."""
+        self._turn_taken = False
+        """Whether any piece of the answer has come in this turn."""
         self._ready: set[str] = set()
         """Peers whose answers went on in their last turn."""
         self._broken_off: set[str] = set()
@@ -126,6 +132,8 @@ class Inquiry:
         if self._turn_brought:
             self._ready.add(fetch.peer)
         if fetch.begin != START:
+            if not self._turn_taken:
+                fetch.brought /= FADES
             self.keep(fetch)
 
     def keep(self, fetch: Fetch) -> None:
@@ -158,18 +166,20 @@ class Inquiry:
         self._peers[peer].asked += 1
         self._peers[peer].asked_at = now
         paused = self._paused.pop(peer, None)
-        if paused is None or self._lacking.everything:
+        if paused is None or (self._lacking.everything and not paused.asks_for_all):
             self.fetch = self._new(peer, insists=insists)
         else:
-            self.fetch, paused.seen = paused, CausalContext(seen_by(self._graph.store))
+            self.fetch, paused.asks_for_all = paused, self._lacking.everything
+            if not paused.asks_for_all:
+                paused.seen = CausalContext(seen_by(self._graph.store))
         self._turn_ends, self._turn_over = now + TURN, False
-        self._turn_brought = False
+        self._turn_brought = self._turn_taken = False
         self._ready.discard(peer)
 
     def _new(self, peer: str, *, insists: bool) -> Fetch:
         store = self._graph.store
         fetch = Fetch(peer, CausalContext(() if self._lacking.everything else seen_by(store)), insists=insists)
-        fetch.before = state_of(store)
+        fetch.before, fetch.asks_for_all = state_of(store), self._lacking.everything
         return fetch
 
     def _request(self, fetch: Fetch) -> Ask:
@@ -201,7 +211,7 @@ class Inquiry:
         if piece.begin == START:
             self._unanswered.pop(fetch.peer, None)
         if fetch is self.fetch:
-            self._under_way = None
+            self._under_way, self._turn_taken = None, True
             if fetch.begin is not None and self._ask_ahead is not None and not self._turn_over:
                 self._asked_ahead = True
                 self._ask_ahead(self._request(fetch))
@@ -240,9 +250,10 @@ class Inquiry:
     def end(self, fetch: Fetch) -> bool:
         """Note that all pieces of an answer have come, and tell whether no other answer was broken off."""
         self._broken_off.discard(fetch.peer)
+        if fetch.asks_for_all:
+            self._lacking.everything = False
         if fetch is self.fetch:
             self.fetch = self._under_way = None
-            self._lacking.everything = False
         else:
             self._paused.pop(fetch.peer, None)
         return not self._broken_off
@@ -269,3 +280,4 @@ class Inquiry:
         self._ready.discard(peer)
         if self.fetch is not None and self.fetch.peer == peer:
             self.give_up(self.fetch)
+        self._broken_off.discard(peer)

@@ -33,12 +33,18 @@ def going_on_as(
     """Give the graph another replica id, and write anew, as one delta, what peers may not have taken under the old one.
 
     That is what was added or written since counter `confirmed`, and samples of streams that are not durable yet. Values
-    keep their stamps. What somebody else had added under the dots `forged` is removed. So is what the last change of
-    the id had made anew (`renewed`: each dot and the one that came for it), so that nobody grows by further changes.
+    keep their stamps. What somebody else had added under the dots `forged` is removed. So are the copies that the last
+    change of the id had made (`renewed`: each dot and that of its copy), unless peers have taken them. The next copies
+    come of the originals, with what was written to either: so nobody grows, and others lose no writes and edges.
     Edges of others that would end nowhere are added anew, too. Returns what is made anew now. The graph must be locked.
     """
     old, store, void = graph.rid, graph.store, set(forged)
-    gone = void.union(renewed)
+    originals = {
+        copy: original
+        for original, copy in renewed.items()
+        if _is_lost(copy, old, confirmed) and original in store.entries and original not in void
+    }
+    gone = void.union(originals)
 
     def ends_nowhere(ends: tuple[Dot, ...]) -> bool:
         return bool(ends) and all(end in gone or (store.is_known(end) and store.find(end) is None) for end in ends)
@@ -50,7 +56,6 @@ def going_on_as(
         entry
         for entry in found
         if entry.dot in store.entries
-        and entry.dot not in renewed
         and (
             entry.dot in void
             or _is_lost(entry.dot, old, confirmed)
@@ -59,14 +64,25 @@ def going_on_as(
         )
     ]
     anew: dict[Dot, Dot] = {}
+
+    def ends_of(dots: tuple[Dot, ...]) -> tuple[Dot, ...]:
+        now = [originals.get(end, end) for end in dots]
+        return tuple(dict.fromkeys([*now, *(anew[end] for end in now if end in anew)]))
+
     for entry in sorted(lost, key=lambda entry: not isinstance(entry.key, str)):  # nodes first: edges name their dots
-        dot = anew[entry.dot] = graph.new_dot()
-        ends = (_with_renewed(dots, renewed, anew) for dots in (entry.sources, entry.destinations))
-        delta.adds.append(Add(dot, entry.key, entry.type, *ends))
-        delta.writes += [_again(write, dot, rid, graph.new_dot()) for write in entry.registers.values()]
+        original = originals.get(entry.dot, entry.dot)
+        dot = anew[original] = graph.new_dot()
+        delta.adds.append(Add(dot, entry.key, entry.type, ends_of(entry.sources), ends_of(entry.destinations)))
+        latest = dict(store.entries[original].registers)
+        for name, write in entry.registers.items():
+            if name not in latest or (latest[name].stamp, latest[name].writer) < (write.stamp, write.writer):
+                latest[name] = write
+                if original != entry.dot:
+                    delta.writes.append(_again(write, original, rid, graph.new_dot()))
+        delta.writes += [_again(write, dot, rid, graph.new_dot()) for write in latest.values()]
     for entry in found:
         own = [write for write in entry.registers.values() if _is_unsure(write, old, confirmed)]
-        delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own if entry.dot not in renewed]
+        delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own if entry.dot not in gone]
     delta.removed = sorted(gone)
     if delta.removed:
         graph.new_dot()
@@ -74,12 +90,6 @@ def going_on_as(
         delta.context = [(rid, 1, graph.counter)]
     graph.join(delta, now)
     return delta, anew
-
-
-def _with_renewed(ends: tuple[Dot, ...], renewed: Mapping[Dot, Dot], anew: Mapping[Dot, Dot]) -> tuple[Dot, ...]:
-    """The ends of an edge, with those that took their places at the last change of the id and at this one."""
-    latest = dict.fromkeys([*ends, *(renewed[end] for end in ends if end in renewed)])
-    return tuple(dict.fromkeys([*latest, *(anew[end] for end in latest if end in anew)]))
 
 
 def unconfirmed(graph: Graph, confirmed: int) -> Delta:

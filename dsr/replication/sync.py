@@ -152,7 +152,7 @@ class Synchroniser:
             return
         if not self.joined:  # it has nothing that could show a false claim, and is told of all that it lacks anyway
             delta.context = accounted_for(sender, delta)
-        if self.claims.may_grow(sender, delta, fetching=self.is_asking):
+        if self.claims.may_grow(sender, delta, joining=not self.joined):
             self.graph.join(delta, physical)
         else:
             self.complaints.say(sender, "too many gaps or newcomers: what %s sends is left to the repair")
@@ -234,7 +234,8 @@ class Synchroniser:
         if in_time:
             self._peers.answered(sender)
         if fetch is not None and (taken or in_time):
-            fetch.brought += share
+            if piece.end is None or piece.end[0]:  # of ranges that somebody has seen anybody can make up any number
+                fetch.brought += share
             self._go_on(fetch, piece, physical, taken=taken)
 
     def _go_on(self, fetch: Fetch, piece: Piece, physical: float, *, taken: bool) -> None:

@@ -20,8 +20,9 @@ from dsr.errors import ConfigError, WireError
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import RECORDS, WORLD_RECORD
+from dsr.graph.shares import shared_by
 from dsr.network.decoding import decoded
-from dsr.network.keys import BASE, check_name
+from dsr.network.keys import BASE, agent_of, check_name
 
 ROOT = "world"
 """Name and type of the root node that a new world has."""
@@ -84,8 +85,12 @@ def node_name(world: str) -> str:
 
 
 def to_attribute(info: WorldInfo, channel: str, below: Iterable[Dot] = ()) -> str:
-    """The value of the attribute `record`; `below` is `Record.below`, of which `MAX_ENDS` are named: the latest."""
-    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created, tuple(sorted(below)[-MAX_ENDS:]))
+    """The value of the attribute `record`.
+
+    Of `below`, which is `Record.below`, it names `MAX_ENDS` dots: the newest, and as many of each agent as of others.
+    """
+    named = shared_by(sorted(below, reverse=True), MAX_ENDS, lambda dot: (agent_of(dot[0]),))
+    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created, tuple(sorted(named)))
     return _encoder.encode(stored).decode()
 
 

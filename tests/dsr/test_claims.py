@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr import Memory
+from dsr import Faults, Memory
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta
@@ -148,6 +148,21 @@ def test_gaps_among_a_senders_own_counters_are_bounded(net: Net) -> None:
     liar.send(Delta(context=[("liar-1", 1, 6 * MAX_GAPS)]))  # and they close as ever
     net.pump(1.0)
     assert seen(a).gaps("liar-1") == 0
+
+
+def test_gaps_are_bounded_while_answers_come_too(net: Net) -> None:
+    """Much is asked for where messages are lost, and an answer tells nothing of what only the liar claims."""
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    liar, number = Liar(net), 0
+    for _ in range(100):
+        for _ in range(50):
+            number += 1
+            liar.send(Delta(context=[("liar-1", 2 * number, 2 * number)]))
+        net.pump(0.05, Faults(loss=0.1, delay=(0.1, 0.4)))
+    net.pump(5.0)
+    assert max(seen(memory).gaps("liar-1") for memory in (a, b)) <= 1.1 * MAX_GAPS
+    assert a.statistics.repairs + b.statistics.repairs > 0, "nothing was asked for, so this shows nothing"
 
 
 def test_newcomers_are_taken_in_at_a_bounded_pace_and_nothing_of_honest_ones_is_lost(net: Net) -> None:

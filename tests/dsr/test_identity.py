@@ -344,3 +344,38 @@ def test_who_speaks_in_its_name_again_and_again_lets_nobody_grow(net: Net) -> No
     assert len(victim.replica.graph.store.entries) <= 2 * held + 2
     assert content(victim) == before
     check_equal(net, victim, other)
+
+
+@pytest.mark.parametrize("hears_of_the_second_id", [True, False])
+def test_what_others_write_to_an_element_stays_after_a_second_id(net: Net, hears_of_the_second_id: bool) -> None:
+    """They have seen only what it was under the first id."""
+    victim, other = net.join("victim"), net.join("other")
+    net.pump(2.0)
+    victim.add_node("cup", "cube", mass=1.0)
+    net.pump(0.05)
+    liar = stranger(net)
+    liar.announce(victim.keys.presence("stranger", "stranger-1"))
+
+    def claim_all(seconds: float) -> None:
+        seen = CausalContext([(victim.replica.graph.rid, 1, MOST)]).summary()
+        digest = Digest("stranger-1", net.clock.now(), seen, 0, ())
+        liar.publish(victim.keys.digest("stranger-1"), encode_digest(digest))
+        net.pump(seconds)
+
+    net.network.partition(["other"], ["victim", "stranger"])
+    claim_all(0.2)
+    other.update_node("cup", mass=7.0)
+    other.add_node("spoon", "cube")
+    other.add_edge("cup", "spoon", "on", since=1.0)
+    if hears_of_the_second_id:
+        net.network.heal()
+        net.pump(HEAL)
+        claim_all(NEW_ID_PAUSE + 0.5)
+    else:
+        net.pump(NEW_ID_PAUSE + 0.5)
+        claim_all(0.2)
+        net.network.heal()
+    check_equal(net, victim, other)
+    assert victim.statistics.new_ids == 2
+    assert victim.node("cup")["mass"] == 7.0 and [edge.key for edge in victim.edges("on")] == [("cup", "spoon", "on")]
+    assert len(victim.node("cup").created) <= 2

@@ -8,10 +8,11 @@ from collections.abc import Callable
 import pytest
 
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import Add, Write
+from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.pieces import START, Piece, Place
 from dsr.graph.graph import Graph
 from dsr.replication import fetching
+from dsr.replication.claims import MAX_GAPS
 from dsr.replication.inquiry import TURN
 from dsr.replication.lacking import GRACE
 from dsr.replication.outputs import Ask
@@ -167,12 +168,75 @@ def test_who_tells_again_and_again_that_something_is_missing_is_asked_for_it() -
     assert asked_at and GRACE <= asked_at[0] <= 2 * GRACE + 0.05
 
 
-class Crowd:
-    """A replica, a holder whose answers take `delay` s, and liars that give a first piece, and never the next."""
+def test_a_peer_that_broke_off_its_answer_and_left_keeps_no_gaps_open() -> None:
+    """While an answer is unfinished, what it lacks is a gap that somebody can fill; not when nobody will."""
+    mine, holder = Synchroniser(Graph("me-1"), joined=True), Synchroniser(Graph("holder-1"), joined=True)
+    for number in range(1, 900):
+        holder.graph.join(Delta(context=[("dead-1", 4 * number, 4 * number)]), 0.0)
+    mine.graph.join(Delta(context=[("dead-1", 4 * number + 2, 4 * number + 2) for number in range(1, 900)]), 0.0)
+    lie = CausalContext([("nobody-1", 1, 5)]).summary()
+    mine.peer_appeared("liar-1", 0.0)
+    mine.peer_appeared("holder-1", 0.0)
+    for step in range(1, 1200):
+        now = step / 10
+        if step < 150 and step % 10 == 6:
+            mine.receive_digest("liar-1", encode_digest(Digest("liar-1", now, lie, 0, ())), now, now)
+        if step == 150:
+            assert "liar-1" in mine.peers
+            mine.peer_gone("liar-1", now)
+        if step > 160 and step % 10 == 2:
+            mine.receive_digest("holder-1", holder.digest(now), now, now)
+        for ask in [each for each in mine.tick(now, now) if isinstance(each, Ask)]:
+            piece = Piece(START, (ask.peer, 1, ""), whole=[("nobody-1", 1, 5)])
+            if ask.peer == "holder-1":
+                piece = holder.answer("me-1", ask.payload) or piece
+            if ask.peer == "holder-1" or decode_request(ask.payload).begin == START:
+                mine.receive_reply(ask.peer, ask.number, encode_piece(piece), now)
+    assert mine.graph.store.context.gaps("dead-1") <= MAX_GAPS + 1
 
-    def __init__(self, nodes: int, *, joined: bool, delay: float = 0.0) -> None:
+
+@pytest.mark.parametrize("holders", [1, 2])
+def test_all_that_is_asked_for_comes_though_each_answer_takes_more_than_a_turn(
+    holders: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A removal came to the holders without its dot: only who asks for everything learns of it."""
+    monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 10)
+    peers = {f"h{number}-1": Synchroniser(Graph(f"h{number}-1"), joined=True) for number in range(holders)}
+    mine, first = Synchroniser(Graph("me-1"), joined=True), peers["h0-1"]
+    for number in range(200):
+        delta = first.graph.add_node(f"n{number}", "cube", {}, 0.0)
+        for synchroniser in (*peers.values(), mine):
+            if synchroniser is not first:
+                synchroniser.graph.join(delta, 0.0)
+    for rid, peer in peers.items():
+        peer.graph.store.join(Delta(removed=[*mine.graph.nodes["n199"].created]))
+        mine.peer_appeared(rid, 0.0)
+    under_way: list[tuple[float, Ask, Piece]] = []
+    for step in range(1, 1000):
+        now = step / 10
+        for place, (rid, peer) in enumerate(peers.items()):
+            if step % 10 == place + 2:
+                mine.receive_digest(rid, peer.digest(now), now, now)
+        for ask in [each for each in mine.tick(now, now) if isinstance(each, Ask)]:
+            piece = peers[ask.peer].answer("me-1", ask.payload)
+            assert piece is not None
+            under_way.append((now + 0.3, ask, piece))
+        for come in [each for each in under_way if each[0] <= now]:
+            under_way.remove(come)
+            mine.receive_reply(come[1].peer, come[1].number, encode_piece(come[2]), now)
+    assert "n199" not in mine.graph.nodes and mine.graph.store.fingerprint == first.graph.store.fingerprint
+    assert not mine.lacking.everything
+
+
+class Crowd:
+    """A replica, a holder whose answers take `delay` s, and liars that give some pieces, and never the next.
+
+    Each of the `pieces` of a liar tells of 150 made-up ranges.
+    """
+
+    def __init__(self, nodes: int, *, joined: bool, delay: float = 0.0, pieces: int = 1) -> None:
         self.mine = Synchroniser(Graph("me-1"), joined=joined)
-        self.delay, self.now, self._steps = delay, 0.0, 0
+        self.delay, self.now, self._steps, self._pieces = delay, 0.0, 0, pieces
         self._holder = Synchroniser(Graph("holder-1"), joined=True)
         for number in range(nodes):
             self._holder.graph.add_node(f"n{number}", "cube", {}, 0.0)
@@ -192,11 +256,21 @@ class Crowd:
                 piece = self._holder.answer("me-1", ask.payload)
                 assert piece is not None
                 self._under_way.append((self.now + self.delay, ask, piece))
-            elif decode_request(ask.payload).begin == START:
-                self._under_way.append((self.now, ask, Piece(START, (ask.peer, 1, ""), whole=[("nobody-1", 1, 5)])))
+            elif (piece := self._lie(ask, decode_request(ask.payload).begin)) is not None:
+                self._under_way.append((self.now, ask, piece))
         for come in [each for each in self._under_way if each[0] <= self.now]:
             self._under_way.remove(come)
             self.mine.receive_reply(come[1].peer, come[1].number, encode_piece(come[2]), self.now)
+
+    def _lie(self, ask: Ask, begin: Place) -> Piece | None:
+        """The next piece of a liar's answer, if there is one more."""
+        if self._pieces == 1:
+            return Piece(START, (ask.peer, 1, ""), whole=[("nobody-1", 1, 5)]) if begin == START else None
+        if begin[0] or begin[1] >= 150 * self._pieces:
+            return None
+        counters = (2 * (begin[1] + number) + 1 for number in range(150))
+        whole = [("nobody-1", counter, counter) for counter in counters]
+        return Piece(begin, ("", begin[1] + 150, ""), whole=whole)
 
 
 def test_a_liar_that_answers_no_more_keeps_nobody_from_who_speaks_when_its_turn_ends() -> None:
@@ -227,3 +301,19 @@ def test_a_liar_that_comes_under_ever_new_ids_is_not_asked_before_who_waits(
         if withdraws and number % 10 == 7 and ids:
             crowd.mine.peer_gone(ids[-1], crowd.now)
     assert len(crowd.mine.graph.nodes) == 60
+
+
+@pytest.mark.parametrize("joined", [False, True])
+def test_what_liars_have_made_up_keeps_no_place_of_an_answer_for_long(
+    joined: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nine of them give thirty pieces each, and then none, but speak on."""
+    monkeypatch.setattr("dsr.crdt.pieces.MAX_EXAMINED", 10)
+    crowd, liars = Crowd(100, joined=joined, delay=0.9, pieces=30), [f"liar{number}-1" for number in range(9)]
+    for rid in (*liars, "holder-1"):
+        crowd.mine.peer_appeared(rid, 0.0)
+    for number in range(8000):
+        crowd.step(liars if number % 10 == 6 else [], holder_speaks=number % 10 == 2)
+        if len(crowd.mine.graph.nodes) == 100:
+            break
+    assert len(crowd.mine.graph.nodes) == 100

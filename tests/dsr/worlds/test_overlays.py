@@ -274,6 +274,29 @@ def test_who_hides_one_incarnation_hides_the_edges_that_are_bound_to_it(net: Net
     assert "n" in view and view.edges("on") == [] and base.edges("on")
 
 
+def test_who_made_a_world_a_thousand_times_and_removes_that_takes_no_overlay_of_it(net: Net) -> None:
+    """The entry of the overlay names dots of who else made the world, too."""
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    a.add_node("cup", "cube")
+    a.fork("sim")
+    net.pump(1.0)
+    key = node_name("sim")
+    adds = [Add(("zliar-1", number), key, a._graph.nodes[key].type) for number in range(1, MAX_ENDS + 1)]
+    a._graph.join(Delta(adds, context=[("zliar-1", 1, MAX_ENDS)]), 0.0)
+    net.pump(5.0)
+    assert len(b._graph.nodes[key].created) == MAX_ENDS + 1
+    b.fork("thought", of="sim", follow=True)
+    net.pump(1.0)
+    gone = Delta(removed=[add.dot for add in adds], context=[("zliar-1", MAX_ENDS + 1, MAX_ENDS + 1)])
+    for memory in (a, b):
+        memory._graph.join(gone, 0.0)
+    net.pump(5.0)
+    opened = a.world("thought")
+    net.pump(2.0)
+    assert "cup" in opened
+
+
 def test_an_entry_names_no_more_dots_than_an_edge_has_at_one_end(net: Net) -> None:
     """Each entry of an open world is read again when the list changes: with 60 000 dots that would take 35 ms."""
     a = net.join("a")
