@@ -21,6 +21,8 @@ from simulation_handler.scales import PLACE_FLOOR
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
+Compared = tuple[WeighedPercept, Innovation]
+"""A percept, and how far it was from the estimate when it came."""
 
 _EYE = np.eye(3)
 
@@ -59,16 +61,17 @@ class Estimate:
         is_near = _mahalanobis2(shift, self.position_covariance + percept.position_covariance) <= limit
         return is_near and _mahalanobis2(rotation, self.rotation_covariance + percept.rotation_covariance) <= limit
 
-    def farthest(self, innovations: Sequence[Innovation], percept: WeighedPercept, gate: float, fewest: int) -> int:
-        """Of how many of the last innovations, `fewest` or more, the mean is farthest beyond the gate; 0 if none is.
-
-        Each is as noisy as `percept`.
-        """
-        counts = np.arange(1, len(innovations) + 1)[:, None]
-        means = np.cumsum(np.array(innovations)[::-1], axis=0) / counts[:, None]
+    def farthest(self, recent: Sequence[Compared], gate: float, fewest: int) -> int:
+        """Of how many of the last percepts, `fewest` or more, the mean is farthest beyond the gate; 0 if none is."""
+        if len(recent) < fewest:
+            return 0
+        counts = np.arange(1, len(recent) + 1)[:, None]
+        newest = recent[::-1]
+        means = np.cumsum(np.array([innovation for _, innovation in newest]), axis=0) / counts[:, None]
+        noises = np.array([(percept.position_covariance, percept.rotation_covariance) for percept, _ in newest])
+        noise = np.cumsum(noises, axis=0) / (counts**2)[..., None, None]
         known = np.stack([self.position_covariance, self.rotation_covariance])
-        noise = np.stack([percept.position_covariance, percept.rotation_covariance])
-        solved = np.linalg.solve(known + noise / counts[..., None, None], means[..., None])[..., 0]
+        solved = np.linalg.solve(known + noise, means[..., None])[..., 0]
         distances2 = (means * solved).sum(axis=-1).max(axis=1)[fewest - 1 :]
         if not np.any(distances2 > gate**2):
             return 0

@@ -120,21 +120,50 @@ def test_a_move_of_three_millimetres_is_followed_within_a_second() -> None:
     assert watcher.track.estimate.position[0] == pytest.approx(0.403, abs=0.001)
 
 
+class Coloured:
+    """Feeds a track with percepts that tell no rotation, as those by colour, ten a second: 2.5 mm off or as told."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng, self.track, self.now = np.random.default_rng(seed), PerceptTrack(CONFIG), 100.0
+
+    def see(self, x: float, off: float = 0.0, std: float = 0.0025) -> None:
+        self.now += 0.1
+        covariance = np.diag([std**2] * 3 + [math.pi**2] * 3)
+        position = (x + off, 0.1, 0.02) + self.rng.normal(0.0, std, 3)
+        self.track.add(make_percept(Pose(position, covariance=covariance), self.now, CAMERA, CONFIG))
+
+    def error(self, x: float) -> float:
+        assert self.track.estimate is not None
+        return float(np.linalg.norm(self.track.estimate.position - (x, 0.1, 0.02)))
+
+
 def test_a_move_of_four_standard_deviations_is_followed_by_as_few_percepts_as_tell_it() -> None:
     """Percepts of a colour are 2.5 mm off: single ones seldom tell of 10 mm, and of the last ten too few are newer."""
-    counts = []
-    for seed in range(20):
-        rng, track, now = np.random.default_rng(seed), PerceptTrack(CONFIG), 100.0
-        covariance = np.diag([0.0025**2] * 3 + [math.pi**2] * 3)
-        for k in range(60):
-            now, there = now + 0.1, np.array((0.41 if k >= 40 else 0.4, 0.1, 0.02))
-            percept = Pose(there + rng.normal(0.0, 0.0025, 3), covariance=covariance)
-            track.add(make_percept(percept, now, CAMERA, CONFIG))
-            assert track.estimate is not None
-            if k >= 40 and float(np.linalg.norm(track.estimate.position - there)) < 0.004:
-                counts.append(k - 39)
-                break
-    assert len(counts) == 20 and np.median(counts) <= 5
+    assert np.median([_percepts_until_followed(seed, 0.01) for seed in range(20)]) <= 5
+
+
+def _percepts_until_followed(seed: int, move: float, false: int = 1000) -> int:
+    """How many percepts tell a move to 4 mm, at most 100, if each `false`-th is a decimetre off."""
+    seen = Coloured(seed)
+    for k in range(40):
+        seen.see(0.4)
+    for k in range(1, 100):
+        seen.see(0.4 + move, 0.1 if k % false == 0 else 0.0)
+        if seen.error(0.4 + move) < 0.004:
+            return k
+    return 100
+
+
+def test_each_percept_counts_by_its_own_noise() -> None:
+    """An object at rest, seen well and badly by turns: bad percepts seem to be a move to who takes them for good."""
+    errors = []
+    for seed in range(5):
+        seen = Coloured(seed)
+        for k in range(100):
+            seen.see(0.4, std=0.001 if k % 2 else 0.01)
+            if k >= 30:
+                errors.append(seen.error(0.4))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.0005, "half of what a good one is off"
 
 
 @pytest.mark.parametrize("at_rest", [3, 6])
