@@ -131,12 +131,15 @@ class PerceptTrack:
 
     def _since_moved(self, estimate: Estimate) -> list[Compared]:
         """The newest percepts that agree with each other, and together disagree most with the estimate; none if none
-        do. Some of them may have been set aside: not each is beyond the gate.
+        do. Some of them may have been set aside: not each is beyond the gate, and one that is may be false.
         """
         recent = list(self._recent)
-        count = estimate.farthest(recent, self._config.recent_gate, self._config.confirm_frames)
-        newer = recent[len(recent) - count :]
-        return newer if newer and fused([one for one, _ in newer], self._config) is not None else []
+        while count := estimate.farthest(recent, self._config.recent_gate, self._config.confirm_frames):
+            newer = recent[-count:]
+            if fused([percept for percept, _ in newer], self._config) is not None:
+                return newer
+            recent = newer[1:]
+        return []
 
     def _restart(self, percepts: Sequence[WeighedPercept], old: Estimate | None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
