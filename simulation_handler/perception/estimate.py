@@ -90,11 +90,13 @@ class Estimate:
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
         self.ray, self.stamp = percept.ray, percept.stamp
 
-    def loosen(self, innovations: Sequence[Innovation]) -> None:
-        """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""
-        shift, rotation = np.mean(innovations, axis=0)
-        self.position_covariance = self.position_covariance + np.outer(shift, shift)
-        self.rotation_covariance = self.rotation_covariance + np.outer(rotation, rotation)
+    def loosen(self, recent: Sequence[Compared]) -> None:
+        """Doubt the estimate in the direction in which some percepts agree that it is off, as surely as they tell."""
+        shift, rotation = np.mean([innovation for _, innovation in recent], axis=0)
+        noises = np.array([(percept.position_covariance, percept.rotation_covariance) for percept, _ in recent])
+        noise, turning = noises.sum(axis=0) / len(recent) ** 2
+        self.position_covariance = self.position_covariance + np.outer(shift, shift) + noise
+        self.rotation_covariance = self.rotation_covariance + np.outer(rotation, rotation) + turning
 
     def inherit(self, old: Estimate) -> None:
         """Keep position and rotation of an older estimate, each if it has not changed beyond noise."""

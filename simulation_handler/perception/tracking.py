@@ -124,7 +124,7 @@ class PerceptTrack:
         self.changed = True
         newer = self._since_moved(estimate)
         if newer:
-            estimate.loosen([innovation for _, innovation in newer])
+            estimate.loosen(newer)
             self._recent.clear()
         for recent, _ in newer or [self._recent[-1]]:
             estimate.fuse(recent)
