@@ -27,6 +27,8 @@ class PerceptTrack:
         self._newest: deque[WeighedPercept] = deque(maxlen=RECENT_PERCEPTS)
         self.estimate: Estimate | None = None
         """None until perception is sure enough."""
+        self._since = -math.inf
+        """s, of the first percept after the last gap"""
         self.last_stamp = -math.inf
         """s, of the newest percept."""
         self.moving = False
@@ -45,6 +47,8 @@ class PerceptTrack:
         """
         if percept.stamp <= self.last_stamp:
             return
+        if not self.is_fresh(percept.stamp):
+            self._since = percept.stamp
         self.last_stamp = percept.stamp
         self._newest.append(percept)
         if self.estimate is not None:
@@ -67,7 +71,7 @@ class PerceptTrack:
         """The estimate from percepts at `now` (s); None while unseen, or if all in it is from before a gap."""
         if self.estimate is None or not self.is_fresh(now):
             return None
-        return self.estimate if self.is_recent(self.estimate.stamp, self.last_stamp) else None
+        return self.estimate if self.estimate.stamp >= self._since else None
 
     def glance_at(self, now: float) -> WeighedPercept | None:
         """The newest percept of what is seen again at `now` (s), but too shortly yet to tell where it is; or None."""
