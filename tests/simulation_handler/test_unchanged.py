@@ -68,6 +68,20 @@ def test_only_what_was_placed_and_what_it_is_pushed_into_gives_way() -> None:
     assert separate(solids, weights, ()) == {}
 
 
+def test_what_got_into_another_is_parted_while_a_third_is_seen() -> None:
+    world = World({"left": cube_at(0.1, 0.1), "right": cube_at(0.2, 0.1), "seen": cube_at(-0.3, -0.2)})
+    world.run(2.0)
+    del world.truths["left"], world.truths["right"]
+    world.run(2.0)
+    bodies = world.belief._bodies
+    (x, y, z), rotation = bodies.sim.pose("left")
+    bodies.put(bodies.object("right"), (x + 0.034, y, z), rotation)
+    for name in ("left", "right"):
+        bodies.sim.make_static(name, True)
+    world.run(0.3)
+    assert bodies.sim.pose("right")[0][0] - bodies.sim.pose("left")[0][0] >= CUBE[0]
+
+
 def test_a_body_that_trembles_is_where_it_was_and_one_that_creeps_is_not() -> None:
     before = Solid("cube", CUBE, (0.3, 0.1, 0.02))
     creeping = [before.moved((0.3 + share * GAP, 0.1, 0.02)) for share in (0.3, 0.6, 0.9, 1.2, 1.5)]
