@@ -29,6 +29,7 @@ class Unchanged:
     def look(self, solids: Mapping[str, Solid]) -> set[str]:
         """Take in where all bodies are; return the names of those that have moved."""
         for name in self._solids.keys() - solids.keys():
+            self._counts.pop(name, None)
             self._disturb(self._solids.pop(name))
         return {name for name, solid in solids.items() if self.note(solid)}
 

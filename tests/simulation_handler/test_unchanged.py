@@ -68,6 +68,17 @@ def test_only_what_was_placed_and_what_it_is_pushed_into_gives_way() -> None:
     assert separate(solids, weights, ()) == {}
 
 
+def test_what_was_removed_is_forgotten() -> None:
+    world = World({"cube_1": cube_at(0.3, 0.1), "cube_2": cube_at(0.3, -0.1)})
+    world.run(2.0)
+    unchanged = world.belief._correction._unchanged
+    assert unchanged._counts.keys() == {"cube_1", "cube_2"}
+    world.belief.remove("cube_1")
+    del world.truths["cube_1"]
+    world.run(0.5)
+    assert unchanged._counts.keys() == {"cube_2"}
+
+
 def test_what_got_into_another_is_parted_while_a_third_is_seen() -> None:
     world = World({"left": cube_at(0.1, 0.1), "right": cube_at(0.2, 0.1), "seen": cube_at(-0.3, -0.2)})
     world.run(2.0)
