@@ -114,6 +114,7 @@ class Correction:
         again = placed_again(item.percept(), item.percept_covariance(self._config), placement, self._config)
         if again is None or self._differs(item, placement, again):
             return False
+        item.is_told_to_rest = False
         item.know(again)
         item.learn_error(again)
         around.scene[item.name] = self._bodies.solid(item.name)

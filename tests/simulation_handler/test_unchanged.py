@@ -44,6 +44,16 @@ def test_what_rests_is_placed_anew_seldom_and_known_ever_better(placed: Counter[
     assert _deviation(world, "cube_1") < 0.8 * before
 
 
+def test_of_what_stays_percepts_have_told_that_it_rests(placed: Counter[str]) -> None:
+    world = World({"cube_1": cube_at(0.3, 0.1)})
+    world.run(4.0)
+    placed.clear()
+    item = world.belief._bodies.objects["cube_1"]
+    item.is_told_to_rest = True
+    world.run(0.1)
+    assert not placed and not item.is_told_to_rest
+
+
 def test_what_stands_on_something_is_placed_anew_when_that_has_moved(placed: Counter[str]) -> None:
     world = World({"low": cube_at(0.3, 0.0), "high": cube_at(0.3, 0.0, 0.06), "far": cube_at(0.3, 0.3)})
     world.run(4.0)
