@@ -17,7 +17,7 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.perception.scales import LIKELY_SIGMAS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.scales import PLACE_FLOOR
+from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
@@ -127,6 +127,11 @@ class Estimate:
     def total_covariance(self, error_std: float) -> Array:
         """Covariance (3, 3) of the position, m^2: remaining noise, and systematic error along the viewing ray (m)."""
         total: Array = self.position_covariance + error_std**2 * (self.ray[:, None] * self.ray)
+        return total
+
+    def total_turning(self) -> Array:
+        """Covariance (3, 3) of the rotation, rad^2: remaining noise, and what is no noise of percepts."""
+        total: Array = self.rotation_covariance + TURN_FLOOR**2 * _EYE
         return total
 
     def standard_deviations(self) -> tuple[float, float]:
