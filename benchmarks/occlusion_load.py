@@ -41,9 +41,9 @@ from simulation_handler.belief import Belief
 from simulation_handler.hands.state import HandPercept
 
 TICK = 0.05
-"""s, between two steps"""
+"""s between two steps, and the limit of a whole tick"""
 LIMIT = 0.04
-"""s of CPU, for 95 % of the steps or ticks: the graph is read and written in the rest of a tick"""
+"""s of CPU, for 95 % of the steps: the graph is read and written in the rest of a tick"""
 _CUBE: Vector3 = (0.04, 0.04, 0.04)
 _BOX: Vector3 = (0.17, 0.17, 0.15)
 _WALL = 0.003
@@ -65,26 +65,29 @@ Hands = Callable[[float], list[tuple[Pose, list[Pose]]]]
 
 
 def main() -> None:
-    """Run all loads and print a row for each; exit 1 if the 95th percentile of one is over the limit."""
+    """Run loads and print a row for each; exit 1 if the 95th percentile of one is over its limit."""
     parser = argparse.ArgumentParser("python -m benchmarks.occlusion_load", description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated, of each load (default: 10)")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
-    parser.add_argument("--loads", nargs="+", help="only these")
+    steps = {"carried": _carried, "pushed": _pushed, "resting": _resting, "crowded": _crowded}
+    ticks = {"told": _told, "late": _late}
+    loads = steps | ticks
+    parser.add_argument("--loads", nargs="+", choices=loads, default=list(loads), help="only these")
     options = parser.parse_args()
-    loads = {"carried": _carried, "pushed": _pushed, "resting": _resting, "crowded": _crowded}
-    loads |= {"told": _told, "late": _late}
-    rows = [_row(name, load(options.seconds)) for name, load in loads.items() if name in (options.loads or loads)]
+    chosen = [name for name in loads if name in options.loads]
+    rows = [_row(name, loads[name](options.seconds), TICK if name in ticks else LIMIT) for name in chosen]
     columns = {"median ms": "median_ms", "95 % ms": "p95_ms", "99 % ms": "p99_ms", "worst ms": "worst_ms"}
-    table = Table("load", "steps", *columns, title=f"CPU of a step; limit {LIMIT * 1e3:.0f} ms")
+    columns["limit ms"] = "limit_ms"
+    table = Table("load", "steps", *columns, title="CPU of a step of the belief, or of a whole tick")
     for row in rows:
         table.add_row(row["load"], str(row["steps"]), *(f"{row[key]:.1f}" for key in columns.values()))
     Console().print(table)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    raise SystemExit(0 if all(row["p95_ms"] <= LIMIT * 1e3 for row in rows) else 1)
+    raise SystemExit(0 if all(row["p95_ms"] <= row["limit_ms"] for row in rows) else 1)
 
 
-def _row(load: str, seconds: list[float]) -> dict[str, Any]:
+def _row(load: str, seconds: list[float], limit: float) -> dict[str, Any]:
     return {
         "load": load,
         "steps": len(seconds),
@@ -92,6 +95,7 @@ def _row(load: str, seconds: list[float]) -> dict[str, Any]:
         "p95_ms": 1e3 * float(np.quantile(seconds, 0.95)),
         "p99_ms": 1e3 * float(np.quantile(seconds, 0.99)),
         "worst_ms": 1e3 * max(seconds),
+        "limit_ms": 1e3 * limit,
     }
 
 

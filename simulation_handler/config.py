@@ -40,7 +40,8 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track: it is surprising there."""
     recent_gate: float = math.sqrt(2.0 * (SURPRISING - math.log(FRAME)))
     """Standard deviations beyond which the mean of some of the last ten percepts disagrees with the track.
-    The test is made at each percept of a second, so the gate is wider than that of a single one.
+    Each percept tests the means of the last three, four ... ten: up to eight tests, most of which tell the same. The
+    gate is wider than that of a single percept for as many tests as there are percepts in a second.
     """
     confirm_frames: int = CONFIRM_FRAMES
     """Percepts in a row that must disagree before the object has moved: fewer may be false."""

@@ -18,8 +18,8 @@ from dsr.vocabulary.intrinsics import Intrinsics
 _INSET = 0.95  # of the tag's half diagonals, so that no pixel straddles its edge
 _MAX_PIXELS = 2000
 _MIN_PIXELS = 40
-_ENOUGH_PIXELS = 4 * _MIN_PIXELS  # of the box around a tag: a tag on its corner fills half of it
 _MIN_VALID = 0.5  # of the pixels within the tag
+_ENOUGH_PIXELS = 4 * _MIN_PIXELS / _MIN_VALID  # of the box around a tag: one that lies askew fills a quarter
 _ITERATIONS = 5
 _CAUCHY = 2.385  # scales, for 95 % efficiency on Gaussian errors
 _NO_PLANE = 0.05  # residual scale, of the inverse depth, above which this is no plane

@@ -48,8 +48,8 @@ class Seeing:
         self._last = -math.inf
         self._poses: dict[str, Pose] = {}
         """world_from_camera at the last look"""
-        self._told: dict[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]] = {}
-        """Of what each edge was judged last"""
+        self._judged: dict[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility, tuple[Any, ...]]] = {}
+        """Of what each edge was judged last, and what it said"""
         self._rays = _Rays()
         self.visibility: VisibilityQuery | None = None
         """What the cameras should see by the last look; None without a camera."""
@@ -84,11 +84,13 @@ class Seeing:
         for edge in self._memory.edges("sees"):
             if edge.src in cameras and "detectable" in edge and (edge.src, edge.dst) not in visibilities:
                 self._memory.remove_edge(edge.src, edge.dst, "sees")
-        before, self._told = self._told, dict(visibilities)
+        before, self._judged = self._judged, {}
         for (camera, name), (whole, tag) in visibilities.items():
             written = self._memory.get_edge(camera, name, "sees")
-            if written is not None and before.get((camera, name)) == (whole, tag):
-                continue
+            if written is not None:
+                judged = self._judged[camera, name] = whole, tag, tuple(map(written.get, SEEN))
+                if before.get((camera, name)) == judged:
+                    continue
             values = {
                 "share": whole.share,
                 "visible": is_enough(whole.share, written is not None and written.get("visible") is True),

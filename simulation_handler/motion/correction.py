@@ -81,14 +81,14 @@ class Correction:
         errors = KnownErrors(self._config.depth_bias)
         for item in self._bodies.objects.values():
             errors.note(item.name, item.known_error())
-        self._unchanged.look(self._bodies.scene(leaving_out=()))
+        moved = self._unchanged.look(self._bodies.scene(leaving_out=()))
         moving = []
         for item in by_height:
             if not self._stays(item, around) and self._reconsider(item, around, errors, now):
                 moving.append(item)
             errors.note(item.name, item.known_error())
-        if around.placed:
-            self._realise(moving, around, now)
+        if around.placed or moved:
+            self._realise(moving, around, moved, now)
 
     def _height(self, item: BelievedObject) -> float:
         """Height (m) of the bottom of a perceived object: where its body is, if that is near, for that has no noise."""
@@ -114,6 +114,7 @@ class Correction:
         again = placed_again(item.percept(), item.percept_covariance(self._config), placement, self._config)
         if again is None or self._differs(item, placement, again):
             return False
+        item.is_told_to_rest = False
         item.know(again)
         item.learn_error(again)
         around.scene[item.name] = self._bodies.solid(item.name)
@@ -240,15 +241,17 @@ class Correction:
         noise = PoseTolerance(*item.track.estimate.standard_deviations())
         return not noise.scaled(sigmas).covers(old.pose, new.pose)
 
-    def _realise(self, moving: Iterable[BelievedObject], around: Neighbourhood, now: float) -> None:
-        """Put bodies where they are believed to be, and what was placed out of others' way."""
+    def _realise(
+        self, moving: Iterable[BelievedObject], around: Neighbourhood, moved: Collection[str], now: float
+    ) -> None:
+        """Put bodies where they are believed to be, and what was placed or has `moved` out of others' way."""
         items, scene = {item.name: item for item in moving}, around.scene
         before, in_motion = self._bodies.scene(leaving_out=()), self._bodies.in_motion()
         contents = with_contents({name: scene[name] for name in items if name in before}, before, stay=items)
         scene |= contents
         softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
         still = [solid for name, solid in scene.items() if name in items or name not in in_motion]
-        pushed = separate(still, softness, around.placed | contents.keys())
+        pushed = separate(still, softness, around.placed | contents.keys() | set(moved))
         for name in sorted(items.keys() | pushed.keys()):
             solid = scene[name]
             self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)

@@ -26,21 +26,22 @@ class Unchanged:
         self._counts: dict[str, int] = {}
         """How many percepts each object had when it was placed among those"""
 
-    def look(self, solids: Mapping[str, Solid]) -> None:
-        """Take in where all bodies are."""
+    def look(self, solids: Mapping[str, Solid]) -> set[str]:
+        """Take in where all bodies are; return the names of those that have moved."""
         for name in self._solids.keys() - solids.keys():
+            self._counts.pop(name, None)
             self._disturb(self._solids.pop(name))
-        for solid in solids.values():
-            self.note(solid)
+        return {name for name, solid in solids.items() if self.note(solid)}
 
-    def note(self, solid: Solid) -> None:
-        """Take in where a body is: what is near it may be carried otherwise, if it was elsewhere before."""
+    def note(self, solid: Solid) -> bool:
+        """Take in where a body is; whether it was elsewhere before, so that what is near may be carried otherwise."""
         before = self._solids.get(solid.name)
         if before is solid or (before is not None and self._same.covers(before.pose, solid.pose)):
-            return
+            return False
         self._solids[solid.name] = solid
         for place in (solid,) if before is None else (before, solid):
             self._disturb(place)
+        return True
 
     def _disturb(self, solid: Solid) -> None:
         for other in near(solid, self._solids.values()):

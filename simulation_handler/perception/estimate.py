@@ -17,10 +17,12 @@ from dsr.math3d.quaternions import Quaternion
 from dsr.perception.scales import LIKELY_SIGMAS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
-from simulation_handler.scales import PLACE_FLOOR
+from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
+Compared = tuple[WeighedPercept, Innovation]
+"""A percept, and how far it was from the estimate when it came."""
 
 _EYE = np.eye(3)
 
@@ -59,16 +61,17 @@ class Estimate:
         is_near = _mahalanobis2(shift, self.position_covariance + percept.position_covariance) <= limit
         return is_near and _mahalanobis2(rotation, self.rotation_covariance + percept.rotation_covariance) <= limit
 
-    def farthest(self, innovations: Sequence[Innovation], percept: WeighedPercept, gate: float, fewest: int) -> int:
-        """Of how many of the last innovations, `fewest` or more, the mean is farthest beyond the gate; 0 if none is.
-
-        Each is as noisy as `percept`.
-        """
-        counts = np.arange(1, len(innovations) + 1)[:, None]
-        means = np.cumsum(np.array(innovations)[::-1], axis=0) / counts[:, None]
+    def farthest(self, recent: Sequence[Compared], gate: float, fewest: int) -> int:
+        """Of how many of the last percepts, `fewest` or more, the mean is farthest beyond the gate; 0 if none is."""
+        if len(recent) < fewest:
+            return 0
+        counts = np.arange(1, len(recent) + 1)[:, None]
+        newest = recent[::-1]
+        means = np.cumsum(np.array([innovation for _, innovation in newest]), axis=0) / counts[:, None]
+        noises = np.array([(percept.position_covariance, percept.rotation_covariance) for percept, _ in newest])
+        noise = np.cumsum(noises, axis=0) / (counts**2)[..., None, None]
         known = np.stack([self.position_covariance, self.rotation_covariance])
-        noise = np.stack([percept.position_covariance, percept.rotation_covariance])
-        solved = np.linalg.solve(known + noise / counts[..., None, None], means[..., None])[..., 0]
+        solved = np.linalg.solve(known + noise, means[..., None])[..., 0]
         distances2 = (means * solved).sum(axis=-1).max(axis=1)[fewest - 1 :]
         if not np.any(distances2 > gate**2):
             return 0
@@ -87,11 +90,13 @@ class Estimate:
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
         self.ray, self.stamp = percept.ray, percept.stamp
 
-    def loosen(self, innovations: Sequence[Innovation]) -> None:
-        """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""
-        shift, rotation = np.mean(innovations, axis=0)
-        self.position_covariance = self.position_covariance + np.outer(shift, shift)
-        self.rotation_covariance = self.rotation_covariance + np.outer(rotation, rotation)
+    def loosen(self, recent: Sequence[Compared]) -> None:
+        """Doubt the estimate in the direction in which some percepts agree that it is off, as surely as they tell."""
+        shift, rotation = np.mean([innovation for _, innovation in recent], axis=0)
+        noises = np.array([(percept.position_covariance, percept.rotation_covariance) for percept, _ in recent])
+        noise, turning = noises.sum(axis=0) / len(recent) ** 2
+        self.position_covariance = self.position_covariance + np.outer(shift, shift) + noise
+        self.rotation_covariance = self.rotation_covariance + np.outer(rotation, rotation) + turning
 
     def inherit(self, old: Estimate) -> None:
         """Keep position and rotation of an older estimate, each if it has not changed beyond noise."""
@@ -122,6 +127,11 @@ class Estimate:
     def total_covariance(self, error_std: float) -> Array:
         """Covariance (3, 3) of the position, m^2: remaining noise, and systematic error along the viewing ray (m)."""
         total: Array = self.position_covariance + error_std**2 * (self.ray[:, None] * self.ray)
+        return total
+
+    def total_turning(self) -> Array:
+        """Covariance (3, 3) of the rotation, rad^2: remaining noise, and what is no noise of percepts."""
+        total: Array = self.rotation_covariance + TURN_FLOOR**2 * _EYE
         return total
 
     def standard_deviations(self) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from dsr.perception.scales import RECENT_PERCEPTS
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.estimate import Estimate, Innovation, fused
+from simulation_handler.perception.estimate import Compared, Estimate, fused
 from simulation_handler.perception.percepts import WeighedPercept
 
 
@@ -23,10 +23,12 @@ class PerceptTrack:
         self._config = config
         self._believed = False  # there is a belief without an estimate, which a single percept does not replace
         self._pending: deque[WeighedPercept] = deque(maxlen=config.confirm_frames)
-        self._recent: deque[tuple[WeighedPercept, Innovation]] = deque(maxlen=RECENT_PERCEPTS)
+        self._recent: deque[Compared] = deque(maxlen=RECENT_PERCEPTS)
         self._newest: deque[WeighedPercept] = deque(maxlen=RECENT_PERCEPTS)
         self.estimate: Estimate | None = None
         """None until perception is sure enough."""
+        self._since = -math.inf
+        """s, of the first percept after the last gap"""
         self.last_stamp = -math.inf
         """s, of the newest percept."""
         self.moving = False
@@ -45,12 +47,14 @@ class PerceptTrack:
         """
         if percept.stamp <= self.last_stamp:
             return
+        if not self.is_fresh(percept.stamp):
+            self._since = percept.stamp
         self.last_stamp = percept.stamp
         self._newest.append(percept)
         if self.estimate is not None:
             self._recent.append((percept, self.estimate.innovation(percept)))
         if self.estimate is not None and self.estimate.accepts(percept):
-            self._fuse(self.estimate, percept)
+            self._fuse(self.estimate)
             return
         self._pending.append(percept)
         if is_expected and self.estimate is None:
@@ -67,7 +71,7 @@ class PerceptTrack:
         """The estimate from percepts at `now` (s); None while unseen, or if all in it is from before a gap."""
         if self.estimate is None or not self.is_fresh(now):
             return None
-        return self.estimate if self.is_recent(self.estimate.stamp, self.last_stamp) else None
+        return self.estimate if self.estimate.stamp >= self._since else None
 
     def glance_at(self, now: float) -> WeighedPercept | None:
         """The newest percept of what is seen again at `now` (s), but too shortly yet to tell where it is; or None."""
@@ -117,26 +121,29 @@ class PerceptTrack:
             return confirm_frames if self._believed else 1
         return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
 
-    def _fuse(self, estimate: Estimate, percept: WeighedPercept) -> None:
+    def _fuse(self, estimate: Estimate) -> None:
         """Take in a percept that agrees; if the recent ones together do not, weigh these anew."""
         self._pending.clear()
         self.moving = False
         self.changed = True
-        newer = self._since_moved(estimate, percept)
+        newer = self._since_moved(estimate)
         if newer:
-            estimate.loosen([innovation for _, innovation in newer])
+            estimate.loosen(newer)
             self._recent.clear()
         for recent, _ in newer or [self._recent[-1]]:
             estimate.fuse(recent)
 
-    def _since_moved(self, estimate: Estimate, percept: WeighedPercept) -> list[tuple[WeighedPercept, Innovation]]:
+    def _since_moved(self, estimate: Estimate) -> list[Compared]:
         """The newest percepts that agree with each other, and together disagree most with the estimate; none if none
-        do. Some of them may have been set aside: not each is beyond the gate.
+        do. Some of them may have been set aside: not each is beyond the gate, and one that is may be false.
         """
-        recent, fewest = list(self._recent), self._config.confirm_frames
-        count = estimate.farthest([innovation for _, innovation in recent], percept, self._config.recent_gate, fewest)
-        newer = recent[len(recent) - count :]
-        return newer if newer and fused([one for one, _ in newer], self._config) is not None else []
+        recent = list(self._recent)
+        while count := estimate.farthest(recent, self._config.recent_gate, self._config.confirm_frames):
+            newer = recent[-count:]
+            if fused([percept for percept, _ in newer], self._config) is not None:
+                return newer
+            recent = newer[1:]
+        return []
 
     def _restart(self, percepts: Sequence[WeighedPercept], old: Estimate | None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""

@@ -266,16 +266,17 @@ class RayVisibility:
         before = self._among
         if before is not None and before.given == given:
             return before
-        there = {} if before is None else dict(zip(before.names, before.solids, strict=True))
+        is_known = before is not None and _are_told_apart(before.given) and _are_told_apart(given)
+        there = {solid.name: solid for solid in before.solids} if before is not None and is_known else {}
         stay = {solid.name for solid in given if solid.name in there and solid.is_at(there[solid.name])}
         solids = [there[solid.name] if solid.name in stay else solid for solid in given]
         if before is not None and before.solids == solids:
             before.given = given
             return before
         now = self._among = _Among(given, solids)
-        known = {} if before is None else dict(zip(before.names, self._all, strict=True))
+        known = dict(zip(there, self._all, strict=is_known))
         moved = [solid for solid in (*there.values(), *solids) if solid.name not in stay]
-        if 2 * len(stay) < len(solids) or len(set(now.names)) < len(solids):
+        if 2 * len(stay) < len(solids):
             self._all = [None] * len(solids)
             return now
         (centres, reach), disturbed = _balls(solids), np.array([name not in stay for name in now.names], dtype=bool)
@@ -296,6 +297,11 @@ class RayVisibility:
                 hidden_by = names[which] if names and hiding[index, which] > 0.0 else ""
                 found[index][camera.view.camera] = ExpectedVisibility(share, hidden_by, not by_image[index])
         return found
+
+
+def _are_told_apart(solids: Collection[Solid]) -> bool:
+    """Whether each has a name of its own."""
+    return len({solid.name for solid in solids}) == len(solids)
 
 
 def _certain(view: CameraView) -> CameraView:

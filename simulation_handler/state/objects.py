@@ -25,7 +25,7 @@ from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.perception.systematic import ErrorOfAnother, KnownError
 from simulation_handler.perception.tracking import PerceptTrack
-from simulation_handler.scales import TILTED, TURN_FLOOR
+from simulation_handler.scales import TILTED
 from simulation_handler.shapes.geometry import Solid
 
 _SURE_OF_TILT = 2.0 * (TILTED / LIKELY_SIGMAS) ** 2  # rad^2, likewise, about the two horizontal axes
@@ -230,8 +230,7 @@ class BelievedObject:
     def turning(self) -> Array:
         """(3, 3) rad^2 of the rotation of `percept`."""
         assert self.track.estimate is not None
-        covariance: Array = self.track.estimate.rotation_covariance + TURN_FLOOR**2 * np.eye(3)
-        return covariance
+        return self.track.estimate.total_turning()
 
     def turning_of_one(self) -> Array:
         """(3, 3) rad^2 of the rotation of its newest percept: what none of them tells, their average does not tell."""

@@ -268,7 +268,7 @@ class EvidenceReader:
             elif (glance := item.track.glance_at(now)) is not None:
                 alone = Estimate(glance, self._config)
                 place = alone.total_covariance(item.error_std(self._config))
-                seen[name] = _pose_of(glance, item), place, glance.rotation_covariance
+                seen[name] = _pose_of(glance, item), place, alone.total_turning()
         return _with_covariances(seen)
 
 

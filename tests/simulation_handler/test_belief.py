@@ -12,6 +12,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.physics.simulator import SimulationError
+from simulation_handler.scales import TURN_FLOOR
 from tests.simulation_handler.worlds import CUBE, PERIOD, TABLE, World, cube_at
 
 
@@ -173,6 +174,19 @@ def test_what_rests_is_known_as_well_as_the_noise_of_percepts_allows() -> None:
         world.belief.close()
     within = np.array(distances) <= -2.0 * math.log(1.0 - 0.9)  # of a Gaussian in two directions
     assert 0.8 <= within.mean() <= 0.97
+
+
+def test_a_glance_tells_a_rotation_no_better_than_bodies_in_contact_are_known() -> None:
+    world = World({"cube": cube_at(0.3, 0.1)})
+    world.run(2.0)
+    world.seen = set()
+    world.run(2.0)
+    world.now += PERIOD
+    world.see("cube", cube_at(0.4, -0.1).with_stamp(world.now).with_covariance(np.diag([1e-6] * 6)))
+    world.belief.step(world.now)
+    seen = world.belief.evidence().objects["cube"].seen
+    assert seen is not None and seen.t[0] == pytest.approx(0.4, abs=0.005)
+    assert np.linalg.eigvalsh(seen.parent_covariances()[1])[0] > TURN_FLOOR**2
 
 
 def test_what_is_taken_off_a_stack_ends_its_relation() -> None:

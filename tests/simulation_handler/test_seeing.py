@@ -148,6 +148,15 @@ def test_edges_are_compared_only_where_the_answer_changed_and_one_that_was_remov
     assert {name for _, name in compared} == {"cube_2"} and seen(table)["cube_2"][1] == "link"
 
 
+def test_an_edge_that_somebody_else_changes_is_put_right(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(2.0)
+    table.memory.update_edge("camera", "cube_1", "sees", share=0.0, visible=False, hidden_by="ghost")
+    table.run(0.3)
+    edge = table.memory.edge("camera", "cube_1", "sees")
+    assert (edge["share"], edge["visible"], edge["hidden_by"]) == (1.0, True, "")
+
+
 def test_it_goes_on_after_a_restart(table: Table) -> None:
     table.add("cube_1", cube_at(0.4, 0.1))
     table.run(1.0)

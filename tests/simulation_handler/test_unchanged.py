@@ -44,6 +44,16 @@ def test_what_rests_is_placed_anew_seldom_and_known_ever_better(placed: Counter[
     assert _deviation(world, "cube_1") < 0.8 * before
 
 
+def test_of_what_stays_percepts_have_told_that_it_rests(placed: Counter[str]) -> None:
+    world = World({"cube_1": cube_at(0.3, 0.1)})
+    world.run(4.0)
+    placed.clear()
+    item = world.belief._bodies.objects["cube_1"]
+    item.is_told_to_rest = True
+    world.run(0.1)
+    assert not placed and not item.is_told_to_rest
+
+
 def test_what_stands_on_something_is_placed_anew_when_that_has_moved(placed: Counter[str]) -> None:
     world = World({"low": cube_at(0.3, 0.0), "high": cube_at(0.3, 0.0, 0.06), "far": cube_at(0.3, 0.3)})
     world.run(4.0)
@@ -66,6 +76,31 @@ def test_only_what_was_placed_and_what_it_is_pushed_into_gives_way() -> None:
     assert pushed.keys() == set("abc")
     assert all(pushed[name] == there for name, there in separate(solids[:3], weights).items())
     assert separate(solids, weights, ()) == {}
+
+
+def test_what_was_removed_is_forgotten() -> None:
+    world = World({"cube_1": cube_at(0.3, 0.1), "cube_2": cube_at(0.3, -0.1)})
+    world.run(2.0)
+    unchanged = world.belief._correction._unchanged
+    assert unchanged._counts.keys() == {"cube_1", "cube_2"}
+    world.belief.remove("cube_1")
+    del world.truths["cube_1"]
+    world.run(0.5)
+    assert unchanged._counts.keys() == {"cube_2"}
+
+
+def test_what_got_into_another_is_parted_while_a_third_is_seen() -> None:
+    world = World({"left": cube_at(0.1, 0.1), "right": cube_at(0.2, 0.1), "seen": cube_at(-0.3, -0.2)})
+    world.run(2.0)
+    del world.truths["left"], world.truths["right"]
+    world.run(2.0)
+    bodies = world.belief._bodies
+    (x, y, z), rotation = bodies.sim.pose("left")
+    bodies.put(bodies.object("right"), (x + 0.034, y, z), rotation)
+    for name in ("left", "right"):
+        bodies.sim.make_static(name, True)
+    world.run(0.3)
+    assert bodies.sim.pose("right")[0][0] - bodies.sim.pose("left")[0][0] >= CUBE[0]
 
 
 def test_a_body_that_trembles_is_where_it_was_and_one_that_creeps_is_not() -> None:

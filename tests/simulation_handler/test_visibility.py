@@ -104,6 +104,18 @@ def test_only_what_moved_and_what_that_may_hide_is_looked_for_again(
     assert RayVisibility([]).look_for(here, here) == [{}] * len(here)
 
 
+def test_what_had_the_name_of_another_in_the_question_before_is_looked_for_anew() -> None:
+    low, high, aside = (
+        solid(name, Pose(at))
+        for name, at in (("low", (0.35, 0.0, 0.02)), ("two", (0.35, 0.0, 0.06)), ("two", (0.5, 0.2, 0.02)))
+    )
+    others = [solid(f"other_{k}", Pose((0.2, 0.1 * k, 0.02))) for k in range(3)]
+    nearer = [solid("other_0", Pose((0.22, 0.0, 0.02))), *others[1:]]
+    rays = RayVisibility([view()])
+    for here in ([low, high, aside, *others], [low, high, aside, *nearer], [low, aside, *nearer], [low, *others]):
+        assert rays.look_for(here, here) == RayVisibility([view()]).look_for(here, here)
+
+
 def test_places_of_a_solid_are_looked_for_together_as_each_alone() -> None:
     tower = [solid(f"cube_{k}", Pose((0.35, 0.0, 0.02 + 0.04 * k))) for k in range(3)]
     places = [solid("cube_0", Pose((0.29 + 0.01 * step, 0.0, 0.02))) for step in range(13)]

@@ -72,6 +72,17 @@ def test_too_few_pixels_are_no_plane(depth: Depth) -> None:
     assert not fit(depth, 80.0 + 0.1 * (CORNERS - 80.0)).exist.any()
 
 
+def test_a_small_tilted_tag_keeps_its_plane_if_two_fifths_of_the_depth_are_unknown(
+    depth: Depth, rng: np.random.Generator
+) -> None:
+    """It lies along the diagonal of the box around it, of which it fills a third."""
+    corners = np.array((80.0, 60.0)) + np.array([[4.9, -4.9], [14.0, 14.0], [-4.9, 4.9], [-14.0, -14.0]])
+    for _ in range(20):
+        known = np.where(rng.random(depth.shape) < 0.6, depth, 0.0).astype(np.float32)
+        planes = fit_depth_planes(corners[None], known, LENS, noise_floor=FLOOR, correlation=4.0)
+        assert angle(planes) < 1e-4
+
+
 def test_a_plane_seen_from_its_edge_is_none() -> None:
     rays = LENS.rays(np.column_stack([U.ravel(), V.ravel()]).astype(float))
     steep = (rays @ np.array([30.0, 0.0, 1.6])).reshape(120, 160)

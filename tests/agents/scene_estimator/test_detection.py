@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.scene_estimator.detection import TagDetector, tag_corners
+from agents.scene_estimator.detection import SUBPIX_STD, TagDetector, tag_corners
 from agents.scene_estimator.reading import READ_STD
 from benchmarks.tag_camera import Camera, facing
 from dsr import Pose
@@ -52,7 +52,7 @@ def test_a_small_second_copy_makes_an_id_ambiguous_too(
     near, far = (
         camera.frame({3: Pose((x, 0.0, z), FACING)}, rng).arrays["color"] for x, z in ((-0.1, 0.4), (0.1, 1.5))
     )
-    assert [tag.marker_id for tag in detector.detect(far)] == [3]
+    assert [(tag.marker_id, tag.corner_std) for tag in detector.detect(far)] == [(3, SUBPIX_STD)], "no edges are read"
     assert detector.detect(np.hstack([near[:, :320], far[:, 320:]])) == []
 
 
