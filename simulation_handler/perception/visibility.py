@@ -276,7 +276,7 @@ class RayVisibility:
         now = self._among = _Among(given, solids)
         known = dict(zip(there, self._all, strict=is_known))
         moved = [solid for solid in (*there.values(), *solids) if solid.name not in stay]
-        if 2 * len(stay) < len(solids):
+        if 2 * len(stay) < len(solids):  # to ask about all costs no more than to find out about whom
             self._all = [None] * len(solids)
             return now
         (centres, reach), disturbed = _balls(solids), np.array([name not in stay for name in now.names], dtype=bool)

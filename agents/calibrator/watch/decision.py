@@ -21,8 +21,6 @@ _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
 _TILT, _HEIGHT = 0.0175, 0.005  # rad, m by which objects that are moved on a table may seem to leave it, at least
 _SIGMAS = 4.0  # standard deviations, likewise
-
-
 _BUMPED = 0.05**2 * np.eye(6)
 """m^2, rad^2: how far a bump moves a camera. Whoever touches a stand or its head seldom shifts it by more than 0.1."""
 
