@@ -17,6 +17,7 @@ _LOOPBACK_ONLY = """
     <Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces>
     <AllowMulticast>false</AllowMulticast>
     <MaxMessageSize>65500B</MaxMessageSize>
+    <FragmentSize>65000B</FragmentSize>
   </General>
   <Discovery>
     <ParticipantIndex>auto</ParticipantIndex>
@@ -25,10 +26,18 @@ _LOOPBACK_ONLY = """
   </Discovery>
 </Domain></CycloneDDS>
 """
-"""As ROS 2 has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no multicast, up to 50 processes"""
+"""As ROS 2 has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no multicast, up to 50 processes.
+
+A fragment fills a datagram, as those of Fast DDS do. By default Cyclone DDS packs 48 fragments of 1344 bytes into one.
+Fast DDS 2.14 may then never return from `take`, if fragments are lost and a newer message replaces the old one.
+"""
 _ANYWHERE = """
 <CycloneDDS><Domain>
-  <General><AllowMulticast>true</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>
+  <General>
+    <AllowMulticast>true</AllowMulticast>
+    <MaxMessageSize>65500B</MaxMessageSize>
+    <FragmentSize>65000B</FragmentSize>
+  </General>
   <Discovery><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex></Discovery>
 </Domain></CycloneDDS>
 """
