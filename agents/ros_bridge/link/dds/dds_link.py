@@ -29,10 +29,12 @@ from agents.ros_bridge.link.dds.discovery import DdsDiscovery, dds_qos
 from agents.ros_bridge.link.dds.installed_ros import InstalledRos, services_node
 from agents.ros_bridge.link.dds.participant import join
 from agents.ros_bridge.link.dds.raw_type import RawMessage, raw_type
+from agents.ros_bridge.link.dds.returned import Returned
 from agents.ros_bridge.link.link import Endpoint, LinkConfig, Received, Served, Topic
 from agents.ros_bridge.link.telling import Lately, few
 from agents.ros_bridge.messages.names import check_name
 from agents.ros_bridge.messages.types import RosTypes, types_of
+from dsr.clock import WALL_CLOCK
 from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.ros")
@@ -214,6 +216,7 @@ class DdsLink:
         self._lost_before: Counter[str] = Counter()
         """By topic, of subscriptions that were taken back"""
         self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
+        self._returned: Returned | None = Returned(self._participant)
         self._tell()
         if config.installed_ros:
             try:
@@ -275,10 +278,22 @@ class DdsLink:
                     found.add(
                         f"{other.node or 'somebody'} has {other.topic.name} {reason}: they do not hear each other"
                     )
+        found.update(self._deaf())
         failures = [one for one in self._subscriptions if self._lately.grew(id(one), one.failures)]
         if self._installed is not None:
             found.update(self._installed.problems())
         return [*few(found), *(f"{one.failures} messages of {one.name} could not be handled" for one in failures)]
+
+    def _deaf(self) -> list[str]:
+        """Of nodes that came back and tell nothing."""
+        returned, discovery = self._returned, self._discovery
+        if returned is None or discovery is None:
+            return []
+        return [
+            f"{', '.join(discovery.nodes_of(guid)) or 'a node'} stood still for so long that DDS gave it up, and tells "
+            "nothing since: start it anew, or start this process anew"
+            for guid in returned.deaf(WALL_CLOCK.monotonic())
+        ]
 
     def lost(self) -> dict[str, int]:
         """Messages by topic that came too fast; of what is lost on the way, DDS does not say anything."""
@@ -297,7 +312,7 @@ class DdsLink:
         """Take all back and leave; harmless when repeated."""
         with self._lock:
             publishers, subscriptions = self._publishers, self._subscriptions
-            self._participant = self._discovery = None
+            self._participant = self._discovery = self._returned = None
             self._publishers, self._subscriptions = [], []
         if self._installed is not None:
             self._installed.close()

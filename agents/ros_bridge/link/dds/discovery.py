@@ -94,6 +94,10 @@ class DdsDiscovery:
                     found.append(one)
         return found
 
+    def nodes_of(self, participant: bytes) -> list[str]:
+        """Full names of a participant's nodes, sorted, as far as they are known; `participant` is its GUID."""
+        return sorted(set(self._nodes.get(participant, {}).values()))
+
     def _endpoint(self, sample: Any, writes: bool) -> Endpoint | None:
         prefix, _, name = sample.topic_name.partition("/")
         kind = _KINDS.get((prefix, writes))
