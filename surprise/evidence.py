@@ -56,6 +56,8 @@ class EvidenceTrack:
         self._sightings: deque[DeviationSighting] = deque(maxlen=KEPT)
         self._offset = 0.0  # m along the viewing ray, mean of the percepts that agree
         self._learned = 0  # percepts of which that is made
+        self._misfits: dict[float, Misfit] = {}
+        """How badly the belief explains them, by what a false one costs; empty since something has changed"""
 
     @property
     def last_stamp(self) -> float:
@@ -93,6 +95,7 @@ class EvidenceTrack:
         prior = self._prior(stamp, before) or beliefs[0]
         deviation = self._least([compare(pose, eye, belief, self._config, prior=prior) for belief in beliefs])
         self._sightings.append(DeviationSighting(stamp, pose, eye, deviation, prior))
+        self._misfits.clear()
         if not disagrees(deviation, self.bias):
             self._learned = min(self._learned + 1, self._config.learn_window)
             self._offset += (deviation.depth.vector[0] - self._offset) / self._learned
@@ -101,6 +104,7 @@ class EvidenceTrack:
         """The belief was changed on purpose: earlier percepts count only if they agree with the new one or the old."""
         self._learned, self._offset = 0, 0.0
         self.belief_changed(belief)
+        self._misfits.clear()
         for sighting in list(self._sightings):
             sighting.prior = belief
             if disagrees(sighting.deviation, self.bias):
@@ -111,6 +115,7 @@ class EvidenceTrack:
         for sighting in self._sightings:
             new = compare(sighting.pose, sighting.eye, belief, self._config)
             sighting.deviation = self._least([sighting.deviation, new])
+        self._misfits.clear()
 
     def is_fresh(self, now: float) -> bool:
         """Whether the camera saw the object lately."""
@@ -125,7 +130,9 @@ class EvidenceTrack:
 
     def misfit(self, false: float = FALSE_FRAME) -> Misfit:
         """How badly the belief explains the newest percepts, of which one is false at a cost of `false` (nats)."""
-        return misfit([sighting.deviation for sighting in self.span()], self.bias, false)
+        if false not in self._misfits:
+            self._misfits[false] = misfit([sighting.deviation for sighting in self.span()], self.bias, false)
+        return self._misfits[false]
 
     def reason(self, false: float) -> Reason:
         """In which way the newest percepts contradict the belief most."""

@@ -12,8 +12,6 @@ import sys
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
 from surprise.deviation import Deviation, Offset
 
@@ -117,9 +115,10 @@ def _alike(offsets: Sequence[Offset]) -> tuple[list[Offset], int]:
 
 def _improbability(way: Way, alike: Sequence[Offset]) -> float:
     """How improbable it is that noise makes the mean of percepts so far off, nats."""
-    mean = np.mean([one.vector for one in alike], axis=0)
-    noise = statistics.fmean(one.noise**2 for one in alike) / len(alike)
-    half = 0.5 * float(mean @ mean) / (noise + statistics.fmean(one.common**2 for one in alike))
+    count = len(alike)
+    squared = sum(sum(parts) ** 2 for parts in zip(*(one.vector for one in alike), strict=True)) / count**2
+    noise, common = sum(one.noise**2 for one in alike) / count**2, sum(one.common**2 for one in alike) / count
+    half = float(0.5 * squared / (noise + common))
     if way == "beside":
         return half
     return -(log_tail_of_three(half) if way == "turn" else math.log(_tail_of_one(half)))

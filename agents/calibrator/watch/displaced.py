@@ -86,10 +86,12 @@ class Displaced:
         series = self._series.get(camera)
         if series is None:
             return None
-        sightings = series.views.sightings(least=ENOUGH)
-        told = frozenset(one.name for one in sightings if one.name in series.names)
-        if told <= series.told or not agree_beyond_chance(told_turns(sightings, told)):
+        told = series.views.steady(ENOUGH) & series.names
+        if told <= series.told:
             return None
+        if not agree_beyond_chance(told_turns(series.views.sightings(least=ENOUGH, of=told), told)):
+            return None
+        sightings = series.views.sightings(least=ENOUGH)
         series.told, before = told, self._memory.get_pose(WORLD, camera, "RT")
         if before is None:
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping, Set
+from collections.abc import Container, Mapping, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -57,6 +57,11 @@ class _View:
     """Stamp of the first percept, s."""
     latest: float
     objects: dict[str, _Seen] = field(default_factory=dict)
+
+    def steady(self, least: int) -> list[tuple[str, _Seen]]:
+        """Those whose belief stood still, with `least` percepts or more, in order of their names."""
+        found = sorted(self.objects.items())
+        return [(name, seen) for name, seen in found if seen.steady and len(seen.percepts) >= least]
 
 
 def parent_of(memory: Memory, camera: str) -> str:
@@ -189,18 +194,27 @@ class Views:
         """world_from_parent in each view, by its number."""
         return {number: view.world_from_parent for number, view in enumerate(self._views)}
 
-    def sightings(self, *, complete: bool = False, least: int = 1) -> list[ObjectSighting]:
-        """One for each object in each view (or each `complete` one), of those whose belief stood still.
+    def steady(self, least: int) -> frozenset[str]:
+        """Objects whose belief stood still in some view, with `least` percepts or more there."""
+        return frozenset(name for view in self._views for name, _ in view.steady(least))
 
-        An object counts from `least` percepts on.
+    def sightings(
+        self, *, complete: bool = False, least: int = 1, of: Container[str] | None = None
+    ) -> list[ObjectSighting]:
+        """One for each object in each view, of those whose belief stood still.
+
+        Args:
+            complete: only views that are complete.
+            least: percepts from which on an object counts.
+            of: only these objects; fusing the percepts of an object takes milliseconds.
         """
         config, found = self._config, []
         for number, view in enumerate(self._views):
             if complete and not self._is_complete(view):
                 continue
             parent_from_world = view.world_from_parent.inverse()
-            for name, seen in sorted(view.objects.items()):
-                if seen.steady and len(seen.percepts) >= least:
+            for name, seen in view.steady(least):
+                if of is None or name in of:
                     known = self.depths.get(name)
                     scatter = config.depth_scatter if known is None else known.std
                     percept = fuse(seen.percepts, config.depth_bias, scatter)

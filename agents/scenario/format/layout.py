@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import msgspec
 import numpy as np
 
-from agents.scenario.format.geometry import ScenarioBox, overlap, penetration, pieces, upright_box
+from agents.scenario.format.geometry import ScenarioBox, overlap, pieces, upright_box
 from agents.scenario.format.model import ObjectSpec, Scenario, TableSpec
 from dsr.errors import ConfigError
 from dsr.math3d import polygons
+from dsr.math3d.boxes import Boxes, gaps
 
 TOUCH = 0.0005
 """m, how deep boxes may overlap and still count as touching only"""
@@ -48,13 +51,20 @@ def overlapping(objects: list[ObjectSpec]) -> tuple[int, int, float] | None:
     """Indexes of the first two objects that overlap, and how deep (m); None if all are apart."""
     boxes = [object_box(spec) for spec in objects]
     made_of = [pieces(spec.shape, box) for spec, box in zip(objects, boxes, strict=True)]
-    for second in range(len(boxes)):
-        for first in range(second):
-            if penetration(boxes[first], boxes[second]) > TOUCH:
-                depth = max(overlap(a, b) for a in made_of[first] for b in made_of[second])
-                if depth > TOUCH:
-                    return first, second, depth
+    for first, second in _close_pairs(boxes):
+        depth = max(overlap(a, b) for a in made_of[first] for b in made_of[second])
+        if depth > TOUCH:
+            return first, second, depth
     return None
+
+
+def _close_pairs(boxes: Sequence[ScenarioBox]) -> list[tuple[int, int]]:
+    """Indexes of the boxes that overlap, in order of the second and then of the first."""
+    second, first = np.tril_indices(len(boxes), -1)
+    centers, axes, sizes = (np.array([getattr(b, part) for b in boxes]) for part in ("center", "rotation", "size"))
+    one, other = (Boxes(centers[of], axes[of], 0.5 * sizes[of]) for of in (first, second))
+    overlaps = gaps(one, other) < -TOUCH if len(first) else np.zeros(0, bool)
+    return list(zip(first[overlaps].tolist(), second[overlaps].tolist(), strict=True))
 
 
 def _draw(scenario: Scenario, rng: np.random.Generator) -> list[ObjectSpec]:
