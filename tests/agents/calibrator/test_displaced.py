@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import pytest
 
+from agents.calibrator.solve.fusing import fuse
 from dsr.math3d.transforms import Pose
 from dsr.timeline import EXPLAINED, Chronicle
 from dsr.vocabulary.calibration import ADOPTED, CALIBRATION, STEADY
@@ -79,3 +80,22 @@ def test_what_was_displaced_long_ago_does_not_count(stage: Stage) -> None:
     stage.wait(61.0)
     come_back(stage, "cube_2")
     assert stage.memory.nodes(CALIBRATION) == []
+
+
+def test_what_stands_still_is_not_fused_while_only_another_was_displaced(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fusing the percepts of one object takes milliseconds: a hundred of them take more than a tick."""
+    fused = []
+
+    def count(percepts: Sequence[Pose], *given: float) -> Pose:
+        fused.append(len(percepts))
+        return fuse(percepts, *given)
+
+    monkeypatch.setattr("agents.calibrator.watch.views.fuse", count)
+    put(stage, {"cube_1": Pose((0.03, 0.0, 0.0))})
+    come_back(stage, "cube_1")
+    fused.clear()
+    ticks = 20
+    stage.look(2.0)
+    assert len(stage.objects) > 1 and len(fused) <= ticks, "the displaced one alone, at most once a tick"

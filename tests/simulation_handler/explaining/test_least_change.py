@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
-from simulation_handler.explaining.camera import explained_by_camera
+from simulation_handler.explaining.camera import _consensus, explained_by_camera
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.least_change import with_least_change
@@ -152,3 +153,22 @@ def test_a_camera_that_was_turned_is_found_by_things_that_tell_no_rotation(moved
         percepts[solid.name] = replace(seen(shown), turning=10.0 * np.eye(3))
     here = replace(situation(believed, believed), seen=percepts)
     assert explained_by_camera(here) == frozenset(places) - set(moved)
+
+
+def test_in_a_crowd_few_motions_of_the_camera_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of a hundred cubes are seen 10 mm off, but for two that seem to have changed places."""
+    believed = [cube(f"cube_{n}", 0.05 * (n // 10), 0, 0.05 * (n % 10)) for n in range(100)]
+    shown = {solid.name: solid.moved((solid.position[0] + 0.01, *solid.position[1:])) for solid in believed}
+    for name, other in (("cube_0", "cube_99"), ("cube_99", "cube_0")):
+        x, y, z = believed[int(other.removeprefix("cube_"))].position
+        shown[name] = shown[name].moved((x + 0.01, y, z))
+    here = replace(situation(believed, believed), seen={name: seen(solid) for name, solid in shown.items()})
+    tried = []
+
+    def consensus(*given: Any) -> frozenset[str]:
+        tried.append(given)
+        return _consensus(*given)
+
+    monkeypatch.setattr("simulation_handler.explaining.camera._consensus", consensus)
+    assert explained_by_camera(here) == shown.keys() - {"cube_0", "cube_99"}
+    assert len(tried) <= 3
