@@ -49,6 +49,8 @@ def _decode_extension(code: int, data: bytes | bytearray | memoryview) -> Pose:
         return Pose((tx, ty, tz), (x, y, z, w), stamp)
     if code == _POSE_CODE and len(data) == _POSE_COVARIANCE.size:
         numbers = _POSE_COVARIANCE.unpack(data)
+        if math.isfinite(sum(numbers)):
+            return Pose.of_floats(numbers[:3], numbers[3:7], numbers[7], numbers[8:])
         return Pose(numbers[:3], numbers[3:7], numbers[7], numbers[8:])
     raise WireError(f"extension {code} of {len(data)} bytes")
 

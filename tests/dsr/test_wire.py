@@ -8,11 +8,13 @@ import struct
 from typing import Any
 
 import msgpack
+import msgspec
 import pytest
 
 from dsr import Pose, WireError
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
+from dsr.replication.values import encode_extension, to_value
 from dsr.replication.wire import (
     Digest,
     decode_delta,
@@ -195,3 +197,26 @@ def test_mutated_messages_raise_nothing_else() -> None:
             except WireError:
                 refused += 1
     assert refused > 20_000
+
+
+@pytest.mark.parametrize(
+    ("place", "number", "reason"),
+    [
+        (8, -1e-6, "variances cannot be negative"),
+        (9, 1e-3, "not symmetric"),
+        (8, math.inf, "finite"),
+        (8, math.nan, "finite"),
+        (3, 0.5, "rotation"),
+    ],
+)
+def test_a_pose_whose_numbers_fit_no_pose_is_refused_as_where_it_is_made(
+    place: int, number: float, reason: str
+) -> None:
+    numbers = [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 5.0, *(1e-6 * (k % 7 == 0) for k in range(36))]
+    code = encode_extension(Pose()).code
+    made = Pose(numbers[:3], numbers[3:7], numbers[7], tuple(numbers[8:]))
+    assert to_value(msgspec.Raw(msgspec.msgpack.encode(encode_extension(made)))) == made
+    numbers[place] = number
+    raw = msgspec.Raw(msgspec.msgpack.encode(msgspec.msgpack.Ext(code, struct.pack("<44d", *numbers))))
+    with pytest.raises(ValueError, match=reason):
+        to_value(raw)
