@@ -239,11 +239,16 @@ class Store:
             self._observer.register_changed(entry, attribute)
 
     def _settle_same(self, entry: Incarnation, write: Write, current: Write) -> None:
-        """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
+        """The same write again, now durable, or made durable by two replicas: that with the greatest dot stays.
+
+        Whoever uses a stamp twice may have written something else, and all must show the same of it.
+        """
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
             if self.owned is not None:
                 entry = self._own(entry)
-            entry.registers[write.attribute] = replace(current, dot=write.dot)
+            entry.registers[write.attribute] = write
+            if entry.announced and write.value != current.value:
+                self._observer.register_changed(entry, write.attribute)
 
     def find(self, dot: Dot) -> Incarnation | None:
         """Find the live entry that was created under `dot`, with the registers that are written here; None if there is

@@ -7,8 +7,9 @@ import threading
 
 import pytest
 
-from dsr import Memory, SchemaError
+from dsr import Faults, Memory, Pose, SchemaError
 from dsr.clock import ManualClock
+from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
@@ -185,3 +186,68 @@ def test_what_an_older_version_kept_of_such_nodes_is_left_out() -> None:
     delta = Delta(adds=[Add(("a-1", 1), ".world.dream", "cube"), Add(("a-1", 2), "b", "cube")], context=[("a-1", 1, 2)])
     kept = decode_kept(encode_delta(delta))
     assert kept.adds == delta.adds[1:] and kept.context == delta.context
+
+
+def test_an_edge_is_of_the_type_that_its_key_tells(net: Net) -> None:
+    """Rights are told by the type: who may write one kind of edges would write all."""
+    memory, liar = net.join("me"), "liar-1"
+    ends = [tuple(memory.add_node(name, "cube").created) for name in ("a", "b")]
+    memory.add_edge("a", "b", "on")
+    delta = Delta(adds=[Add((liar, 1), ("a", "b", "on"), "sees", *ends)], context=[(liar, 1, 1)])
+    memory.replica.synchroniser.receive_delta(liar, encode_delta(delta), 0.0)
+    assert len(memory.edge("a", "b", "on").created) == 1 and memory.dropped == {liar: 1}
+    kept = decode_kept(encode_delta(delta))
+    assert not kept.adds and kept.context == delta.context, "an older version may have kept it"
+
+
+def test_who_is_called_by_a_pattern_is_not_asked_as_all_who_match(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Answers of several would be taken for pieces of one: what one of them has seen, another one may not hold yet."""
+    monkeypatch.setattr(pieces, "MAX_EXAMINED", 20)
+    honest, stranger = [net.join("a"), net.join("b")], net.network.connect("stranger")
+    stranger.announce(honest[0].keys.presence("x", "*"))
+    for step in range(200):
+        for memory in honest[:2]:
+            memory.add_node(f"{memory.agent}{step}", "cube")
+        if step % 50 == 25:
+            honest.append(net.join(f"late{step}"))
+        if step % 10 == 0:
+            seen = CausalContext([("*", 1, step + 1)])
+            stranger.publish(honest[0].keys.digest("*"), digest("*", net.clock.now(), 5, seen))
+        net.pump(0.05, Faults(loss=0.1, delay=(0.0, 0.3)))
+    net.pump(20.0)
+    assert [len(memory.nodes()) for memory in honest] == [400] * len(honest)
+    assert all("*" not in memory.peers for memory in honest)
+
+
+@pytest.mark.parametrize("durable", [True, False])
+def test_of_two_values_under_one_stamp_all_show_the_same(net: Net, durable: bool) -> None:
+    a, b, liar = net.join("a"), net.join("b"), "zz-1"
+    net.pump(1.0)
+    for name in ("x", "y"):
+        a.add_node(name, "cube")
+    a.add_edge("x", "y", "RT", translation=(0, 0, 0))
+    net.pump(1.0)
+    (edge,) = a.edge("x", "y", "RT")._entries
+    stamp = edge.registers["pose"].stamp + (1 << 30)
+
+    def send(number: int, memory: Memory) -> None:
+        dot = (liar, number) if durable else None
+        write = Write(edge.dot, "pose", stamp, liar, dot, Pose((float(number), 0.0, 0.0)))
+        delta = Delta(writes=[write], context=[(liar, number, number)] if durable else [])
+        memory.replica.synchroniser.receive_delta(liar, encode_delta(delta), net.clock.now())
+
+    watch = a.watch(edge_type="RT")
+    watch.poll()
+    send(1, a)
+    send(2, b)
+    if durable:
+        send(2, a)
+        send(1, b)
+        assert [change.kind for change in watch.poll()] == ["updated"]
+    net.pump(10.0)
+    late = net.join("late")
+    net.pump(2.0)
+    shown = {memory.edge("x", "y", "RT").pose.t for memory in (a, b, late)}
+    assert len(shown) == 1
