@@ -310,8 +310,8 @@ class PartedGraph(Graph):
             ends = [] if isinstance(key, str) else [self._ends_at(name) for name in key[:2]]
             home = self._home_for(type) if isinstance(key, str) else self._home(key[0])
             add = Add(home.new_dot(), key, type, *ends)
-        changes = Changes(self._member, [add] if add else [])
-        owners = self._entries_of(key, add)
+        changes, writes = Changes(self._member, [add] if add else []), list(writes)
+        owners = self._entries_of(key, add, [write.attribute for write in writes])
         for stamp, write in list(self._restamped(key, owners, element, writes, now)):
             known = self.schema.attributes.get(write.attribute)
             stream = not add and write.value is not TOMBSTONE and known is not None and known.stream

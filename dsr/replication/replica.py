@@ -64,6 +64,7 @@ class Replica:
         lock: threading.RLock | None = None,
     ) -> None:
         self.graph = graph
+        graph.rights = gate
         self.lock = lock or threading.RLock()
         """Held while the graph is changed; all worlds of a memory share one, for forks share their content."""
         self.after_poll: Callable[[], None] | None = None

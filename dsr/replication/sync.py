@@ -37,6 +37,7 @@ from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
+from dsr.graph.rights import Rights
 from dsr.network.keys import WHOLE
 from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
@@ -60,7 +61,7 @@ LONG_WAIT = 1.0
 """s of waiting after which a newcomer says for which replicas it waits."""
 
 
-class ChangeGate(Protocol):
+class ChangeGate(Rights, Protocol):
     """Selects the part of an arriving message that may be joined; see dsr/security/gate.py."""
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
