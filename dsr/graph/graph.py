@@ -15,7 +15,7 @@ from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, NodeTypeError, suggest
-from dsr.graph.elements import Edge, Node, type_of
+from dsr.graph.elements import Edge, Node, type_of, types_of
 from dsr.graph.far_stamps import FarStamps
 from dsr.graph.rights import Rights
 from dsr.graph.schema import RECORDS, Schema
@@ -87,13 +87,13 @@ class Graph(Stamping):
 
         Raises:
             SchemaError: for unknown names or wrong values.
-            NodeTypeError: if the node is of another type.
+            NodeTypeError: if the node is there, and nobody has made it of this type.
         """
         if type not in RECORDS:
             self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
         there = self.nodes.get(name)
-        if there is not None and there.type != type:
+        if there is not None and type not in types_of(there):
             raise NodeTypeError(name, there.type, type)
         add = None if name in self.nodes else Add(self.new_dot(), name, type)
         return self._commit(name, self._entries_of(name, add, values), add, values, now)

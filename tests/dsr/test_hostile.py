@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from dsr import Faults, Memory, Pose, SchemaError
+from dsr import Access, AgentError, Faults, Memory, NodeTypeError, Pose, SchemaError
 from dsr.clock import ManualClock
 from dsr.crdt import pieces
 from dsr.crdt import store as store_module
@@ -15,6 +15,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.store import Store
 from dsr.errors import WireError
+from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
 from dsr.replication.peers import MAX_PEERS
@@ -251,3 +252,23 @@ def test_of_two_values_under_one_stamp_all_show_the_same(net: Net, durable: bool
     net.pump(2.0)
     shown = {memory.edge("x", "y", "RT").pose.t for memory in (a, b, late)}
     assert len(shown) == 1
+
+
+def test_who_made_a_node_goes_on_with_it_whatever_others_make_of_it(net: Net) -> None:
+    """Of the types of a node that several have made all see one. Before, its owner failed in each tick."""
+    guard = WriteGuard("arm", Access(("body",), (), ("mass",)))
+    arm, liar = net.join("arm", guard=guard), net.join("zz")
+    net.pump(1.0)
+    arm.add_node("link", "body", mass=1.0)
+    delta = Delta(adds=[Add(("zz-9", 1), "link", "event")], context=[("zz-9", 1, 1)])
+    for memory in (arm, liar):
+        memory.replica.synchroniser.receive_delta("zz-9", encode_delta(delta), 0.0)
+        assert memory.node("link").type == "event"
+    arm.add_node("link", "body", mass=2.0)
+    arm.update_node("link", mass=3.0)
+    arm.remove_attribute("link", "mass")
+    with pytest.raises(NodeTypeError, match="'event', not a 'cube'"):
+        liar.add_node("link", "cube")
+    with pytest.raises(AgentError, match="of type 'event'"):
+        arm.update_node("link", status="mine")
+    assert arm.remove_node("link") and "link" not in arm

@@ -79,3 +79,13 @@ def test_what_was_displaced_long_ago_does_not_count(stage: Stage) -> None:
     stage.wait(61.0)
     come_back(stage, "cube_2")
     assert stage.memory.nodes(CALIBRATION) == []
+
+
+def test_a_camera_that_hangs_from_two_frames_tells_nothing(stage: Stage) -> None:
+    """Whoever may write poses can hang it elsewhere, too. Before, the tick failed."""
+    stage.memory.add_node("shelf", "table")
+    stage.memory.add_edge("shelf", "camera", "RT", pose=DOWN)
+    stage.parent_from_camera = DOWN @ BUMP
+    come_back(stage, "cube_1")
+    come_back(stage, "cube_2")
+    assert stage.memory.nodes(CALIBRATION) == []
