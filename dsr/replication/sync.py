@@ -51,7 +51,7 @@ from dsr.replication.lacking import Lacking
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.pace import Pace
 from dsr.replication.peers import SILENCE, Peer, Peers
-from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.piece_wire import Request, decode_piece
 from dsr.replication.portions import parts_in, portion
 from dsr.replication.wire import MOST_NAMED, Digest, decode_delta, decode_digest, encode_digest
 
@@ -318,13 +318,8 @@ class Synchroniser:
         """Note that there is nothing to wait for: the caller knows that the graph begins here, or wants this."""
         self.joined = True
 
-    def answer(self, sender: str, payload: bytes) -> Piece | None:
-        """A piece of the reply to a peer's request; None if the request is malformed."""
-        try:
-            request = decode_request(payload)
-        except WireError as error:
-            self.complaints.drop(sender, error)
-            return None
+    def answer(self, request: Request) -> Piece:
+        """A piece of the reply to a peer's request."""
         store = self.graph.store
         if not self.joined and not request.insists:
             piece = Piece(START, waits_for=self.joining.waits_for()[:MOST_NAMED])

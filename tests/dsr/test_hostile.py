@@ -13,12 +13,15 @@ from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.pieces import START
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
+from dsr.replication import replica
 from dsr.replication.peers import MAX_PEERS
+from dsr.replication.piece_wire import Request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
 from tests.dsr.conftest import Net
@@ -272,3 +275,26 @@ def test_who_made_a_node_goes_on_with_it_whatever_others_make_of_it(net: Net) ->
     with pytest.raises(AgentError, match="of type 'event'"):
         arm.update_node("link", status="mine")
     assert arm.remove_node("link") and "link" not in arm
+
+
+def test_a_long_request_is_read_while_writers_go_on(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A request of a megabyte takes 0.15 s to read. Whoever sent them all the time held up each write by that."""
+    memory = net.join("me")
+    memory.add_node("x", "cube")
+    request = Request("liar-1", CausalContext(), START, insists=True)
+    written = threading.Event()
+
+    def write() -> None:
+        memory.update_node("x", mass=2.0)
+        written.set()
+
+    def slowly(_payload: bytes) -> Request:
+        threading.Thread(target=write).start()
+        assert written.wait(10.0)
+        return request
+
+    monkeypatch.setattr(replica, "decode_request", slowly)
+    assert memory.replica._answer(memory.keys.sync(memory.rid), b"long")
+    monkeypatch.undo()
+    assert memory.replica._answer(memory.keys.sync(memory.rid), b"nonsense") is None
+    assert sum(memory.dropped.values()) == 1
