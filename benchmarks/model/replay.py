@@ -166,7 +166,8 @@ class Room:
             place.sync.request_done(question.number)
             return
         with mock.patch.object(pieces, "MAX_EXAMINED", 1):
-            piece = other.sync.answer(decode_request(question.payload))
+            piece = other.sync.answer(place.graph.rid, question.payload)
+        assert piece is not None
         place.sync.receive_reply(question.peer, question.number, encode_piece(piece), NOW)
 
     def _restart(self, site: int, *, kept: bool) -> None:

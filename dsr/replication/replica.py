@@ -17,7 +17,6 @@ from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, Place, piece_of, together
-from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Subscription, Transport
@@ -26,7 +25,7 @@ from dsr.replication.inquiry import REQUEST_TIMEOUT
 from dsr.replication.outbox import Outbox
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.parcels import parcels
-from dsr.replication.piece_wire import asker_of, decode_request, encode_piece
+from dsr.replication.piece_wire import asker_of, encode_piece
 from dsr.replication.polling import Poller
 from dsr.replication.renaming import going_on_as, next_id, unconfirmed
 from dsr.replication.statistics import Statistics
@@ -70,7 +69,7 @@ class Replica:
         """Held while the graph is changed; all worlds of a memory share one, for forks share their content."""
         self.after_poll: Callable[[], None] | None = None
         """Called at the end of each `poll`, with no lock held."""
-        self.synchroniser = Synchroniser(graph, gate, keys.part, ask_ahead=self._perform)
+        self.synchroniser = Synchroniser(graph, gate, keys.part, self.lock, ask_ahead=self._perform)
         self._transport = transport
         self._clock = clock
         self._keys = keys
@@ -236,10 +235,12 @@ class Replica:
         return False
 
     def _receive(self, action: Callable[[], None]) -> None:
-        """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`."""
+        """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`.
+
+        The synchroniser takes the lock, after it has read the message.
+        """
         if self._sender is not None:
-            with self.lock:
-                self._guarded(action)
+            self._guarded(action)
         elif len(self._inbox) < MAX_INBOX:
             self._inbox.append(action)
         else:
@@ -258,15 +259,8 @@ class Replica:
             self.synchroniser.peer_gone(rid, self._clock.monotonic())
 
     def _answer(self, key: str, payload: bytes) -> bytes | None:
-        try:
-            request = decode_request(payload)  # with no lock held: the longest take as long as a hundred writes
-        except WireError as error:
-            with self.lock:
-                self.synchroniser.complaints.drop(_last(key), error)
-            return None
-        with self.lock:
-            piece = self.synchroniser.answer(request)
-        return encode_piece(piece)
+        piece = self.synchroniser.answer(_last(key), payload)
+        return None if piece is None else encode_piece(piece)
 
     def _perform(self, output: Output) -> None:
         match output:

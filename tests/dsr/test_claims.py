@@ -13,7 +13,7 @@ from dsr.crdt.summary import LISTED
 from dsr.network.transport import Transport
 from dsr.replication import claims
 from dsr.replication.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS
-from dsr.replication.piece_wire import Request, decode_request, encode_piece
+from dsr.replication.piece_wire import Request, decode_request, encode_piece, encode_request
 from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.conftest import Net, reply_of
 
@@ -360,8 +360,9 @@ def test_who_lacks_nothing_gets_next_to_nothing(net: Net) -> None:
     for number in range(100):
         a.add_node(f"n{number}", "cube")
     net.pump(2.0)
-    answer = a.replica.synchroniser.answer(Request(b.rid, seen(b), START))
-    assert len(encode_piece(answer)) < 40
+    request = encode_request(Request(b.rid, seen(b), START))
+    answer = a.replica.synchroniser.answer("b-1", request)
+    assert answer is not None and len(encode_piece(answer)) < 40
     before = b.statistics.repairs
     b.replica.synchroniser.receive_reply(a.rid, 0, encode_piece(answer), 0.0)
     assert len(b.nodes()) == 100 and b.statistics.repairs == before

@@ -19,9 +19,9 @@ from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
-from dsr.replication import replica
+from dsr.replication import sync
 from dsr.replication.peers import MAX_PEERS
-from dsr.replication.piece_wire import Request
+from dsr.replication.piece_wire import Request, encode_request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
 from tests.dsr.conftest import Net
@@ -277,24 +277,34 @@ def test_who_made_a_node_goes_on_with_it_whatever_others_make_of_it(net: Net) ->
     assert arm.remove_node("link") and "link" not in arm
 
 
-def test_a_long_request_is_read_while_writers_go_on(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A request of a megabyte takes 0.15 s to read. Whoever sent them all the time held up each write by that."""
-    memory = net.join("me")
+@pytest.mark.parametrize("kind", ["delta", "digest", "request"])
+def test_a_long_message_is_read_while_writers_go_on(net: Net, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    """The longest take 0.2 s to read. Whoever sent them all the time held up each write by that."""
+    memory, liar = net.join("me"), "liar-1"
     memory.add_node("x", "cube")
-    request = Request("liar-1", CausalContext(), START, insists=True)
-    written = threading.Event()
+    synchroniser, written = memory.replica.synchroniser, threading.Event()
+    decode = getattr(sync, f"decode_{kind}")
 
     def write() -> None:
         memory.update_node("x", mass=2.0)
         written.set()
 
-    def slowly(_payload: bytes) -> Request:
+    def slowly(payload: bytes) -> object:
         threading.Thread(target=write).start()
         assert written.wait(10.0)
-        return request
+        return decode(payload)
 
-    monkeypatch.setattr(replica, "decode_request", slowly)
-    assert memory.replica._answer(memory.keys.sync(memory.rid), b"long")
-    monkeypatch.undo()
-    assert memory.replica._answer(memory.keys.sync(memory.rid), b"nonsense") is None
-    assert sum(memory.dropped.values()) == 1
+    monkeypatch.setattr(sync, f"decode_{kind}", slowly)
+    monkeypatch.setattr(memory.replica, "_sender", threading.current_thread())  # messages are joined as they come
+    if kind == "request":
+        asked = encode_request(Request(liar, CausalContext(), START, insists=True))
+        assert memory.replica._answer(memory.keys.sync(memory.rid), asked)
+        return
+    stranger = net.network.connect("stranger")
+    if kind == "delta":
+        added = Delta([Add((liar, 1), "y", "cube")], context=[(liar, 1, 1)])
+        stranger.publish(memory.keys.delta(liar), encode_delta(added))
+    else:
+        stranger.publish(memory.keys.digest(liar), digest(liar))
+    net.network.deliver()
+    assert "y" in memory if kind == "delta" else synchroniser.heard == [liar]

@@ -186,5 +186,5 @@ def test_who_waits_for_many_names_few(net: Net) -> None:
     synchroniser = Synchroniser(Graph("me-1"))
     for number in range(MAX_PEERS):
         synchroniser.peer_appeared(f"{number:04}{WIDE * 200}-1", 0.0)
-    piece = synchroniser.answer(Request("b-1", CausalContext(), START))
+    piece = synchroniser.answer("b-1", encode_request(Request("b-1", CausalContext(), START)))
     assert piece is not None and len(decode_piece(encode_piece(piece)).waits_for) == MOST_NAMED

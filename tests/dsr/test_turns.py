@@ -54,7 +54,7 @@ class Room:
     def _answer(self, ask: Ask) -> None:
         self.asked.append(ask.peer)
         lie = self.lie(decode_request(ask.payload)) if ask.peer == "liar-1" else None
-        piece = lie or self.honest.answer(decode_request(ask.payload))
+        piece = lie or self.honest.answer("me-1", ask.payload)
         assert piece is not None
         self.mine.receive_reply(ask.peer, ask.number, encode_piece(piece), self.now)
         self.mine.request_done(ask.number)
@@ -148,7 +148,7 @@ def test_a_piece_that_was_lost_is_asked_for_again_and_not_all_before_it(monkeypa
             begins.append(decode_request(ask.payload).begin)
             if len(begins) % 2 == 0:  # each other answer is lost
                 continue
-            piece = holder.answer(decode_request(ask.payload))
+            piece = holder.answer("me-1", ask.payload)
             assert piece is not None
             mine.receive_reply("holder-1", ask.number, encode_piece(piece), now)
     assert mine.joined and len(mine.graph.nodes) == 40
@@ -189,7 +189,7 @@ def test_a_peer_that_broke_off_its_answer_and_left_keeps_no_gaps_open() -> None:
         for ask in [each for each in mine.tick(now, now) if isinstance(each, Ask)]:
             piece = Piece(START, (ask.peer, 1, ""), whole=[("nobody-1", 1, 5)])
             if ask.peer == "holder-1":
-                piece = holder.answer(decode_request(ask.payload))
+                piece = holder.answer("me-1", ask.payload) or piece
             if ask.peer == "holder-1" or decode_request(ask.payload).begin == START:
                 mine.receive_reply(ask.peer, ask.number, encode_piece(piece), now)
     assert mine.graph.store.context.gaps("dead-1") <= MAX_GAPS + 1
@@ -218,7 +218,7 @@ def test_all_that_is_asked_for_comes_though_each_answer_takes_more_than_a_turn(
             if step % 10 == place + 2:
                 mine.receive_digest(rid, peer.digest(now), now, now)
         for ask in [each for each in mine.tick(now, now) if isinstance(each, Ask)]:
-            piece = peers[ask.peer].answer(decode_request(ask.payload))
+            piece = peers[ask.peer].answer("me-1", ask.payload)
             assert piece is not None
             under_way.append((now + 0.3, ask, piece))
         for come in [each for each in under_way if each[0] <= now]:
@@ -253,7 +253,7 @@ class Crowd:
             self.mine.receive_digest("holder-1", self._holder.digest(self.now), self.now, self.now)
         for ask in [each for each in self.mine.tick(self.now, self.now) if isinstance(each, Ask)]:
             if ask.peer == "holder-1":
-                piece = self._holder.answer(decode_request(ask.payload))
+                piece = self._holder.answer("me-1", ask.payload)
                 assert piece is not None
                 self._under_way.append((self.now + self.delay, ask, piece))
             elif (piece := self._lie(ask, decode_request(ask.payload).begin)) is not None:
