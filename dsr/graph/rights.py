@@ -9,8 +9,8 @@ from dsr.crdt.context import Dot
 from dsr.crdt.store import Incarnation
 
 
-class Elements(Protocol):
-    """Where elements are found by their creation dots."""
+class Incarnations(Protocol):
+    """Where incarnations are found by their creation dots."""
 
     def element(self, dot: Dot) -> Incarnation | None:
         """Find the live node or edge under `dot`; None if there is none."""
@@ -25,5 +25,5 @@ class Rights(Protocol):
     def may_write(self, rid: str, entry: Incarnation, attributes: Iterable[str]) -> bool:
         """Whether replica `rid` may write these attributes of one incarnation."""
 
-    def removable(self, rid: str, dots: list[Dot], elements: Elements) -> list[Dot]:
+    def removable(self, rid: str, dots: list[Dot], elements: Incarnations) -> list[Dot]:
         """Select those of `dots` that replica `rid` may remove together."""

@@ -23,7 +23,7 @@ from dsr.crdt.context import Dot, without
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.store import Incarnation, Store
 from dsr.errors import AgentError
-from dsr.graph.rights import Elements
+from dsr.graph.rights import Incarnations
 from dsr.network.keys import agent_of
 from dsr.replication.claims import accounted_for
 from dsr.security.policy import AccessPolicy
@@ -57,7 +57,7 @@ class Gate:
         """See `dsr.graph.rights.Rights`."""
         return self.objection(rid, entry.key, entry.type, attributes) is None
 
-    def removable(self, rid: str, dots: list[Dot], elements: Elements) -> list[Dot]:
+    def removable(self, rid: str, dots: list[Dot], elements: Incarnations) -> list[Dot]:
         """See `dsr.graph.rights.Rights`."""
         screening = _Screening(self, rid, Delta(), elements)
         return list(screening.removable(dots, screening.could_have))
@@ -83,7 +83,7 @@ class Gate:
 class _Screening:
     """The examination of one message."""
 
-    def __init__(self, gate: Gate, sender: str, delta: Delta, elements: Elements) -> None:
+    def __init__(self, gate: Gate, sender: str, delta: Delta, elements: Incarnations) -> None:
         self._gate = gate
         self._sender = sender
         self._delta = delta
