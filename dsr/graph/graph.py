@@ -114,7 +114,8 @@ class Graph(Stamping):
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
         """Write attributes of a visible element. Raises `SchemaError`."""
-        owners = self._owners(element._entries, attributes)
+        entries = element._entries
+        owners = [entries[0].dot] if len(entries) == 1 else self._owners(entries, attributes)
         return self._commit(element.key, owners, None, self.schema.to_values(attributes), now)
 
     def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
