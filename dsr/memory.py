@@ -22,9 +22,9 @@ from dsr.errors import AgentError, ClockDriftError, NoPathError, SchemaError, Tr
 from dsr.forking import leave_to_parent
 from dsr.frames.tree import WORLD, Types
 from dsr.geometry.exchange import MeshExchange
-from dsr.graph.access import Guard, guard_in, part_check
+from dsr.graph.access import Guard, check_one, guard_in, part_check
 from dsr.graph.cycles import check_new_edge
-from dsr.graph.elements import Edge, Node
+from dsr.graph.elements import Edge, Node, types_of
 from dsr.graph.extensions import Extensions
 from dsr.graph.graph import Graph
 from dsr.graph.schema import RECORDS, SCHEMA_RECORD, Schema, checked_names, records_are_own, with_pose
@@ -249,7 +249,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         there under another type, and `PartError` if it is in another part, or if the part is not held.
         """
         with self._replica.lock:
-            self._check_write("node", type, attributes)
+            self._check_write("node", (type,), attributes)
             self._put(lambda: self._add_node(name, type, attributes, part))
             node = self._graph.nodes[name]
         self._replica.send_soon()
@@ -266,14 +266,14 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
         replica, graph = self._replica, self._graph
         with replica.lock:
-            self._check_write("node", (graph.nodes.get(name) or graph.node(name)).type, attributes)
+            self._check_write("node", types_of(graph.nodes.get(name) or graph.node(name)), attributes)
             self._put(lambda: graph.write(graph.nodes[name], attributes, self.clock.now()))
         replica.send_soon()
 
     def remove_node(self, name: str) -> bool:
         """Remove a node and all edges at it; false if it was not there."""
         node = self.get_node(name)
-        return node is not None and self._remove("node", node.type, lambda: self._graph.remove_node(name))
+        return node is not None and self._remove("node", types_of(node), lambda: self._graph.remove_node(name))
 
     def remove_attribute(self, element: str | Node | Edge, attribute: str) -> None:
         """Take an attribute of a node (by name) or an edge away; harmless if it is not set."""
@@ -281,7 +281,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
             element = self.node(element)
         kind = "node" if isinstance(element, Node) else "edge"
         with self._replica.lock:
-            self._check_write(kind, element.type, (attribute,))
+            self._check_write(kind, types_of(element), (attribute,))
             self._put(lambda: self._graph.remove_attribute(self._seen(element), attribute, self.clock.now()))
         self._replica.send_soon()
 
@@ -331,7 +331,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         """
         values = with_pose(attributes)
         with self._replica.lock:
-            self._check_write("edge", type, values)
+            self._check_write("edge", (type,), values)
             if type in self.schema.geometric and (src, dst, type) not in self._graph.edges:
                 check_new_edge(self._graph, src, dst, type)
             self._put(lambda: self._graph.add_edge(src, dst, type, values, self.clock.now()))
@@ -344,7 +344,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         values, key = with_pose(attributes), (src, dst, type)
         replica, graph = self._replica, self._graph
         with replica.lock:
-            self._check_write("edge", (graph.edges.get(key) or graph.edge(*key)).type, values)
+            self._check_write("edge", ((graph.edges.get(key) or graph.edge(*key)).type,), values)
             self._put(lambda: graph.write(graph.edges[key], values, self.clock.now()))
         replica.send_soon()
 
@@ -354,7 +354,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         All are written, or none: raises `EdgeNotFoundError`, `SchemaError`.
         """
         with self._replica.lock:
-            self._check_write("edge", type, _POSE)
+            self._check_write("edge", (type,), _POSE)
             self._put(lambda: self._graph.write_poses(type, poses, self.clock.now()))
         self._replica.send_soon()
 
@@ -362,7 +362,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         """Remove an edge; false if it was not there."""
         if (src, dst, type) not in self._graph.edges:
             return False
-        return self._remove("edge", type, lambda: self._graph.remove_edge((src, dst, type)))
+        return self._remove("edge", (type,), lambda: self._graph.remove_edge((src, dst, type)))
 
     # ---- geometry, frames, changes
 
@@ -573,23 +573,26 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def write_record(self, name: str, type: str, record: str) -> None:
         """Write an entry about the graph itself, a node of one of `RECORDS`; for the memory's own use."""
         with self._replica.lock:
-            self._check_write("node", type, ("record",), own=True)
+            self._check_write("node", (type,), ("record",), own=True)
             self._put(lambda: self._graph.add_node(name, type, {"record": record}, self.clock.now()))
         self._replica.send_soon()
 
     def remove_record(self, name: str, type: str) -> None:
         """Remove an entry about the graph itself; for the memory's own use."""
-        self._remove("node", type, lambda: self._graph.remove_node(name), own=True)
+        self._remove("node", (type,), lambda: self._graph.remove_node(name), own=True)
 
-    def _check_write(self, element: str, type: str, attributes: Iterable[str], *, own: bool = False) -> None:
+    def _check_write(
+        self, element: str, types: Sequence[str], attributes: Iterable[str], *, own: bool = False
+    ) -> None:
         """Raise unless this write may be made; with the lock held, so that none is made after `close`.
 
-        Nodes about the graph itself are written only as the memory's `own`.
+        Of several types that others gave a node, one suffices. Nodes about the graph itself are written only as the
+        memory's `own`.
         """
-        if type in RECORDS and element == "node" and not own:
-            raise SchemaError(records_are_own(f"nodes of type {type!r}"))
+        if types[0] in RECORDS and element == "node" and not own:
+            raise SchemaError(records_are_own(f"nodes of type {types[0]!r}"))
         if self._guard is not None:
-            self._guard(element, type, attributes)
+            check_one(self._guard, element, types, attributes)
         if self._closed:
             raise TransportError(f"the memory of graph {self.graph_name!r} is closed")
         clocks = self._replica.synchroniser.clocks
@@ -614,9 +617,9 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def _write_schema_record(self, name: str, record: str) -> None:
         self._put(lambda: self._graph.add_node(name, SCHEMA_RECORD, {"record": record}, self.clock.now()))
 
-    def _remove(self, element: str, type: str, remove: Callable[[], Delta], *, own: bool = False) -> bool:
+    def _remove(self, element: str, types: Sequence[str], remove: Callable[[], Delta], *, own: bool = False) -> bool:
         with self._replica.lock:
-            self._check_write(element, type, (), own=own)
+            self._check_write(element, types, (), own=own)
             delta = remove()
             self._replica.commit(delta)
         self._replica.send_soon()

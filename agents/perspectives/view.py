@@ -231,7 +231,7 @@ class PersonalView:
         for kind in SURFACES:
             for node in self._source.nodes(kind):
                 self._place(node, now, {})
-        own = self._source.get_node(self.name)
+        own = self._onlooker(self.name)
         if own is None:
             self._miss(self.name)
             return
@@ -249,12 +249,17 @@ class PersonalView:
         """Other persons and cameras are where they were last seen."""
         nodes = (node for memory in (self._source, self.world) for node in memory.nodes(PERSPECTIVES))
         for name in sorted({node.name for node in nodes} - {self.name}):
-            node, pose = self._source.get_node(name), self._source.get_transform(WORLD, name, types=BELIEVED)
+            node, pose = self._onlooker(name), self._source.get_transform(WORLD, name, types=BELIEVED)
             if picture is not None and node is not None and pose is not None and _is_shown(node, pose, picture):
                 self._place(node, now, {"perceived": True})
                 self._tell_seen(name, now)
             else:
                 self._miss(name)
+
+    def _onlooker(self, name: str) -> Node | None:
+        """A person or a camera as it is; None for what is neither any more."""
+        node = self._source.get_node(name)
+        return node if node is not None and node.type in PERSPECTIVES else None
 
     def _miss(self, name: str) -> None:
         """Let somebody not be perceived."""

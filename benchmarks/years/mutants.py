@@ -277,7 +277,7 @@ MUTANTS: list[Mutant] = [
     Mutant("files of deleted worlds stay", WorldKeeper, "_remove_others", constant(None)),
     # ---- what guards
     Mutant("everybody may everything", Gate, "objection", constant(None)),
-    Mutant("everybody may remove everything", gate._Screening, "_removable", _all_of),
+    Mutant("everybody may remove everything", gate._Screening, "removable", _all_of),
     Mutant("everybody may speak for others", gate._Screening, "_is_own", constant(True)),
     Mutant("anybody's dots may be used", gate._Screening, "_is_own_dot", constant(True)),
     Mutant("nobody is trusted", Gate, "trusts", constant(False)),

@@ -39,9 +39,12 @@ class Recognition(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, more of that share, by which the odds grow by the factor e"""
 
     def probability(self, share: float, *, tagged: bool) -> float:
-        """Of a thing of which a share (0 to 1) is to be seen, of its tag or, without one, of its image."""
+        """Of a thing of which a share (0 to 1) is to be seen, of its tag or, without one, of its image.
+
+        A number beyond counts as the nearest share: it comes from the graph, where anybody may have written it.
+        """
         half, width = (self.tag, self.tag_width) if tagged else (self.color, self.color_width)
-        return 1.0 / (1.0 + math.exp((half - share) / width))
+        return 1.0 / (1.0 + math.exp((half - min(max(share, 0.0), 1.0)) / width))
 
 
 @cache

@@ -20,7 +20,7 @@ from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.dots import OrderedDots
 
 MAX_WAITING = 10_000
-"""Writes for unknown entries that are kept; one with a long value counts for several (see `_weight`)."""
+"""Writes for unknown entries that are kept; one with a long value counts for several (see `weight_of`)."""
 _MASK = (1 << 64) - 1
 
 
@@ -204,7 +204,7 @@ class Store:
             siblings[dot] = entry
         self.fingerprint ^= dot_hash(dot)
         for write in self._waiting.pop(dot, ()) if self._waiting else ():
-            self._waiting_count -= _weight(write)
+            self._waiting_count -= weight_of(write)
             self._write(write)
             if write.dot:
                 self.context.add(write.dot)
@@ -239,11 +239,16 @@ class Store:
             self._observer.register_changed(entry, attribute)
 
     def _settle_same(self, entry: Incarnation, write: Write, current: Write) -> None:
-        """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
+        """The same write again, now durable, or made durable by two replicas: that with the greatest dot stays.
+
+        Whoever uses a stamp twice may have written something else, and all must show the same of it.
+        """
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
             if self.owned is not None:
                 entry = self._own(entry)
-            entry.registers[write.attribute] = replace(current, dot=write.dot)
+            entry.registers[write.attribute] = write
+            if entry.announced and write.value != current.value:
+                self._observer.register_changed(entry, write.attribute)
 
     def find(self, dot: Dot) -> Incarnation | None:
         """Find the live entry that was created under `dot`, with the registers that are written here; None if there is
@@ -301,7 +306,7 @@ class Store:
             return True
         if self._waiting_count < MAX_WAITING:
             self._waiting.setdefault(write.owner, []).append(write)
-            self._waiting_count += _weight(write)
+            self._waiting_count += weight_of(write)
         else:
             self.lost_waiting += 1
         return False
@@ -313,7 +318,7 @@ class Store:
     def _forget_waiting(self, dot: Dot) -> None:
         """Writes for a removed entry are void, so their dots count as seen."""
         for write in self._waiting.pop(dot, ()):
-            self._waiting_count -= _weight(write)
+            self._waiting_count -= weight_of(write)
             if write.dot:
                 self.context.add(write.dot)
 
@@ -333,7 +338,7 @@ class Store:
             for write in entry.registers.values():
                 if write.dot is None:
                     self.unsettled.setdefault((dot, write.attribute), 0)
-        self._waiting_count = sum(_weight(write) for writes in self._waiting.values() for write in writes)
+        self._waiting_count = sum(weight_of(write) for writes in self._waiting.values() for write in writes)
 
     def take_not_durable(self, due: Callable[[Write, int], bool], new_dot: Callable[[], Dot]) -> Delta:
         """Give a dot to each stream register for which `due(write, times passed over)` holds."""
@@ -365,7 +370,7 @@ def _by_key(entries: list[Incarnation]) -> Iterable[tuple[Key, list[Incarnation]
     return sorted(found.items(), key=lambda item: not isinstance(item[0], str))
 
 
-def _weight(write: Write) -> int:
+def weight_of(write: Write) -> int:
     """How many writes with a short value it counts for."""
     return 1 + len(write.value) // 100 if isinstance(write.value, str | bytes | tuple) else 1
 

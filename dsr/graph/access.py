@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+import contextlib
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dsr.errors import AgentError, ConfigError, UndeclaredError, suggest
@@ -141,6 +142,17 @@ class WriteGuard:
                     f"agent {self._agent!r} writes attribute {name!r} of a {kind}, which it does not declare; "
                     f"declared: {', '.join(sorted(self._attributes)) or 'none'}"
                 )
+
+
+def check_one(guard: Guard, element: str, types: Sequence[str], attributes: Iterable[str]) -> None:
+    """Raise `AgentError` unless these attributes may be written to an element of one of these types.
+
+    The error tells about the first of them.
+    """
+    for type in types[1:]:
+        with contextlib.suppress(AgentError):
+            return guard(element, type, attributes)
+    return guard(element, types[0], attributes)
 
 
 def guard_in(guard: Guard | None, world: str) -> Guard | None:

@@ -117,6 +117,12 @@ class _Element(Mapping[str, Any]):
         return {name: value for name in self if (value := self._value(name)) is not TOMBSTONE}
 
 
+def types_of(element: Node | Edge) -> tuple[str, ...]:
+    """All types under which an element was made, first the one that it shows."""
+    entries = element._entries
+    return (element.type,) if len(entries) == 1 else tuple(dict.fromkeys([element.type, *(e.type for e in entries)]))
+
+
 class Node(_Element):
     """A node of the graph; reading it gives the present values."""
 

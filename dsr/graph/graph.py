@@ -7,7 +7,7 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from typing import Any
 
 from dsr.crdt.context import Dot, DotRange
@@ -15,8 +15,9 @@ from dsr.crdt.delta import MAX_ENDS, TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, NodeTypeError, suggest
-from dsr.graph.elements import Edge, Node, type_of
+from dsr.graph.elements import Edge, Node, type_of, types_of
 from dsr.graph.far_stamps import FarStamps
+from dsr.graph.rights import Rights
 from dsr.graph.schema import RECORDS, Schema
 from dsr.graph.sharing import Groups
 from dsr.graph.stamping import Stamping
@@ -50,6 +51,8 @@ class Graph(Stamping):
         self.edges_in: Groups[EdgeKey, Edge] = {}
         self.incident: Groups[EdgeKey, None] = {}  # not sets: runs of one seed are identical
         """Keys of edges by the names of their ends, visible or not."""
+        self.rights: Rights | None = None
+        """Tells what others take of what is changed here; None if they take all."""
         self.why_empty = ""
         """For people, why it holds nothing."""
         self._unattached: dict[Dot, Incarnation] = {}
@@ -84,16 +87,16 @@ class Graph(Stamping):
 
         Raises:
             SchemaError: for unknown names or wrong values.
-            NodeTypeError: if the node is of another type.
+            NodeTypeError: if the node is there, and nobody has made it of this type.
         """
         if type not in RECORDS:
             self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
         there = self.nodes.get(name)
-        if there is not None and there.type != type:
+        if there is not None and type not in types_of(there):
             raise NodeTypeError(name, there.type, type)
         add = None if name in self.nodes else Add(self.new_dot(), name, type)
-        return self._commit(name, self._entries_of(name, add), add, values, now)
+        return self._commit(name, self._entries_of(name, add, values), add, values, now)
 
     def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
         """Create an edge; if it is visible already, only write the attributes.
@@ -107,12 +110,12 @@ class Graph(Stamping):
         ends = [self._ends_at(name) for name in (src, dst)]
         key = (src, dst, type)
         add = None if key in self.edges else Add(self.new_dot(), key, type, ends[0], ends[1])
-        return self._commit(key, self._entries_of(key, add), add, values, now)
+        return self._commit(key, self._entries_of(key, add, values), add, values, now)
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
         """Write attributes of a visible element. Raises `SchemaError`."""
         entries = element._entries
-        owners = [entries[0].dot] if len(entries) == 1 else [entry.dot for entry in entries]
+        owners = [entries[0].dot] if len(entries) == 1 else self._owners(entries, attributes)
         return self._commit(element.key, owners, None, self.schema.to_values(attributes), now)
 
     def write_poses(self, type: str, poses: Mapping[tuple[str, str], Pose], now: float) -> Delta:
@@ -141,15 +144,21 @@ class Graph(Stamping):
         self.schema.attribute(attribute)
         if attribute not in element:
             return Delta()
-        owners = [entry.dot for entry in element._entries]
+        owners = self._owners(element._entries, (attribute,))
         return self._commit(element.key, owners, None, {attribute: TOMBSTONE}, now)
 
     def remove_node(self, name: str) -> Delta:
-        """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
+        """Remove a node and the edges at it, as seen here; an empty delta if it is not visible.
+
+        What others have made of it under a type that is not ours to remove stays, with the edges that hang on that.
+        """
         if name not in self.nodes:
             return Delta()
         keys: list[Key] = [name, *self.incident_keys(name)]
-        return self._commit_removal([entry.dot for key in keys for entry in self.live(key)])
+        dots = [entry.dot for key in keys for entry in self.live(key)]
+        if self.rights is not None:
+            dots = self.rights.removable(self.rid, dots, self)
+        return self._commit_removal(dots) if dots else Delta()
 
     def remove_edge(self, key: EdgeKey) -> Delta:
         """Remove an edge as seen here; an empty delta if it is not visible."""
@@ -226,8 +235,16 @@ class Graph(Stamping):
         dots = tuple(entry.dot for entry in self.node(name)._entries)
         return dots if len(dots) <= MAX_ENDS else tuple(sorted(dots)[-MAX_ENDS:])
 
-    def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
-        return [add.dot] if add else [entry.dot for entry in self.live(key)]
+    def _entries_of(self, key: Key, add: Add | None, attributes: Iterable[str]) -> list[Dot]:
+        return [add.dot] if add else self._owners(self.live(key), attributes)
+
+    def _owners(self, entries: Sequence[Incarnation], attributes: Iterable[str]) -> list[Dot]:
+        """The incarnations into which these attributes are written: those where others take that."""
+        if len(entries) == 1:
+            return [entries[0].dot]
+        rights, rid = self.rights, self.rid
+        taken = [e.dot for e in entries if rights is None or rights.may_write(rid, e, attributes)]
+        return taken or [entry.dot for entry in entries]
 
     def live(self, key: Key) -> list[Incarnation]:
         """All incarnations of an element that live; the graph must be locked."""

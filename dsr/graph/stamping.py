@@ -48,7 +48,7 @@ class Stamping(Sharing):
         """See `Graph.incident_keys`."""
         raise NotImplementedError
 
-    def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
+    def _entries_of(self, key: Key, add: Add | None, attributes: Iterable[str]) -> list[Dot]:
         raise NotImplementedError
 
     def _ends_at(self, name: str) -> tuple[Dot, ...]:
@@ -113,7 +113,8 @@ class Stamping(Sharing):
             ends = [] if isinstance(key, str) else [self._ends_at(name) for name in key[:2]]
             add = Add(self.new_dot(), key, type, *ends)
         first = self.counter + (0 if add else 1)
-        owners = self._entries_of(key, add)
+        writes = list(writes)
+        owners = self._entries_of(key, add, [write.attribute for write in writes])
         stamped = list(self._restamped(key, owners, element, writes, now))
         delta = Delta(adds=[add] if add else [])
         for stamp, write in stamped:

@@ -17,7 +17,16 @@ import numpy as np
 
 from dsr.clock import Clock, ManualClock
 from dsr.errors import TransportError
-from dsr.network.transport import BulkHandler, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, key_matches
+from dsr.network.transport import (
+    BulkHandler,
+    Chunks,
+    MessageHandler,
+    PresenceHandler,
+    Qos,
+    RequestHandler,
+    key_matches,
+    names_one,
+)
 
 T = TypeVar("T")
 A = TypeVar("A")
@@ -212,7 +221,7 @@ class LocalTransport:
         self._check_open()
         for other in self._network.others(self):
             for pattern, handler in list(other._subscribers):
-                if key_matches(pattern, key):
+                if names_one(key) and key_matches(pattern, key):
                     self._network.send(self, other, _bind(handler, key, payload))
 
     def publish_bulk(self, key: str, chunks: Chunks) -> None:
@@ -283,14 +292,14 @@ class LocalTransport:
         """Call `handler` for present keys at the next `deliver`, then at each change."""
         for other in self._network.others(self):
             for token in other.tokens:
-                if key_matches(key, token):
+                if names_one(token) and key_matches(key, token):
                     self._network.later(0.0, _bind(handler, token, True))
         return self._declare(self._presence, (key, handler))
 
     def see(self, key: str, alive: bool) -> None:
         """Called by the network when a key appears or goes."""
         for pattern, handler in list(self._presence):
-            if key_matches(pattern, key):
+            if names_one(key) and key_matches(pattern, key):
                 self._network.later(0.0, _bind(handler, key, alive))
 
     def renew(self) -> None:

@@ -1,9 +1,11 @@
 """The interface of a network that the memory and the drivers use; every real or in-memory link implements it.
 
 Keys are slash-separated (`dsr/v1/<graph>/d/<rid>`); in subscriptions `*` matches one part and `**`
-any number of parts at the end. Handlers are called from the network's thread: they must return at once (put the
-message on a queue) and must not call back into the transport. Only a subscription to the newest n messages has a
-thread of its own, in which its handler may take its time.
+any number of parts at the end. What comes on a pattern, or is announced as one, is dropped.
+
+Handlers are called from the network's thread: they must return at once (put the message on a queue) and must not call
+back into the transport. Only a subscription to the newest n messages has a thread of its own, in which its handler may
+take its time.
 """
 
 from __future__ import annotations
@@ -126,6 +128,11 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Leave the network; harmless when repeated."""
+
+
+def names_one(key: str) -> bool:
+    """Whether `key` tells who sent what came on it: whoever is called by a pattern would be asked as all who match."""
+    return "*" not in key
 
 
 @functools.lru_cache(maxsize=4096)

@@ -26,6 +26,7 @@ from dsr.network.transport import (
     Qos,
     RequestHandler,
     Subscription,
+    names_one,
 )
 from dsr.threads import new_thread
 
@@ -212,11 +213,12 @@ class ZenohTransport:
 
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
         """Call `handler` from a thread of its own; with `newest`, from a ring that forgets the oldest."""
-        return self._subscribe(
-            key,
-            lambda: _fifo(_QUEUE) if newest is None else _ring(newest),
-            lambda sample: handler(str(sample.key_expr), sample.payload.to_bytes()),
-        )
+
+        def pass_on(sample: zenoh.Sample) -> None:
+            if names_one(place := str(sample.key_expr)):
+                handler(place, sample.payload.to_bytes())
+
+        return self._subscribe(key, lambda: _fifo(_QUEUE) if newest is None else _ring(newest), pass_on)
 
     def _subscribe(self, key: str, channel: Callable[[], Any], action: Callable[[Any], None]) -> Subscription:
         def declare() -> Any:
@@ -297,8 +299,8 @@ class ZenohTransport:
         )  # fmt: skip
 
         def pass_on(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
-                on_reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
+            if reply.ok is not None and names_one(place := str(reply.ok.key_expr)):
+                on_reply(place, reply.ok.payload.to_bytes())
 
         def wait() -> None:
             _for_each(replies, pass_on)
@@ -315,7 +317,8 @@ class ZenohTransport:
         is_there = zenoh.SampleKind.PUT
 
         def report(token: zenoh.Sample) -> None:
-            handler(str(token.key_expr), token.kind == is_there)
+            if names_one(place := str(token.key_expr)):
+                handler(place, token.kind == is_there)
 
         def declare() -> Any:
             tokens = self._declare(self._session.liveliness().declare_subscriber, key, _fifo(_QUEUE), history=True)

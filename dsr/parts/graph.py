@@ -16,6 +16,7 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.store import Incarnation
 from dsr.errors import AgentError, NodeTypeError, PartError
+from dsr.graph.elements import types_of
 from dsr.graph.far_stamps import FAR
 from dsr.graph.graph import Graph
 from dsr.graph.schema import Schema
@@ -303,15 +304,15 @@ class PartedGraph(Graph):
     def copy(self, key: Key, type: str, writes: Iterable[Write], now: float) -> Delta:
         """See `Stamping.copy`; what is created belongs where `add_node` and `add_edge` would make it."""
         element = self._visible(key)
-        if element is not None and element.type != type and isinstance(key, str):
+        if element is not None and isinstance(key, str) and type not in types_of(element):
             raise NodeTypeError(key, element.type, type)
         add = None
         if element is None:
             ends = [] if isinstance(key, str) else [self._ends_at(name) for name in key[:2]]
             home = self._home_for(type) if isinstance(key, str) else self._home(key[0])
             add = Add(home.new_dot(), key, type, *ends)
-        changes = Changes(self._member, [add] if add else [])
-        owners = self._entries_of(key, add)
+        changes, writes = Changes(self._member, [add] if add else []), list(writes)
+        owners = self._entries_of(key, add, [write.attribute for write in writes])
         for stamp, write in list(self._restamped(key, owners, element, writes, now)):
             known = self.schema.attributes.get(write.attribute)
             stream = not add and write.value is not TOMBSTONE and known is not None and known.stream

@@ -64,11 +64,12 @@ class Replica:
         lock: threading.RLock | None = None,
     ) -> None:
         self.graph = graph
+        graph.rights = gate
         self.lock = lock or threading.RLock()
         """Held while the graph is changed; all worlds of a memory share one, for forks share their content."""
         self.after_poll: Callable[[], None] | None = None
         """Called at the end of each `poll`, with no lock held."""
-        self.synchroniser = Synchroniser(graph, gate, keys.part, ask_ahead=self._perform)
+        self.synchroniser = Synchroniser(graph, gate, keys.part, self.lock, ask_ahead=self._perform)
         self._transport = transport
         self._clock = clock
         self._keys = keys
@@ -234,10 +235,12 @@ class Replica:
         return False
 
     def _receive(self, action: Callable[[], None]) -> None:
-        """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`."""
+        """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`.
+
+        The synchroniser takes the lock, after it has read the message.
+        """
         if self._sender is not None:
-            with self.lock:
-                self._guarded(action)
+            self._guarded(action)
         elif len(self._inbox) < MAX_INBOX:
             self._inbox.append(action)
         else:
@@ -256,8 +259,7 @@ class Replica:
             self.synchroniser.peer_gone(rid, self._clock.monotonic())
 
     def _answer(self, key: str, payload: bytes) -> bytes | None:
-        with self.lock:
-            piece = self.synchroniser.answer(_last(key), payload)
+        piece = self.synchroniser.answer(_last(key), payload)
         return None if piece is None else encode_piece(piece)
 
     def _perform(self, output: Output) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from typing import NamedTuple
 
@@ -44,7 +44,9 @@ class StampAccess:
         """See `Memory.batch`."""
         raise NotImplementedError
 
-    def _check_write(self, element: str, type: str, attributes: Iterable[str], *, own: bool = False) -> None:
+    def _check_write(
+        self, element: str, types: Sequence[str], attributes: Iterable[str], *, own: bool = False
+    ) -> None:
         raise NotImplementedError
 
     @property
@@ -130,5 +132,5 @@ class StampAccess:
     def _renew(self, key: Key) -> None:
         for element, writes in self._graph.renewals(key):
             kind = "node" if isinstance(element, Node) else "edge"
-            self._check_write(kind, element.type, [write.attribute for write in writes], own=True)
+            self._check_write(kind, (element.type,), [write.attribute for write in writes], own=True)
         self._replica.commit(self._graph.renew(key, self.clock.now()))

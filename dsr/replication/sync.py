@@ -28,15 +28,17 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
+from dsr.graph.rights import Rights
 from dsr.network.keys import WHOLE
 from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
@@ -50,17 +52,18 @@ from dsr.replication.lacking import Lacking
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.pace import Pace
 from dsr.replication.peers import SILENCE, Peer, Peers
-from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.piece_wire import Request, decode_piece, decode_request
 from dsr.replication.portions import parts_in, portion
 from dsr.replication.wire import MOST_NAMED, Digest, decode_delta, decode_digest, encode_digest
 
+T = TypeVar("T")
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 LONG_WAIT = 1.0
 """s of waiting after which a newcomer says for which replicas it waits."""
 
 
-class ChangeGate(Protocol):
+class ChangeGate(Rights, Protocol):
     """Selects the part of an arriving message that may be joined; see dsr/security/gate.py."""
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
@@ -82,6 +85,8 @@ class Synchroniser:
     """Checks arriving messages; None if everybody is believed."""
     part: str | None = None
     """The part of the graph of which all arriving dots must be (dsr/parts); None where they may be of any."""
+    lock: AbstractContextManager[Any] = field(default_factory=nullcontext)
+    """Held while messages are joined that come from the network's threads; all else is for the caller to serialise."""
     joined: bool = False
     complaints: Complaints = field(default_factory=Complaints)
     repairs: int = 0
@@ -135,8 +140,22 @@ class Synchroniser:
 
     def receive_delta(self, sender: str, payload: bytes, physical: float) -> None:
         """A delta or a bundle of stream samples arrived at physical time `physical` (s)."""
+        delta = self._read(sender, payload, decode_delta)
+        if delta is not None:
+            with self.lock:
+                self._take_delta(sender, delta, physical)
+
+    def _read(self, sender: str, payload: bytes, decode: Callable[[bytes], T]) -> T | None:
+        """Decode a message before the lock is taken: the longest take as long as a hundred writes."""
         try:
-            delta = decode_delta(payload)
+            return decode(payload)
+        except WireError as error:
+            with self.lock:
+                self.complaints.drop(sender, error)
+            return None
+
+    def _take_delta(self, sender: str, delta: Delta, physical: float) -> None:
+        try:
             if delta.live is not None:
                 raise WireError("a synchronisation reply that nobody asked for")
             if delta.misfits:
@@ -168,8 +187,13 @@ class Synchroniser:
 
     def receive_digest(self, sender: str, payload: bytes, now: float, physical: float) -> None:
         """A digest arrived at monotonic time `now` and physical time `physical` (s)."""
+        digest = self._read(sender, payload, decode_digest)
+        if digest is not None:
+            with self.lock:
+                self._take_digest(sender, digest, now, physical)
+
+    def _take_digest(self, sender: str, digest: Digest, now: float, physical: float) -> None:
         try:
-            digest = decode_digest(payload)
             if digest.replica != sender:
                 raise WireError(f"a digest of {digest.replica!r}")
             if sender == self.graph.rid:
@@ -319,11 +343,13 @@ class Synchroniser:
 
     def answer(self, sender: str, payload: bytes) -> Piece | None:
         """A piece of the reply to a peer's request; None if the request is malformed."""
-        try:
-            request = decode_request(payload)
-        except WireError as error:
-            self.complaints.drop(sender, error)
+        request = self._read(sender, payload, decode_request)
+        if request is None:
             return None
+        with self.lock:
+            return self._piece_for(request)
+
+    def _piece_for(self, request: Request) -> Piece:
         store = self.graph.store
         if not self.joined and not request.insists:
             piece = Piece(START, waits_for=self.joining.waits_for()[:MOST_NAMED])

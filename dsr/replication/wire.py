@@ -251,7 +251,7 @@ def decode_kept(payload: bytes) -> Delta:
 def _read_kept(payload: bytes) -> Delta:
     """What nobody takes from the network is left out: an older version may have kept it."""
     message = _kept_decoder.decode(payload)
-    rows = [row for row in message.adds if type(row.key) is not str or is_own_name(row.key, row.type)]
+    rows = [row for row in message.adds if _is_of_its_type(row)]
     message.adds = [row for row in rows if _has_room(message.replicas, row)]
     return _to_delta(message)
 
@@ -349,16 +349,24 @@ def _to_key(add: AddRow) -> Key:
     if type(key) is str:
         if not _is_name(key):
             raise ValueError(f"a node's name of {len(key)} characters")
-        if not is_own_name(key, add.type):
+        if not _is_of_its_type(add):
             raise ValueError("a node about the graph itself whose name and type do not fit")
         if add.sources or add.destinations:
             raise ValueError("a node with endpoints")
         return key
     if not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
         raise ValueError(f"an edge's key with a name of none or more than {MAX_NAME} characters")
+    if not _is_of_its_type(add):
+        raise ValueError("an edge of another type than its key tells")
     if not 0 < len(add.sources) <= 2 * MAX_ENDS or not 0 < len(add.destinations) <= 2 * MAX_ENDS:
         raise ValueError(f"an edge without creation dots at both ends, or with more than {MAX_ENDS}")
     return key
+
+
+def _is_of_its_type(add: AddRow) -> bool:
+    """Whether key and type fit: rights are told by the type, and what is seen by the key."""
+    key = add.key
+    return is_own_name(key, add.type) if type(key) is str else key[2] == add.type
 
 
 def _has_room(names: list[str], add: AddRow) -> bool:

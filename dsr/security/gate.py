@@ -21,8 +21,9 @@ from collections.abc import Callable, Iterable, Iterator
 
 from dsr.crdt.context import Dot, without
 from dsr.crdt.delta import Add, Delta, Key, Write
-from dsr.crdt.store import Store
+from dsr.crdt.store import Incarnation, Store
 from dsr.errors import AgentError
+from dsr.graph.rights import Incarnations
 from dsr.network.keys import agent_of
 from dsr.replication.claims import accounted_for
 from dsr.security.policy import AccessPolicy
@@ -50,7 +51,16 @@ class Gate:
     def reply(self, sender: str, delta: Delta, store: Store) -> Delta:
         """Select the part of a synchronisation reply from `sender` that may be joined."""
         screening = _Screening(self, sender, delta, store)
-        return screening.everybodys_changes() if self.trusts(sender) else screening.own_part()
+        return screening.everybodys_changes() if self.trusts(sender) else screening.own_part(store)
+
+    def may_write(self, rid: str, entry: Incarnation, attributes: Iterable[str]) -> bool:
+        """See `dsr.graph.rights.Rights`."""
+        return self.objection(rid, entry.key, entry.type, attributes) is None
+
+    def removable(self, rid: str, dots: list[Dot], elements: Incarnations) -> list[Dot]:
+        """See `dsr.graph.rights.Rights`."""
+        screening = _Screening(self, rid, Delta(), elements)
+        return list(screening.removable(dots, screening.could_have))
 
     def objection(self, rid: str, key: Key, type: str, attributes: Iterable[str] = ()) -> str | None:
         """Why the agent of replica `rid` may not write these attributes of an element of `type`; None if it may."""
@@ -73,11 +83,11 @@ class Gate:
 class _Screening:
     """The examination of one message."""
 
-    def __init__(self, gate: Gate, sender: str, delta: Delta, store: Store) -> None:
+    def __init__(self, gate: Gate, sender: str, delta: Delta, elements: Incarnations) -> None:
         self._gate = gate
         self._sender = sender
         self._delta = delta
-        self._store = store
+        self._elements = elements
         self._arriving: dict[Dot, Add] = {}
         self._void: set[Dot] = set()
         self._undecided: list[Dot] = []
@@ -90,7 +100,7 @@ class _Screening:
             return passed
         passed.adds = self._take_adds(add for add in self._delta.adds if self._is_own_dot(add.dot))
         passed.writes = [write for write in self._delta.writes if self._is_own(write) and self._may_write(write)]
-        passed.removed = list(self._removable(self._delta.removed, self._allowed))
+        passed.removed = list(self.removable(self._delta.removed, self._allowed))
         own = [dots for dots in self._delta.context if dots[0] == self._sender]
         judged = all(self._is_known(dot) for dot in self._delta.removed)
         if judged:
@@ -108,7 +118,7 @@ class _Screening:
         passed.context = list(without(self._delta.context, self._undecided))
         return passed
 
-    def own_part(self) -> Delta:
+    def own_part(self, store: Store) -> Delta:
         """Of the reply of any other replica: what its agent wrote, and removals that it could have made itself."""
         agent = agent_of(self._sender)
         passed = Delta()
@@ -120,7 +130,7 @@ class _Screening:
             and (write.dot is None or agent_of(write.dot[0]) == agent)
             and self._may_write(write)
         ]
-        passed.removed = list(self._removable(self._absent(), self._could_have))
+        passed.removed = list(self.removable(self._absent(store), self.could_have))
         own = [dots for dots in self._delta.context if agent_of(dots[0]) == agent]
         passed.context = list(without(own, self._undecided))
         return passed
@@ -158,35 +168,45 @@ class _Screening:
             self._undecided.append(write.dot)
         return False
 
-    def _removable(self, dots: Iterable[Dot], may: Callable[[str, Key, str], bool]) -> Iterator[Dot]:
-        """Those of `dots` that the sender may remove: what it may write, and edges at nodes that it may remove."""
+    def removable(self, dots: Iterable[Dot], may: Callable[[str, Key, str], bool]) -> Iterator[Dot]:
+        """Those of `dots` that the sender may remove: what it may write, and edges that lose an end with that.
+
+        An edge keeps its end while one of the nodes is left that others have made under the same name.
+        """
         found = [(dot, *owner) for dot in dots if (owner := self._type_of(dot))]
         nodes = {dot for dot, key, type in found if isinstance(key, str) and may(self._sender, key, type)}
         yield from nodes
         for dot, key, type in found:
-            if not isinstance(key, str) and (nodes & self._ends(dot) or may(self._sender, key, type)):
+            if not isinstance(key, str) and (self._loses_an_end(dot, nodes) or may(self._sender, key, type)):
                 yield dot
 
-    def _absent(self) -> list[Dot]:
+    def _absent(self, store: Store) -> list[Dot]:
         """What we hold, and the replier has seen and does not hold."""
         live = self._delta.live
         if live is None:
             return []
         examined = self._delta.context if self._delta.examined is None else self._delta.examined
-        return [dot for dots in examined for dot in self._store.order.between(*dots) if dot not in live]
+        return [dot for dots in examined for dot in store.order.between(*dots) if dot not in live]
 
     def _type_of(self, dot: Dot) -> tuple[Key, str] | None:
         """Key and type of the element created under `dot`, if it lives here or comes with the message."""
-        element = self._store.element(dot) or self._arriving.get(dot)
+        element = self._elements.element(dot) or self._arriving.get(dot)
         return (element.key, element.type) if element else None
 
     def _is_known(self, dot: Dot) -> bool:
         """Whether it is clear what became of the element created under `dot`."""
-        return dot in self._arriving or dot in self._void or self._store.is_known(dot)
+        return dot in self._arriving or dot in self._void or self._elements.is_known(dot)
 
-    def _ends(self, dot: Dot) -> set[Dot]:
-        edge = self._store.element(dot) or self._arriving.get(dot)
-        return {*edge.sources, *edge.destinations} if edge else set()
+    def _loses_an_end(self, dot: Dot, nodes: set[Dot]) -> bool:
+        """Whether nothing is left at one end of an edge when these nodes are gone; the edge is dead then."""
+        edge = self._elements.element(dot) or self._arriving.get(dot)
+        return edge is not None and any(
+            not nodes.isdisjoint(ends) and all(end in nodes or self._is_gone(end) for end in ends)
+            for ends in (edge.sources, edge.destinations)
+        )
+
+    def _is_gone(self, dot: Dot) -> bool:
+        return self._is_known(dot) and self._type_of(dot) is None
 
     def _allowed(self, rid: str, key: Key, type: str, attributes: Iterable[str] = ()) -> bool:
         objection = self._gate.objection(rid, key, type, attributes)
@@ -194,7 +214,7 @@ class _Screening:
             self._refuse(objection)
         return objection is None
 
-    def _could_have(self, rid: str, key: Key, type: str) -> bool:
+    def could_have(self, rid: str, key: Key, type: str) -> bool:
         """Whether the agent of `rid` may write it; if not, another one has removed it, and that is no offence."""
         return self._gate.objection(rid, key, type) is None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic
 
 from msgspec.structs import replace
@@ -11,7 +11,7 @@ from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.frames.tree import FrameTree
 from dsr.geometry.exchange import MeshExchange
-from dsr.graph.elements import Edge, Node
+from dsr.graph.elements import Edge, Node, types_of
 from dsr.graph.graph import Graph
 from dsr.network.keys import BASE, Keys, agent_of
 from dsr.replication.replica import Replica
@@ -33,7 +33,9 @@ class WorldAccess(OpenWorld, Generic[World]):
     meshes: MeshExchange
     keys: Keys
 
-    def _check_write(self, element: str, type: str, attributes: Iterable[str], *, own: bool = False) -> None:
+    def _check_write(
+        self, element: str, types: Sequence[str], attributes: Iterable[str], *, own: bool = False
+    ) -> None:
         raise NotImplementedError
 
     def _put(self, write: Callable[[], Delta]) -> Delta:
@@ -145,7 +147,7 @@ class WorldAccess(OpenWorld, Generic[World]):
                 if here is None or here.get(name) != value:
                     writes.append(Write(_NOBODY, name, 0, "", None, value))
             kind = "node" if isinstance(key, str) else "edge"
-            self._check_write(kind, element.type, [write.attribute for write in writes])
+            self._check_write(kind, (element.type,), [write.attribute for write in writes])
             delta = self._put(lambda: graph.copy(key, element.type, writes, self.clock.now()))
         if delta:
             self._replica.send_soon()
@@ -158,7 +160,7 @@ class WorldAccess(OpenWorld, Generic[World]):
         """
         key = element.key
         with self._replica.lock:
-            self._check_write("node" if isinstance(key, str) else "edge", element.type, ())
+            self._check_write("node" if isinstance(key, str) else "edge", types_of(element), ())
             delta = self._replica.graph.withdraw(key, lambda rid: agent_of(rid) == self.agent)
             if delta:
                 self._replica.commit(delta)

@@ -2,7 +2,8 @@
 
 A write to a node or edge of the parent is a write to that one's creation dot, kept in a *patch*. Hiding is removing
 that dot. So both are for one incarnation: what the parent makes anew shows. A patch of which the parent's element has
-not arrived waits, and takes no part in the fingerprint: streams may make one here and not there.
+not arrived waits, and takes no part in the fingerprint: streams may make one here and not there. Nobody can see such a
+patch or take it away, so they are as few as the writes that wait in other graphs; the repair brings others.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, Write
-from dsr.crdt.store import Incarnation, Observer, Store
+from dsr.crdt.store import MAX_WAITING, Incarnation, Observer, Store, weight_of
 
 
 class LayerObserver(Observer):
@@ -53,6 +54,8 @@ class Layer(Store):
         """What is said of elements of the parent, by creation dot."""
         self._below = below
         self._known_below = known_below
+        self._early = 0
+        """How much was written to what the parent does not know, since `count_early`."""
 
     def join(self, delta: Delta) -> None:
         """See `Store.join`."""
@@ -88,13 +91,28 @@ class Layer(Store):
             self._leave_order(dot)
             self.context.add(dot)
 
+    def count_early(self) -> None:
+        """Count anew what waits for elements of the parent that have not arrived; to be called once a second."""
+        known = self._known_below
+        waiting = [patch for dot, patch in self.patches.items() if not known(dot)]
+        self._early = sum(weight_of(write) for patch in waiting for write in patch.registers.values())
+
     def _write(self, write: Write) -> bool:
-        if self.find(write.owner) is None and write.owner not in self.context:
-            if self._known_below(write.owner) and self._below(write.owner) is None:
-                return True  # the parent has removed it
-            patch = self.patches[write.owner] = Incarnation(Add(write.owner, "", ""))
+        owner = write.owner
+        if owner in self.entries or owner in self.context:
+            return super()._write(write)
+        known = self._known_below(owner)
+        if known and self._below(owner) is None:
+            return True  # the parent has removed it
+        if not known:
+            if self._early >= MAX_WAITING:
+                self.lost_waiting += write.dot is not None
+                return write.dot is None
+            self._early += weight_of(write)
+        if owner not in self.patches:
+            patch = self.patches[owner] = Incarnation(Add(owner, "", ""))
             patch.announced = True
-            self._take_place(write.owner)
+            self._take_place(owner)
         return super()._write(write)
 
     def _add(self, add: Add) -> Incarnation | None:

@@ -74,6 +74,7 @@ class Overlay(Graph, LayerObserver):
         known, element = self.parent.is_known, self.parent.element
         for dot in [dot for dot in self.store.patches if known(dot) and element(dot) is None]:
             self.store.bury(dot)
+        self.store.count_early()
         return super().make_durable(patience)
 
     # ---- incarnations, here and below

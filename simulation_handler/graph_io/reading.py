@@ -72,7 +72,7 @@ class GraphReader:
             self._recalling.recall_explanations(now)
         fixtures = {node.name: node for node in nodes_by_name(self._memory, FIXTURES)}
         present = {node.name: node for node in nodes_by_name(self._memory, OBJECTS)}
-        for name in sorted((self._known.keys() | self._fixed) - present.keys() - fixtures.keys()):
+        for name in sorted((self._known.keys() - present.keys()) | (self._fixed - fixtures.keys())):
             self._forget(name)
         for name, node in fixtures.items():
             with self._skipping(name):

@@ -7,16 +7,21 @@ import threading
 
 import pytest
 
-from dsr import Memory, SchemaError
+from dsr import Access, AgentError, Faults, Memory, NodeTypeError, Pose, SchemaError
 from dsr.clock import ManualClock
+from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.pieces import START
 from dsr.crdt.store import Store
 from dsr.errors import WireError
+from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
+from dsr.replication import sync
 from dsr.replication.peers import MAX_PEERS
+from dsr.replication.piece_wire import Request, encode_request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
 from tests.dsr.conftest import Net
@@ -185,3 +190,121 @@ def test_what_an_older_version_kept_of_such_nodes_is_left_out() -> None:
     delta = Delta(adds=[Add(("a-1", 1), ".world.dream", "cube"), Add(("a-1", 2), "b", "cube")], context=[("a-1", 1, 2)])
     kept = decode_kept(encode_delta(delta))
     assert kept.adds == delta.adds[1:] and kept.context == delta.context
+
+
+def test_an_edge_is_of_the_type_that_its_key_tells(net: Net) -> None:
+    """Rights are told by the type: who may write one kind of edges would write all."""
+    memory, liar = net.join("me"), "liar-1"
+    ends = [tuple(memory.add_node(name, "cube").created) for name in ("a", "b")]
+    memory.add_edge("a", "b", "on")
+    delta = Delta(adds=[Add((liar, 1), ("a", "b", "on"), "sees", *ends)], context=[(liar, 1, 1)])
+    memory.replica.synchroniser.receive_delta(liar, encode_delta(delta), 0.0)
+    assert len(memory.edge("a", "b", "on").created) == 1 and memory.dropped == {liar: 1}
+    kept = decode_kept(encode_delta(delta))
+    assert not kept.adds and kept.context == delta.context, "an older version may have kept it"
+
+
+def test_who_is_called_by_a_pattern_is_not_asked_as_all_who_match(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Answers of several would be taken for pieces of one: what one of them has seen, another one may not hold yet."""
+    monkeypatch.setattr(pieces, "MAX_EXAMINED", 20)
+    honest, stranger = [net.join("a"), net.join("b")], net.network.connect("stranger")
+    stranger.announce(honest[0].keys.presence("x", "*"))
+    for step in range(200):
+        for memory in honest[:2]:
+            memory.add_node(f"{memory.agent}{step}", "cube")
+        if step % 50 == 25:
+            honest.append(net.join(f"late{step}"))
+        if step % 10 == 0:
+            seen = CausalContext([("*", 1, step + 1)])
+            stranger.publish(honest[0].keys.digest("*"), digest("*", net.clock.now(), 5, seen))
+        net.pump(0.05, Faults(loss=0.1, delay=(0.0, 0.3)))
+    net.pump(20.0)
+    assert [len(memory.nodes()) for memory in honest] == [400] * len(honest)
+    assert all("*" not in memory.peers for memory in honest)
+
+
+@pytest.mark.parametrize("durable", [True, False])
+def test_of_two_values_under_one_stamp_all_show_the_same(net: Net, durable: bool) -> None:
+    a, b, liar = net.join("a"), net.join("b"), "zz-1"
+    net.pump(1.0)
+    for name in ("x", "y"):
+        a.add_node(name, "cube")
+    a.add_edge("x", "y", "RT", translation=(0, 0, 0))
+    net.pump(1.0)
+    (edge,) = a.edge("x", "y", "RT")._entries
+    stamp = edge.registers["pose"].stamp + (1 << 30)
+
+    def send(number: int, memory: Memory) -> None:
+        dot = (liar, number) if durable else None
+        write = Write(edge.dot, "pose", stamp, liar, dot, Pose((float(number), 0.0, 0.0)))
+        delta = Delta(writes=[write], context=[(liar, number, number)] if durable else [])
+        memory.replica.synchroniser.receive_delta(liar, encode_delta(delta), net.clock.now())
+
+    watch = a.watch(edge_type="RT")
+    watch.poll()
+    send(1, a)
+    send(2, b)
+    if durable:
+        send(2, a)
+        send(1, b)
+        assert [change.kind for change in watch.poll()] == ["updated"]
+    net.pump(10.0)
+    late = net.join("late")
+    net.pump(2.0)
+    shown = {memory.edge("x", "y", "RT").pose.t for memory in (a, b, late)}
+    assert len(shown) == 1
+
+
+def test_who_made_a_node_goes_on_with_it_whatever_others_make_of_it(net: Net) -> None:
+    """Of the types of a node that several have made all see one. Before, its owner failed in each tick."""
+    guard = WriteGuard("arm", Access(("body",), (), ("mass",)))
+    arm, liar = net.join("arm", guard=guard), net.join("zz")
+    net.pump(1.0)
+    arm.add_node("link", "body", mass=1.0)
+    delta = Delta(adds=[Add(("zz-9", 1), "link", "event")], context=[("zz-9", 1, 1)])
+    for memory in (arm, liar):
+        memory.replica.synchroniser.receive_delta("zz-9", encode_delta(delta), 0.0)
+        assert memory.node("link").type == "event"
+    arm.add_node("link", "body", mass=2.0)
+    arm.update_node("link", mass=3.0)
+    arm.remove_attribute("link", "mass")
+    with pytest.raises(NodeTypeError, match="'event', not a 'cube'"):
+        liar.add_node("link", "cube")
+    with pytest.raises(AgentError, match="of type 'event'"):
+        arm.update_node("link", status="mine")
+    assert arm.remove_node("link") and "link" not in arm
+
+
+@pytest.mark.parametrize("kind", ["delta", "digest", "request"])
+def test_a_long_message_is_read_while_writers_go_on(net: Net, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    """The longest take 0.2 s to read. Whoever sent them all the time held up each write by that."""
+    memory, liar = net.join("me"), "liar-1"
+    memory.add_node("x", "cube")
+    synchroniser, written = memory.replica.synchroniser, threading.Event()
+    decode = getattr(sync, f"decode_{kind}")
+
+    def write() -> None:
+        memory.update_node("x", mass=2.0)
+        written.set()
+
+    def slowly(payload: bytes) -> object:
+        threading.Thread(target=write).start()
+        assert written.wait(10.0)
+        return decode(payload)
+
+    monkeypatch.setattr(sync, f"decode_{kind}", slowly)
+    monkeypatch.setattr(memory.replica, "_sender", threading.current_thread())  # messages are joined as they come
+    if kind == "request":
+        asked = encode_request(Request(liar, CausalContext(), START, insists=True))
+        assert memory.replica._answer(memory.keys.sync(memory.rid), asked)
+        return
+    stranger = net.network.connect("stranger")
+    if kind == "delta":
+        added = Delta([Add((liar, 1), "y", "cube")], context=[(liar, 1, 1)])
+        stranger.publish(memory.keys.delta(liar), encode_delta(added))
+    else:
+        stranger.publish(memory.keys.digest(liar), digest(liar))
+    net.network.deliver()
+    assert "y" in memory if kind == "delta" else synchroniser.heard == [liar]

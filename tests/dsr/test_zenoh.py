@@ -196,6 +196,30 @@ def test_frames_under_a_wildcard_are_refused() -> None:
         memory.put_frame("*", dsr.Frame(1.0, {}, {}))
 
 
+def test_what_comes_on_a_pattern_is_dropped() -> None:
+    """Zenoh sends on patterns and announces them. Whoever asked such a sender would ask all who match."""
+    endpoint = f"tcp/127.0.0.1:{rendezvous.free_port()}"
+    heard: set[str] = set()
+    with (
+        contextlib.closing(ZenohTransport(endpoint)) as reader,
+        contextlib.closing(ZenohTransport("tcp/127.0.0.1:0", [endpoint])) as liar,
+    ):
+        declared = [
+            reader.subscribe("g/d/*", lambda key, _payload: heard.add(key)),
+            reader.watch_presence("g/live/*", lambda key, _alive: heard.add(key)),
+            *(liar.announce(f"g/live/{name}") for name in ("*", "a$*", "a-1")),
+        ]
+
+        def arrive() -> bool:
+            for name in ("*", "a$*"):
+                liar._session.put(f"g/d/{name}", b"as many")
+            liar.publish("g/d/a-1", b"as one")
+            return heard >= {"g/d/a-1", "g/live/a-1"}
+
+        assert eventually(arrive) and eventually(arrive)
+        assert heard == {"g/d/a-1", "g/live/a-1"} and len(declared) == 5
+
+
 def test_nothing_is_left_behind() -> None:
     with dsr.connect("tidy", agent="a") as memory:
         assert rendezvous.graphs() == ["tidy"] and memory.joined

@@ -8,10 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from dsr.crdt.delta import Add, Delta
 from dsr.graph.elements import Edge
 from dsr.math3d.shapes import Part, to_numbers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.replication.wire import encode_delta
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from dsr.vocabulary.calibration import IN_DOUBT, STEADY
@@ -191,6 +193,22 @@ def test_what_stands_on_a_table_that_is_removed_falls(table: Table) -> None:
     table.run(2.0)
     assert table.belief("cube_1").pose.translation[2] < -0.5
     assert table.relations() == set()
+
+
+def test_an_object_that_turns_into_a_table_is_none_any_more(table: Table) -> None:
+    """Whoever makes a node of that name under another type can do that. Before, each tick failed from then on."""
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    before, liar = set(table.memory.nodes()), ("zz-1", 1)
+    delta = Delta([Add(liar, "cube_1", "table")], context=[(*liar, 1)])
+    table.lockstep.network.connect("liar").publish(table.memory.keys.delta("zz-1"), encode_delta(delta))
+    table.run(1.0)
+    assert set(table.memory.nodes()) == before and table.memory.node("cube_1").type == "table"
+    table.lockstep.network.connect("liar").publish(
+        table.memory.keys.delta("zz-1"), encode_delta(Delta(removed=[liar], context=[("zz-1", 2, 2)]))
+    )
+    table.run(2.0)
+    assert table.error("cube_1") < 0.003
 
 
 def test_a_table_that_moves_and_an_object_that_changes_size(table: Table) -> None:

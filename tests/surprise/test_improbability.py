@@ -184,3 +184,11 @@ def test_a_thing_that_is_seen_though_gone_is_as_surprising_as_can_be() -> None:
     assert highest == pytest.approx(-math.log(math.exp(-FALSE_FRAME * KEPT) + math.exp(-MOST_MISFIT)))
     assert improbability(where, LatelySeen(), scene.detector.config) == 0.0
     assert np.isfinite(improbability(where, LatelySeen(missed=10_000), scene.detector.config))
+
+
+@pytest.mark.parametrize("tagged", [True, False])
+def test_no_share_that_somebody_writes_is_beyond_all_and_nothing(tagged: bool) -> None:
+    """Before, one such number ended the agents that read it."""
+    probability = learned_recognition().probability
+    assert probability(-1e12, tagged=tagged) == probability(0.0, tagged=tagged)
+    assert probability(1e12, tagged=tagged) == probability(1.0, tagged=tagged)

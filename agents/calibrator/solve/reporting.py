@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from agents.calibrator.solve.solution import CalibrationSolution
+from dsr.graph.schema import is_within_bounds
 from dsr.timeline import Chronicle
 from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report
 
@@ -16,8 +17,12 @@ from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report
 def make_report(
     camera: str, parent: str, solution: CalibrationSolution, *, adopted: bool, unchanged: bool = False
 ) -> Report:
-    """Make the report of a calibration of the camera in the frame `parent`; `unchanged`: nothing was to be written."""
-    covariance = solution.pose.covariance
+    """Make the report of a calibration of the camera in the frame `parent`; `unchanged`: nothing was to be written.
+
+    A covariance that no pose of the graph may have tells as little as none.
+    """
+    known = solution.pose.covariance
+    covariance = () if known is None else tuple(known.ravel().tolist())
     metres, radians = solution.shift
     condition = solution.geometry.condition
     return Report(
@@ -29,7 +34,7 @@ def make_report(
         text=_text(camera, solution, adopted=adopted, unchanged=unchanged),
         before=(*solution.before.t, *solution.before.q),
         after=(*solution.pose.t, *solution.pose.q),
-        covariance=() if covariance is None else tuple(covariance.ravel().tolist()),
+        covariance=covariance if is_within_bounds(covariance) else (),
         shift_m=metres,
         shift_rad=radians,
         condition=condition if math.isfinite(condition) else -1.0,

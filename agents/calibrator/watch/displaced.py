@@ -73,8 +73,8 @@ class Displaced:
             return
         series = self._series.get(camera)
         if series is None:
-            if self._memory.get_edge(WORLD, camera, "RT") is None:
-                return
+            if [edge.src for edge in self._memory.edges("RT", dst=camera)] != [WORLD]:
+                return  # something carries it, or nobody knows what
             views = Views(self._memory, camera, now, self._config, depths=depths)
             series = self._series[camera] = _Series(views, now)
         if name not in series.names:

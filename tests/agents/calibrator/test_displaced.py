@@ -99,3 +99,13 @@ def test_what_stands_still_is_not_fused_while_only_another_was_displaced(
     ticks = 20
     stage.look(2.0)
     assert len(stage.objects) > 1 and len(fused) <= ticks, "the displaced one alone, at most once a tick"
+
+
+def test_a_camera_that_hangs_from_two_frames_tells_nothing(stage: Stage) -> None:
+    """Whoever may write poses can hang it elsewhere, too. Before, the tick failed."""
+    stage.memory.add_node("shelf", "table")
+    stage.memory.add_edge("shelf", "camera", "RT", pose=DOWN)
+    stage.parent_from_camera = DOWN @ BUMP
+    come_back(stage, "cube_1")
+    come_back(stage, "cube_2")
+    assert stage.memory.nodes(CALIBRATION) == []

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from agents.calibrator.solve.calibrate import METHODS, calibrate
 from agents.calibrator.solve.estimate import PoseEstimate, equation_1
 from agents.calibrator.solve.problem import ObjectSighting, Problem
+from agents.calibrator.solve.reporting import make_report
 from agents.calibrator.solve.solution import judged
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose, exp
@@ -170,3 +171,11 @@ def test_a_prior_says_what_the_sightings_leave_open_and_hardly_more() -> None:
 def test_a_prior_without_covariance_is_refused() -> None:
     with pytest.raises(ValueError, match="says nothing"):
         Problem(sightings(cubes()), DOWN)
+
+
+def test_a_covariance_that_no_pose_may_have_is_not_reported() -> None:
+    """Percepts that somebody made up lead there. Before, the calibrator failed in each tick from then on."""
+    solution = calibrate(sightings(cubes()), DOWN)
+    assert make_report("camera", "world", solution, adopted=False).covariance
+    vague = solution._replace(pose=solution.pose.with_covariance(1e22 * np.eye(6)))
+    assert make_report("camera", "world", vague, adopted=False).covariance == ()

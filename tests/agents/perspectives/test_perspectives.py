@@ -463,3 +463,16 @@ def test_however_many_persons_somebody_makes_up_the_worlds_are_few_and_those_of_
     table.run(0.4)
     worlds = [info.name for info in table.memory.worlds() if info.name.startswith("view_of_")]
     assert len(worlds) <= MOST_PERSONS and "view_of_human_1" in worlds
+
+
+@pytest.mark.parametrize("kind", ["finger", "arm"])
+def test_a_person_that_turns_into_something_else_is_missed(table: Table, kind: str) -> None:
+    """Before, that ended the agent, which may write persons alone."""
+    table.run()
+    where = table.memory.edge("world", "human_1", "RT").pose
+    table.memory.remove_node("human_1")
+    table.add("human_1", kind, where)
+    table.run(1.0)
+    for person in ("human_1", "human_2"):
+        seen = table.view(person).get_node("human_1")
+        assert seen is None or seen.type == "person"

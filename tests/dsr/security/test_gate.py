@@ -250,3 +250,42 @@ def test_streams_of_a_dead_writer_are_settled_by_the_trusted_replica(net: Net, j
     net.pump(2.0)
     assert [m.edge("world", "gen3", "RT").pose.translation[0] for m in (scene, launcher, late)] == [2.0] * 3
     assert not any(map(refused, (scene, launcher, late)))
+
+
+def a_node_of_two(net: Net, join: Join) -> tuple[Memory, Memory, Memory]:
+    """A cube of `scene`, of which `arm`, a rogue, has made an arm, too; with an edge of `launcher` at both."""
+    rogue, scene, launcher = join("arm", rogue=True), join("scene"), join("launcher")
+    net.pump(2.0)
+    scene.add_node("cube", "cube", mass=1.0)
+    scene.add_node("table", "table")
+    net.pump(1.0)
+    forged = Delta([Add((rogue.rid, 1), "cube", "arm")], context=[(rogue.rid, 1, 1)])
+    rogue.replica.graph.counter = 1
+    rogue.transport.publish(rogue.keys.delta(rogue.rid), encode_delta(forged))
+    rogue.replica.graph.join(forged, net.clock.now())
+    net.pump(1.0)
+    scene.add_edge("cube", "table", "on")
+    net.pump(1.0)
+    return rogue, scene, launcher
+
+
+def test_who_has_made_a_node_too_does_not_remove_the_edges_of_others_with_it(net: Net, join: Join) -> None:
+    rogue, scene, launcher = a_node_of_two(net, join)
+    rogue.remove_node("cube")
+    net.pump(3.0)
+    assert ("cube", "table", "on") in {edge.key for edge in scene.edges()} == {edge.key for edge in launcher.edges()}
+    assert scene.node("cube").type == launcher.node("cube").type == "cube"
+
+
+def test_what_is_not_ours_of_a_node_is_neither_written_nor_removed_here(net: Net, join: Join) -> None:
+    """Others would refuse that: replicas would differ from then on."""
+    _, scene, launcher = a_node_of_two(net, join)
+    scene.update_node("cube", mass=2.0)
+    net.pump(1.0)
+    assert scene.node("cube")["mass"] == launcher.node("cube")["mass"] == 2.0
+    scene.remove_node("cube")
+    net.pump(3.0)
+    assert content(scene) == content(launcher)
+    assert scene.node("cube").type == "arm" and "mass" not in scene.node("cube")
+    assert scene.replica.graph.store.fingerprint == launcher.replica.graph.store.fingerprint
+    assert refused(launcher) == 0

@@ -11,8 +11,10 @@ import pytest
 from dsr import NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import MAX_ENDS, Add, Delta
-from dsr.crdt.store import Store
+from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
+from dsr.crdt.store import MAX_WAITING, Store
+from dsr.replication.wire import encode_delta
+from dsr.worlds.layer import Layer
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.registry import find_record, node_name, to_attribute
 from tests.dsr.conftest import Net, tabletop
@@ -309,3 +311,24 @@ def test_an_entry_names_no_more_dots_than_an_edge_has_at_one_end(net: Net) -> No
     honest = find_record(a._graph, "honest")
     assert honest is not None and len(honest.below) == MAX_ENDS and (f"r{2 * MAX_ENDS - 1:05}-1", 1) in honest.below
     assert find_record(a._graph, "liar") is None
+
+
+@pytest.mark.parametrize("durable", [True, False])
+def test_what_is_written_to_elements_that_never_come_is_bounded(net: Net, durable: bool) -> None:
+    """Nobody could see it or take it away."""
+    a, liar = net.join("a"), "zz-1"
+    a.add_node("cube", "cube", mass=1.0)
+    overlay = a.fork("view", follow=True)
+    (cube,) = a.node("cube").created
+    step = 1000
+    for first in range(1, 2 * MAX_WAITING, step):
+        dots = [(liar, number) for number in range(first, first + step)]
+        writes = [Write(("nobody-1", dot[1]), "note", 1, liar, dot if durable else None, "x") for dot in dots]
+        context = [(liar, first, first + step - 1)] if durable else []
+        overlay.replica.synchroniser.receive_delta(liar, encode_delta(Delta(writes=writes, context=context)), 0.0)
+    net.pump(2.0)
+    store = overlay.replica.graph.store
+    assert isinstance(store, Layer) and len(store.patches) == MAX_WAITING
+    assert ((liar, 2 * MAX_WAITING) in store.context) is False
+    overlay.update_node("cube", mass=2.0)
+    assert cube in store.patches and overlay.node("cube")["mass"] == 2.0
