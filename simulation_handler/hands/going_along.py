@@ -95,15 +95,17 @@ class GoingAlong:
             return
         if math.dist(there.t, bodies.sim.position(item.name)) < GONE_FROM:
             return
-        moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
-        for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
+        scene, left = bodies.scene(leaving_out=()), item.solid(there.t, there.q).face_down()[0]
+        moved = {item.name: bodies.on_contact(left, with_contents({item.name: left}, scene))}
+        for solid in (moved | with_contents(moved, scene)).values():
             bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
         item.path.add(there.with_stamp(now))
 
     def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
         """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
 
-        A palm of which little is in sight seems to move, and so does a fingertip that opens.
+        A palm of which little is in sight seems to move, and so does a fingertip that opens. Where fingertips have it
+        that were just seen apart, it is not for sure: they may only seem to touch it again.
         """
         grasp, hand = self._grasps[item.hand, item.name], self._hands[item.hand]
         touching = {

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 
 import pytest
 
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.relation import PINCHING
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE, WALL
 
@@ -77,6 +80,31 @@ def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> 
     world.run(0.5)
     assert world.belief.grasps() == {}
     assert world.pose("cup").t[:2] == pytest.approx((0.3, -0.3), abs=0.02)
+
+
+def test_what_was_seen_low_before_it_was_left_is_put_on_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within the bottom of a box it would be pushed out, sideways, through the wall and over the edge of the table."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "box": standing(0.3, -0.3, BOX)})
+    world.run(2.0)
+    world.visibility = behind(-0.15)
+    world.hand("cup")
+    world.run(0.8)
+    for there in (SHOWN, HIDDEN, standing(0.3, -0.3, SMALL, on=WALL - 0.006)):
+        world.move("cup", there)
+    world.seen.discard("cup")
+    world.hand_seen = False
+    world.run(1.5)
+    put, places = Bodies.put, list[Vector3]()
+
+    def spy(bodies: Bodies, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
+        places.extend([position] if item.name == "cup" else [])
+        put(bodies, item, position, rotation)
+
+    monkeypatch.setattr(Bodies, "put", spy)
+    come_back(world)
+    assert world.belief.grasps() == {}
+    assert places[-1] == pytest.approx(standing(0.3, -0.3, SMALL, on=WALL).t, abs=0.02)
+    assert places[-1][2] == pytest.approx(WALL + 0.5 * SMALL[2], abs=0.001)
 
 
 def test_what_is_in_it_stays_in_it() -> None:
