@@ -85,7 +85,9 @@ class GoingAlong:
             turned = there.q if item.shows_rotation else leaning
             if grasp.is_covered or not self._contacts.opens(relation):
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
-            elif (left := self._left(item)) is not None:
+                return
+            grasp.opened = pose.stamp
+            if (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
 
     def leave(self, item: BelievedObject, hand: str, visibility: VisibilityQuery | None, now: float) -> None:
@@ -124,7 +126,8 @@ class GoingAlong:
         position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
         held = Pose.unchecked(position, there.q, palm.stamp)
         grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, SLOWLY)
-        grasp.sure = held
+        if not grasp.has_just_opened(palm.stamp):
+            grasp.sure = held
         return held
 
     def _is_through_wall(self, item: BelievedObject, there: Pose) -> bool:
