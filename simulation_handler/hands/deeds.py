@@ -313,7 +313,7 @@ def _left_at(lay: HoldMoment, low: float, moment: HoldMoment) -> float:
 def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, float, float] | None:
     """What was done with an object that nobody holds any more, when (s), and how surely; None while nobody knows."""
     state, let_go_at = (Handling.FREE, hold.last.time) if end is None else end
-    known = DONE.get(state)
+    known, settled_at = DONE.get(state), hold.settled.time if end is None else min(hold.settled.time, end.since)
     if moment.falls or known == RELEASE:
         return RELEASE, let_go_at, 1.0
     if not moment.rests:
@@ -326,10 +326,10 @@ def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, f
     if not is_known and moment.time - hold.rests_since < STEADY:
         return None  # it may yet be missing there
     if down <= ASTRAY or known == PLACE:
-        return PLACE, hold.settled.time, 1.0
+        return PLACE, settled_at, 1.0
     if fell or (down > HAND_REACH and not hold.last.lowered):
         return RELEASE, let_go_at, GUESSED
-    return PLACE, hold.settled.time if moment.is_seen else hold.last.time, GUESSED
+    return PLACE, settled_at if moment.is_seen else let_go_at, GUESSED
 
 
 def _has_left_palm(last: HoldMoment, moment: HoldMoment) -> bool:

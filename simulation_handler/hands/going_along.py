@@ -90,18 +90,22 @@ class GoingAlong:
             if (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
 
-    def leave(self, item: BelievedObject, hand: str, visibility: VisibilityQuery | None, now: float) -> None:
-        """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
+    def leave(self, item: BelievedObject, hand: str, visibility: VisibilityQuery | None, now: float) -> float:
+        """If that hand has come back without an object, that falls, with what is in it, from where it must be.
+
+        Returns when (s) the hand last had it, as far as is known.
+        """
         there, bodies = self._left_behind.place((hand, item.name), visibility), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
-            return
+            return now
         if math.dist(there.t, bodies.sim.position(item.name)) < GONE_FROM:
-            return
+            return there.stamp
         scene, left = bodies.scene(leaving_out=()), item.solid(there.t, there.q).face_down()[0]
         moved = {item.name: bodies.on_contact(left, with_contents({item.name: left}, scene))}
         for solid in (moved | with_contents(moved, scene)).values():
             bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
         item.path.add(there.with_stamp(now))
+        return there.stamp
 
     def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
         """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.

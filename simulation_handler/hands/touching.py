@@ -182,9 +182,9 @@ class Touching:
         item.hand, item.let_go_at = "", now
         relation = hand, item.name
         state = self._grasps[relation].state if relation in self._grasps else self._over.get(relation, FREE)
+        left_at = self._going_along.leave(item, hand, self.visibility, now)
         if hand in self._hands:  # of one that is no more, nobody can say anything
-            self._letting_go.end(relation, state, now)
-        self._going_along.leave(item, hand, self.visibility, now)
+            self._letting_go.end(relation, state, left_at)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
         """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""

@@ -9,7 +9,7 @@ import pytest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import VisibilityQuery
-from simulation_handler.hands.relation import PINCHING
+from simulation_handler.hands.relation import LEFT_BEHIND, PINCHING
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -58,6 +58,17 @@ def come_back(world: Occlusion, path: tuple[float, ...] = (-0.2, -0.1, 0.0, 0.0,
     for y in path:
         world.palm = standing(0.3, y, SMALL, on=0.2) @ world.hand_from_object.inverse()
         world.run(0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hand_comes_back_without_was_put_down_when_both_vanished(seed: int) -> None:
+    world = carried_behind_a_wall(seed)
+    vanished_at = world.now - 1.5
+    come_back(world)
+    world.run(2.0)
+    assert world.belief.let_go()[HELD].state is LEFT_BEHIND
+    assert world.belief.let_go()[HELD].since == pytest.approx(vanished_at, abs=0.2)
+    assert world.belief.deeds("cup")[-1].time == pytest.approx(vanished_at, abs=0.2)
 
 
 @pytest.mark.parametrize("seed", range(3))
