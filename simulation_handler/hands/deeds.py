@@ -21,7 +21,7 @@ from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.letting_go import LetGo
-from simulation_handler.hands.relation import DONE, LET_GO
+from simulation_handler.hands.relation import DONE, LEFT_BEHIND, LET_GO
 from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
@@ -99,6 +99,8 @@ class _Hold:
     """Since when it has been where it is"""
     rests_since: float | None = None
     """s, since when it rests again; None while it does not"""
+    vanished: HoldMoment | None = None
+    """`last` as it was when neither it nor who holds it was seen any more; None if it was seen since"""
 
 
 class Deeds:
@@ -274,6 +276,8 @@ class Deeds:
             hold.by, hold.sure = moment.holder, moment.held
         if moment.holder or (moment.hovers and not moment.falls):
             hold.rests_since = None
+            if moment.is_seen or moment.palm is None:
+                hold.vanished = None if moment.is_seen else hold.vanished or hold.last
             if (moment.hovers and moment.is_seen) or (moment.palm is not None and not moment.opens):
                 hold.last = moment
             return
@@ -320,14 +324,15 @@ def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, f
         hold.rests_since = None
         return None
     hold.rests_since = moment.time if hold.rests_since is None else hold.rests_since
-    down = hold.last.bottom - moment.bottom
-    fell = state is LET_GO and _has_left_palm(hold.last, moment)
+    last = hold.vanished if state is LEFT_BEHIND and hold.vanished is not None else hold.last
+    down = last.bottom - moment.bottom
+    fell = state is LET_GO and _has_left_palm(last, moment)
     is_known = known == PLACE or fell or moment.is_seen
     if not is_known and moment.time - hold.rests_since < STEADY:
         return None  # it may yet be missing there
     if down <= ASTRAY or known == PLACE:
         return PLACE, settled_at, 1.0
-    if fell or (down > HAND_REACH and not hold.last.lowered):
+    if fell or (down > HAND_REACH and not last.lowered):
         return RELEASE, let_go_at, GUESSED
     return PLACE, settled_at if moment.is_seen else let_go_at, GUESSED
 

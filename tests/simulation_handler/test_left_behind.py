@@ -8,6 +8,7 @@ import pytest
 
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import PLACE, RELEASE
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.relation import LEFT_BEHIND, PINCHING
 from simulation_handler.perception.visibility import ExpectedVisibility
@@ -31,8 +32,8 @@ def behind(y: float) -> VisibilityQuery:
     return visibility
 
 
-def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusion:
-    """A cup in a hand, both hidden by a wall, 0.2 m above the table."""
+def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False, height: float = 0.2) -> Occlusion:
+    """A cup in a hand, both hidden by a wall, so high (m) above the table."""
     truths = {"cup": standing(0.3, 0.0, SMALL)}
     if with_cube:
         truths["cube"] = standing(0.3, 0.0, CUBE, on=WALL)
@@ -45,6 +46,7 @@ def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusio
     world.run(0.8)
     world.move("cup", SHOWN)
     world.move("cup", HIDDEN)
+    world.move("cup", standing(0.3, -0.3, SMALL, on=height))
     world.seen.discard("cup")
     world.hand_seen = False
     world.run(1.5)
@@ -60,14 +62,17 @@ def come_back(world: Occlusion, path: tuple[float, ...] = (-0.2, -0.1, 0.0, 0.0,
         world.run(0.2)
 
 
+@pytest.mark.parametrize(("height", "kind"), [(0.2, RELEASE), (0.05, PLACE), (0.0, PLACE)])
 @pytest.mark.parametrize("seed", range(3))
-def test_what_a_hand_comes_back_without_was_put_down_when_both_vanished(seed: int) -> None:
-    world = carried_behind_a_wall(seed)
+def test_what_a_hand_comes_back_without_was_let_go_when_both_vanished(seed: int, height: float, kind: str) -> None:
+    """However high the hand comes back."""
+    world = carried_behind_a_wall(seed, height=height)
     vanished_at = world.now - 1.5
     come_back(world)
     world.run(2.0)
     assert world.belief.let_go()[HELD].state is LEFT_BEHIND
     assert world.belief.let_go()[HELD].since == pytest.approx(vanished_at, abs=0.2)
+    assert world.belief.deeds("cup")[-1].kind == kind
     assert world.belief.deeds("cup")[-1].time == pytest.approx(vanished_at, abs=0.2)
 
 
