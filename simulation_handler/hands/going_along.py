@@ -98,13 +98,13 @@ class GoingAlong:
         there, bodies = self._left_behind.place((hand, item.name), visibility), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
             return now
+        item.path.begin_anew(there.with_stamp(now))
         if math.dist(there.t, bodies.sim.position(item.name)) < GONE_FROM:
             return there.stamp
         scene, left = bodies.scene(leaving_out=()), item.solid(there.t, there.q).face_down()[0]
         moved = {item.name: bodies.on_contact(left, with_contents({item.name: left}, scene))}
         for solid in (moved | with_contents(moved, scene)).values():
             bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
-        item.path.add(there.with_stamp(now))
         return there.stamp
 
     def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:

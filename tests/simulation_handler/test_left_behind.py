@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
@@ -10,6 +11,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import PLACE, RELEASE
 from simulation_handler.explaining import VisibilityQuery
+from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.relation import LEFT_BEHIND, PINCHING
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
@@ -86,6 +88,22 @@ def test_what_a_hand_leaves_out_of_sight_is_not_in_it_when_it_comes_back(seed: i
     assert (x, y) == pytest.approx((0.3, -0.3), abs=0.02)
     assert z == pytest.approx(0.5 * SMALL[2], abs=0.005)
     assert ("cup", "table") in world.belief.supports()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_was_left_did_not_take_the_way_of_the_hand(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else it would be seen to come back from there, moved by nobody, when it shows."""
+    leave, left = GoingAlong.leave, list[BelievedObject]()
+
+    def spy(self: GoingAlong, item: BelievedObject, *args: Any) -> float:
+        left.append(item)
+        return leave(self, item, *args)
+
+    monkeypatch.setattr(GoingAlong, "leave", spy)
+    come_back(carried_behind_a_wall(seed, height=0.0))
+    assert [item.name for item in left] == ["cup"]
+    assert left[0].path.last.t == pytest.approx(standing(0.3, -0.3, SMALL).t, abs=0.02)
+    assert left[0].path.since(0.0) == [left[0].path.last]
 
 
 def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> None:
