@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated
 
 import msgspec
@@ -56,6 +58,19 @@ def learned_recognition(file: Path = LEARNED) -> Recognition:
 def most_missed(probability: float) -> float:
     """What it tells at most that an object is missing which is recognised with some probability, nats."""
     return MOST_MISSED * probability
+
+
+def somewhere(probabilities: Sequence[float]) -> float:
+    """The probability of being recognised that tells as much of a thing at one of several places, all as probable.
+
+    The thing stays where it is: at a place where it is never recognised, all frames miss it. So one such place of
+    four explains its absence, however plainly it would be seen at the other three.
+
+    Args:
+        probabilities: that it is recognised at each of the places, one or more.
+    """
+    unseen = fmean(math.exp(-most_missed(probability)) for probability in probabilities)
+    return -math.log(unseen) / MOST_MISSED
 
 
 def missed(frames: float, probability: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Set
 
-from dsr.believing.absence import missed, most_missed
+from dsr.believing.absence import missed, most_missed, somewhere
 from dsr.perception.scales import FRAME
 from dsr.vocabulary.nats import SURPRISING
 from simulation_handler.config import BeliefConfig
@@ -127,7 +127,8 @@ class Discrepancies:
                 expected[name] = {camera: share for camera, share in recognised.items() if _is_due(share)}
         absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]
         about = recognised_about([solids[name] for name in absent], there, visibility)
-        for name, shares in zip(absent, about, strict=True):
+        for name, places in zip(absent, about, strict=True):
+            shares = {camera: somewhere(there) for camera, there in places.items()}
             expected[name] = {camera: share for camera, share in shares.items() if _is_due(share)}
         return {name: by for name, by in expected.items() if by}
 

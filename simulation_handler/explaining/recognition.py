@@ -1,9 +1,8 @@
-"""How probably cameras recognise an unseen thing: the mean over where it may be, not at one exact place."""
+"""How probably cameras recognise an unseen thing at the places where it may be, not at one exact place."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 
 from simulation_handler.explaining.situation import VisibilityQuery
@@ -18,26 +17,26 @@ _POINTS = ((_ASIDE, 0.0), (-_ASIDE, 0.0), (0.0, _ASIDE), (0.0, -_ASIDE))
 
 def recognised_about(
     solids: Sequence[Solid], among: Sequence[Solid], visibility: VisibilityQuery
-) -> list[dict[str, float]]:
-    """Probability (0 to 1) with which each camera that may see an unseen object recognises it, by the camera's name.
+) -> list[dict[str, tuple[float, ...]]]:
+    """Probabilities (0 to 1) with which each camera recognises an unseen object, by the camera's name.
 
-    Through a gap, 10 mm make all the difference. Only an object that no camera sees right there counts as hidden.
+    There is one for each of the places where the object may be, all as probable: through a gap, 10 mm make all the
+    difference. Only an object that no camera sees right there counts as hidden, and has that one place.
 
     Args:
         solids: objects, each where it is believed to be; or places where one may be.
         among: all that may hide them; what has the name of an object does not hide it.
         visibility: what cameras should see.
     """
-    found = _recognised(solids, among, visibility)
-    open_ = [place for place, there in enumerate(found) if max(there.values(), default=0.0) >= ROUNDING]
+    here = _recognised(solids, among, visibility)
+    found: list[dict[str, tuple[float, ...]]] = [{camera: (one,) for camera, one in there.items()} for there in here]
+    open_ = [place for place, there in enumerate(here) if max(there.values(), default=0.0) >= ROUNDING]
     around = [_moved(solids[place], *shift) for place in open_ for shift in _POINTS]
     told = _recognised(around, among, visibility) if around else []
     for number, place in enumerate(open_):
-        shares: dict[str, float] = defaultdict(float)
-        for by_camera in told[number * len(_POINTS) : (number + 1) * len(_POINTS)]:
-            for camera, share in by_camera.items():
-                shares[camera] += share / len(_POINTS)
-        found[place] = dict(shares)
+        about = told[number * len(_POINTS) : (number + 1) * len(_POINTS)]
+        cameras = {camera: None for by_camera in about for camera in by_camera}
+        found[place] = {camera: tuple(by_camera.get(camera, 0.0) for by_camera in about) for camera in cameras}
     return found
 
 

@@ -21,7 +21,7 @@ from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.letting_go import LetGo
-from simulation_handler.hands.relation import DONE, LET_GO
+from simulation_handler.hands.relation import DONE, LEFT_BEHIND, LET_GO
 from simulation_handler.hands.state import HAND_REACH, Hand
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
@@ -99,6 +99,8 @@ class _Hold:
     """Since when it has been where it is"""
     rests_since: float | None = None
     """s, since when it rests again; None while it does not"""
+    vanished: HoldMoment | None = None
+    """`last` as it was when neither it nor who holds it was seen any more; None if it was seen since"""
 
 
 class Deeds:
@@ -274,6 +276,8 @@ class Deeds:
             hold.by, hold.sure = moment.holder, moment.held
         if moment.holder or (moment.hovers and not moment.falls):
             hold.rests_since = None
+            if moment.is_seen or moment.palm is None:
+                hold.vanished = None if moment.is_seen else hold.vanished or hold.last
             if (moment.hovers and moment.is_seen) or (moment.palm is not None and not moment.opens):
                 hold.last = moment
             return
@@ -313,23 +317,24 @@ def _left_at(lay: HoldMoment, low: float, moment: HoldMoment) -> float:
 def _outcome(hold: _Hold, moment: HoldMoment, end: LetGo | None) -> tuple[str, float, float] | None:
     """What was done with an object that nobody holds any more, when (s), and how surely; None while nobody knows."""
     state, let_go_at = (Handling.FREE, hold.last.time) if end is None else end
-    known = DONE.get(state)
+    known, settled_at = DONE.get(state), hold.settled.time if end is None else min(hold.settled.time, end.since)
     if moment.falls or known == RELEASE:
         return RELEASE, let_go_at, 1.0
     if not moment.rests:
         hold.rests_since = None
         return None
     hold.rests_since = moment.time if hold.rests_since is None else hold.rests_since
-    down = hold.last.bottom - moment.bottom
-    fell = state is LET_GO and _has_left_palm(hold.last, moment)
+    last = hold.vanished if state is LEFT_BEHIND and hold.vanished is not None else hold.last
+    down = last.bottom - moment.bottom
+    fell = state is LET_GO and _has_left_palm(last, moment)
     is_known = known == PLACE or fell or moment.is_seen
     if not is_known and moment.time - hold.rests_since < STEADY:
         return None  # it may yet be missing there
     if down <= ASTRAY or known == PLACE:
-        return PLACE, hold.settled.time, 1.0
-    if fell or (down > HAND_REACH and not hold.last.lowered):
+        return PLACE, settled_at, 1.0
+    if fell or (down > HAND_REACH and not last.lowered):
         return RELEASE, let_go_at, GUESSED
-    return PLACE, hold.settled.time if moment.is_seen else hold.last.time, GUESSED
+    return PLACE, settled_at if moment.is_seen else let_go_at, GUESSED
 
 
 def _has_left_palm(last: HoldMoment, moment: HoldMoment) -> bool:

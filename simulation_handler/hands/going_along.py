@@ -85,25 +85,33 @@ class GoingAlong:
             turned = there.q if item.shows_rotation else leaning
             if grasp.is_covered or not self._contacts.opens(relation):
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
-            elif (left := self._left(item)) is not None:
+                return
+            grasp.opened = pose.stamp
+            if (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
 
-    def leave(self, item: BelievedObject, hand: str, visibility: VisibilityQuery | None, now: float) -> None:
-        """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
+    def leave(self, item: BelievedObject, hand: str, visibility: VisibilityQuery | None, now: float) -> float:
+        """If that hand has come back without an object, that falls, with what is in it, from where it must be.
+
+        Returns when (s) the hand last had it, as far as is known.
+        """
         there, bodies = self._left_behind.place((hand, item.name), visibility), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
-            return
+            return now
+        item.path.begin_anew(there.with_stamp(now))
         if math.dist(there.t, bodies.sim.position(item.name)) < GONE_FROM:
-            return
-        moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
-        for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
+            return there.stamp
+        scene, left = bodies.scene(leaving_out=()), item.solid(there.t, there.q).face_down()[0]
+        moved = {item.name: bodies.on_contact(left, with_contents({item.name: left}, scene))}
+        for solid in (moved | with_contents(moved, scene)).values():
             bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
-        item.path.add(there.with_stamp(now))
+        return there.stamp
 
     def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
         """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
 
-        A palm of which little is in sight seems to move, and so does a fingertip that opens.
+        A palm of which little is in sight seems to move, and so does a fingertip that opens. Where fingertips have it
+        that were just seen apart, it is not for sure: they may only seem to touch it again.
         """
         grasp, hand = self._grasps[item.hand, item.name], self._hands[item.hand]
         touching = {
@@ -122,7 +130,8 @@ class GoingAlong:
         position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
         held = Pose.unchecked(position, there.q, palm.stamp)
         grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, SLOWLY)
-        grasp.sure = held
+        if not grasp.has_just_opened(palm.stamp):
+            grasp.sure = held
         return held
 
     def _is_through_wall(self, item: BelievedObject, there: Pose) -> bool:

@@ -71,11 +71,15 @@ class LettingGo:
         self._ended = {known: end for known, end in self._ended.items() if known[1] != relation[1]}
         self._holds = {known: hold for known, hold in self._holds.items() if known[1] != relation[1]}
 
-    def end(self, relation: Relation, state: Handling, now: float) -> None:
-        """A hand does not hold an object any more at time `now` (s). It has not let go of what it has in something."""
+    def end(self, relation: Relation, state: Handling, latest: float) -> None:
+        """A hand does not hold an object any more, since `latest` (s) at the latest.
+
+        It has not let go of what it has in something.
+        """
         if state not in ENDED and state is not PUT_DOWN:
             return
-        self._ended[relation] = LetGo(state, max((hold.time for hold in self._holds.get(relation, ())), default=now))
+        last = max((hold.time for hold in self._holds.get(relation, ())), default=latest)
+        self._ended[relation] = LetGo(state, min(last, latest))
 
     def resolve(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """An object that a hand let go unseen is seen again: it has fallen, or lies where it was.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import ONE_MOMENT, PRESENT
+from dsr.perception.scales import CONTACT_DELAY, ONE_MOMENT, PRESENT
 from dsr.vocabulary.handling import Handling
 from simulation_handler.hands.anatomy import HAND
 from simulation_handler.hands.relation import COVERING, TAKING, Sign, after
@@ -75,6 +75,8 @@ class HandGrasp:
     """s, when it was last seen in the air with its hand, or nothing spoke against that."""
     sure: Pose | None = None
     """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
+    opened: float = -math.inf
+    """s, when the fingertips were last seen apart from the unseen object"""
 
     def __post_init__(self) -> None:
         self.met = self.hand_from_object.t
@@ -84,6 +86,10 @@ class HandGrasp:
     def is_covered(self) -> bool:
         """Whether the hand covered the object: that it touches it is presumed, not seen."""
         return self.state in (COVERING, TAKING)
+
+    def has_just_opened(self, stamp: float) -> bool:
+        """Whether at `stamp` (s) it is not sure yet that fingertips, which were seen apart, touch the object again."""
+        return stamp - self.opened <= CONTACT_DELAY
 
     def note(self, sign: Sign) -> None:
         """Take in evidence."""

@@ -84,7 +84,10 @@ class Touching:
     def opens(self, relation: Relation) -> bool:
         """Whether a hand in sight that holds an object may be letting go of it just now: (hand, object)."""
         hand = self._hands.get(relation[0])
-        return hand is not None and hand.perceived and self._contacts.opens(relation)
+        if hand is None or not hand.perceived:
+            return False
+        has_just_opened = relation in self._grasps and self._grasps[relation].has_just_opened(hand.path.newest)
+        return has_just_opened or self._contacts.opens(relation)
 
     def paths(self) -> dict[str, Path]:
         """Paths of the fingertips in sight, by name."""
@@ -168,7 +171,7 @@ class Touching:
             relation = item.hand, item.name
             if not self._hands[item.hand].perceived:
                 continue
-            if not self._contacts.opens(relation):
+            if not self.opens(relation):
                 self._letting_go.keep(relation, self._hands[item.hand], item, now)
             self._going_along.follow(item, self.visibility, now)
             if self._grasps[relation].state is LEFT_BEHIND:
@@ -179,9 +182,9 @@ class Touching:
         item.hand, item.let_go_at = "", now
         relation = hand, item.name
         state = self._grasps[relation].state if relation in self._grasps else self._over.get(relation, FREE)
+        left_at = self._going_along.leave(item, hand, self.visibility, now)
         if hand in self._hands:  # of one that is no more, nobody can say anything
-            self._letting_go.end(relation, state, now)
-        self._going_along.leave(item, hand, self.visibility, now)
+            self._letting_go.end(relation, state, left_at)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
         """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""

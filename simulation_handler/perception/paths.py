@@ -37,6 +37,12 @@ class Path:
         self._doubted = None
         self._poses.append(pose)
 
+    def begin_anew(self, pose: Pose) -> None:
+        """Forget the way so far, which the object did not take, and begin there."""
+        self._poses.clear()
+        self._doubted = None
+        self._poses.append(pose)
+
     @property
     def newest(self) -> float:
         """Stamp of the last percept, s."""

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
+import numpy as np
+
 from dsr.errors import suggest
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import RESOLUTION, SLOW
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.placement import place
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
+from simulation_handler.scales import UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
@@ -113,6 +117,11 @@ class Bodies:
             other for name, other in self.objects.items() if other.shape and name in self.sim and other is not item
         ]
         return {other.name for other in others if self.solid(other.name).bottom > body.bottom + RESOLUTION}
+
+    def on_contact(self, solid: Solid, leaving_out: Collection[str]) -> Solid:
+        """The solid of an unseen object, put on what carries it there, if something does."""
+        others = list(self.scene(leaving_out={solid.name, *leaving_out}).values())
+        return place(solid, UNSEEN_SLACK**2 * np.eye(3), others, self._config).solid
 
     def scene(self, leaving_out: Collection[str]) -> dict[str, Solid]:
         """All fixtures, and all other bodies at their believed poses."""

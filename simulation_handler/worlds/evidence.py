@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
@@ -323,5 +324,5 @@ def seen_shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> di
         others = [solid for name, solid in among.items() if (name, asked[0]) not in evidence.contents]
         told = iter(recognised_about([solid for name in asked for solid in places[name]], others, visibility))
         for name in asked:
-            found[name] = [max(next(told).values(), default=0.0) for _ in places[name]]
+            found[name] = [max(map(fmean, next(told).values()), default=0.0) for _ in places[name]]
     return found

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import PLACE, RELEASE
 from simulation_handler.explaining import VisibilityQuery
-from simulation_handler.hands.relation import PINCHING
+from simulation_handler.hands.going_along import GoingAlong
+from simulation_handler.hands.relation import LEFT_BEHIND, PINCHING
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE, WALL
 
@@ -28,8 +34,8 @@ def behind(y: float) -> VisibilityQuery:
     return visibility
 
 
-def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusion:
-    """A cup in a hand, both hidden by a wall, 0.2 m above the table."""
+def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False, height: float = 0.2) -> Occlusion:
+    """A cup in a hand, both hidden by a wall, so high (m) above the table."""
     truths = {"cup": standing(0.3, 0.0, SMALL)}
     if with_cube:
         truths["cube"] = standing(0.3, 0.0, CUBE, on=WALL)
@@ -42,6 +48,7 @@ def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusio
     world.run(0.8)
     world.move("cup", SHOWN)
     world.move("cup", HIDDEN)
+    world.move("cup", standing(0.3, -0.3, SMALL, on=height))
     world.seen.discard("cup")
     world.hand_seen = False
     world.run(1.5)
@@ -57,6 +64,20 @@ def come_back(world: Occlusion, path: tuple[float, ...] = (-0.2, -0.1, 0.0, 0.0,
         world.run(0.2)
 
 
+@pytest.mark.parametrize(("height", "kind"), [(0.2, RELEASE), (0.05, PLACE), (0.0, PLACE)])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hand_comes_back_without_was_let_go_when_both_vanished(seed: int, height: float, kind: str) -> None:
+    """However high the hand comes back."""
+    world = carried_behind_a_wall(seed, height=height)
+    vanished_at = world.now - 1.5
+    come_back(world)
+    world.run(2.0)
+    assert world.belief.let_go()[HELD].state is LEFT_BEHIND
+    assert world.belief.let_go()[HELD].since == pytest.approx(vanished_at, abs=0.2)
+    assert world.belief.deeds("cup")[-1].kind == kind
+    assert world.belief.deeds("cup")[-1].time == pytest.approx(vanished_at, abs=0.2)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_what_a_hand_leaves_out_of_sight_is_not_in_it_when_it_comes_back(seed: int) -> None:
     world = carried_behind_a_wall(seed)
@@ -69,6 +90,22 @@ def test_what_a_hand_leaves_out_of_sight_is_not_in_it_when_it_comes_back(seed: i
     assert ("cup", "table") in world.belief.supports()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_was_left_did_not_take_the_way_of_the_hand(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else it would be seen to come back from there, moved by nobody, when it shows."""
+    leave, left = GoingAlong.leave, list[BelievedObject]()
+
+    def spy(self: GoingAlong, item: BelievedObject, *args: Any) -> float:
+        left.append(item)
+        return leave(self, item, *args)
+
+    monkeypatch.setattr(GoingAlong, "leave", spy)
+    come_back(carried_behind_a_wall(seed, height=0.0))
+    assert [item.name for item in left] == ["cup"]
+    assert left[0].path.last.t == pytest.approx(standing(0.3, -0.3, SMALL).t, abs=0.02)
+    assert left[0].path.since(0.0) == [left[0].path.last]
+
+
 def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> None:
     world = carried_behind_a_wall()
     world.visibility = behind(-0.15)
@@ -77,6 +114,31 @@ def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> 
     world.run(0.5)
     assert world.belief.grasps() == {}
     assert world.pose("cup").t[:2] == pytest.approx((0.3, -0.3), abs=0.02)
+
+
+def test_what_was_seen_low_before_it_was_left_is_put_on_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within the bottom of a box it would be pushed out, sideways, through the wall and over the edge of the table."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "box": standing(0.3, -0.3, BOX)})
+    world.run(2.0)
+    world.visibility = behind(-0.15)
+    world.hand("cup")
+    world.run(0.8)
+    for there in (SHOWN, HIDDEN, standing(0.3, -0.3, SMALL, on=WALL - 0.006)):
+        world.move("cup", there)
+    world.seen.discard("cup")
+    world.hand_seen = False
+    world.run(1.5)
+    put, places = Bodies.put, list[Vector3]()
+
+    def spy(bodies: Bodies, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
+        places.extend([position] if item.name == "cup" else [])
+        put(bodies, item, position, rotation)
+
+    monkeypatch.setattr(Bodies, "put", spy)
+    come_back(world)
+    assert world.belief.grasps() == {}
+    assert places[-1] == pytest.approx(standing(0.3, -0.3, SMALL, on=WALL).t, abs=0.02)
+    assert places[-1][2] == pytest.approx(WALL + 0.5 * SMALL[2], abs=0.001)
 
 
 def test_what_is_in_it_stays_in_it() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.handling import Handling
+from dsr.vocabulary.observed_actions import PLACE
 from simulation_handler.hands.relation import DROPPED, LEFT_BEHIND, LET_GO, PINCHING, PUT_DOWN, TOUCHING
 from simulation_handler.worlds.circumstances import HELD as IN_VIEW
 from simulation_handler.worlds.circumstances import HELD_ALOFT, HELD_LYING, HELD_OPENING, hold
@@ -95,6 +96,27 @@ def test_it_is_known_when_it_shows_how_fingers_let_go_of_what_they_hid(height: f
     world.seen.add("cup")
     world.run(0.3)
     assert world.belief.let_go()[HELD].state is state
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fingertip_that_seems_to_touch_again_as_its_hand_rises_does_not_lift_what_was_put_down(seed: int) -> None:
+    world = lifted_and_lowered(seed, 0.0)
+    world.seen.discard("cup")
+    world.run(0.5)
+    places, palm, opened_at = world.tips_from_object, world.palm, world.now
+    assert palm is not None
+    index = min(places)
+    x, y, z = places[index]
+    world.held = ""
+    for rise, apart in ((0.0, 0.04), (0.0, 0.04), (0.03, 0.0), (0.06, 0.04), (0.09, 0.04), (0.12, 0.04), (0.15, 0.04)):
+        world.palm = Pose((0.0, 0.0, rise)) @ palm
+        world.tips_from_object = {index: (x, y + math.copysign(apart, y), z)}
+        world.run(0.1)
+    world.run(1.0)
+    assert world.belief.let_go()[HELD].state is LET_GO
+    assert world.belief.let_go()[HELD].since == pytest.approx(opened_at, abs=0.2)
+    assert world.belief.deeds("cup")[-1].kind == PLACE
+    assert world.error("cup") < 0.01
 
 
 def test_what_is_held_again_is_not_told_to_have_been_let_go() -> None:

@@ -1,11 +1,13 @@
-"""How probably an unseen thing is recognised: the mean over where it may be."""
+"""How probably an unseen thing is recognised at the places where it may be."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import pytest
 
+from dsr.believing.absence import most_missed, somewhere
 from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.scales import UNSEEN_SLACK
@@ -30,17 +32,17 @@ class Gap:
         ]
 
 
-@pytest.mark.parametrize(("half", "share"), [(1.0, 1.0), (UNSEEN_SLACK, 0.5)])
-def test_through_a_gap_the_mean_over_where_it_may_be_counts(half: float, share: float) -> None:
+@pytest.mark.parametrize(("half", "shown"), [(1.0, 4), (UNSEEN_SLACK, 2)])
+def test_through_a_gap_all_places_count_where_it_may_be(half: float, shown: int) -> None:
     certain = ExpectedVisibility(1.0, "").recognised
     never = ExpectedVisibility(0.0, "").recognised
     (found,) = recognised_about([HERE], [], Gap(0.3 - half, 0.3 + half))
-    assert found == {"camera": pytest.approx(share * certain + (1.0 - share) * never)}
+    assert sorted(found["camera"], reverse=True) == [certain] * shown + [never] * (4 - shown)
 
 
 def test_what_is_hidden_where_it_is_believed_is_asked_of_once() -> None:
     gap = Gap(0.31, 0.4)
-    assert recognised_about([HERE], [], gap) == [{"camera": pytest.approx(0.0, abs=1e-9)}] and gap.asked == 1
+    assert recognised_about([HERE], [], gap) == [{"camera": (pytest.approx(0.0, abs=1e-9),)}] and gap.asked == 1
 
 
 def test_many_places_take_two_questions_and_get_what_each_gets_alone() -> None:
@@ -50,3 +52,9 @@ def test_many_places_take_two_questions_and_get_what_each_gets_alone() -> None:
     gap.asked = 0
     recognised_about(places, [], gap)
     assert gap.asked == 2
+
+
+def test_a_place_where_it_is_never_recognised_explains_its_absence() -> None:
+    """The thing stays where it is: frames do not take turns among places."""
+    assert somewhere([1.0]) == pytest.approx(1.0) and somewhere([0.6, 0.6]) == pytest.approx(0.6)
+    assert most_missed(somewhere([1.0, 1.0, 1.0, 0.0])) == pytest.approx(math.log(4.0), rel=1e-3)
