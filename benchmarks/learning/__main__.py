@@ -23,7 +23,7 @@ from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED
 from agents.scenario.options import parse_seeds
 from benchmarks.learning.holding import HOLDING
 from benchmarks.learning.judging import judge_episodes, table_of
-from benchmarks.learning.learn import RATE_NAMES, learn_parameters, learn_some, learn_to_recognise, load_episodes
+from benchmarks.learning.learn import VALUES, learn_parameters, learn_some, learn_to_recognise, load_episodes
 from benchmarks.learning.recorded import record_episode
 from dsr.believing.absence import LEARNED
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES
@@ -85,8 +85,8 @@ def _parser() -> argparse.ArgumentParser:
     for command in (recognising, fitting):
         command.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     fitting.add_argument(
-        "--only", nargs="+", choices=(HOLDING, *sorted(RATE_NAMES), *CIRCUMSTANCES), metavar="WHAT",
-        help=f"learn {HOLDING}, some rates, or the noise of circumstances, alone, and keep all else of the package",
+        "--only", nargs="+", choices=(HOLDING, *sorted(VALUES), *CIRCUMSTANCES), metavar="WHAT",
+        help=f"learn {HOLDING}, absence, some rates, or the noise of circumstances, alone, and keep all else",
     )  # fmt: skip
     judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
     for command in (recording, fitting, judging):

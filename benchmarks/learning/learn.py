@@ -15,9 +15,19 @@ from agents.scenario.generate.registry import is_for_tuning
 from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
-from benchmarks.learning.rates import ABSENCE, ELSEWHERE, RATES, WITHIN, Vector, learn_rates
+from benchmarks.learning.rates import (
+    ABSENCE,
+    ELSEWHERE,
+    RATES,
+    WITHIN,
+    Key,
+    Vector,
+    learn_rates,
+    start_of,
+    with_values,
+)
 from benchmarks.learning.recognition import CURVES, learn_recognition, looks_at
-from dsr.believing.absence import LEARNED
+from dsr.believing.absence import LEARNED, Absence
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, IN_VIEW
 from simulation_handler.worlds.parameters import PlaceNoise, Rates, WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -31,8 +41,11 @@ GROUPS = ("rates", "absence", RECOGNITION, "elsewhere", "within")
 BEGUN = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, CURVES, ELSEWHERE, WITHIN)
 """Before anything is learned"""
 
-RATE_NAMES = frozenset(Rates.__struct_fields__)
-"""Of the rates that may be learned alone"""
+VALUES: Mapping[str, Sequence[Key]] = {
+    **{name: [("rates", name)] for name in Rates.__struct_fields__},
+    "absence": [("absence", name) for name in Absence.__struct_fields__],
+}
+"""What may be learned alone beside noise and holding: single rates, and all of absence"""
 
 Deviations = Mapping[str, Mapping[str, float]]
 Sources = Mapping[str, Sequence[str]]
@@ -57,7 +70,7 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
 
     Args:
         folder: of the recorded episodes.
-        only: circumstances whose noise is learned, names of rates, and `holding` for what hands hold.
+        only: circumstances whose noise is learned, names of `VALUES`, and `holding` for what hands hold.
         file: that holds all other values.
         tell: is told what was learned.
 
@@ -73,10 +86,10 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
         noise, found = _learn_noise(episodes, parameters, circumstances, tell)
         parameters = msgspec.structs.replace(parameters, noise={**parameters.noise, **noise})
         deviations |= found
-    if rates := RATE_NAMES.intersection(only):
-        begun = {name: getattr(RATES, name) for name in rates}
-        begin = msgspec.structs.replace(parameters, rates=msgspec.structs.replace(parameters.rates, **begun))
-        parameters, unsure = learn_rates(episodes, begin, tell, rates)
+    if values := [key for name in only for key in VALUES.get(name, ())]:
+        begun = start_of(BEGUN)
+        begin = with_values(parameters, {key: begun[key] for key in values})
+        parameters, unsure = learn_rates(episodes, begin, tell, values)
         errors |= unsure
     if HOLDING in only:
         holding, unsure = _learn_holding(episodes, parameters, tell)

@@ -64,7 +64,7 @@ def learn_rates(
     episodes: Sequence[Episode],
     parameters: WorldParameters,
     tell: Callable[[str], None],
-    only: Collection[str] | None = None,
+    only: Collection[Key] | None = None,
 ) -> tuple[WorldParameters, Vector]:
     """The most probable values, and the standard errors of their logarithms (or logits).
 
@@ -72,11 +72,11 @@ def learn_rates(
         episodes: to learn by.
         parameters: where the search begins.
         tell: is told how it gets on.
-        only: names of the rates that are learned alone; None: all values.
+        only: the values that are learned alone; None: all of them.
     """
     first = start_of(parameters)
     if only is not None:
-        first = {key: first[key] for key in first if key[0] == "rates" and key[1] in only}
+        first = {key: first[key] for key in only}
     vector = dict(first)
 
     def cost(at: Vector) -> float:

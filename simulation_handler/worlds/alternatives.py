@@ -16,6 +16,7 @@ from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.hands.state import HAND_REACH
+from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
@@ -138,7 +139,7 @@ class Alternatives:
         """
         thing, step = evidence.objects[name], evidence.now - self._now
         self._now = evidence.now
-        self._go_along(thing, evidence)
+        self._go_along(evidence)
         self._follow(thing)
         self._flow(name, evidence, step)
         self._work(thing, work)
@@ -155,23 +156,19 @@ class Alternatives:
             if 0.0 < mode.weight < ROUNDING and key != FOLLOWED:
                 del self.modes[key]
 
-    def _go_along(self, thing: ObjectEvidence, evidence: Evidence) -> None:
-        """Objects in hands and containers go along with these; what a hand may just take is where it was."""
-        followed = self.modes[FOLLOWED]
+    def _go_along(self, evidence: Evidence) -> None:
+        """Objects in hands and containers go along with these."""
         for mode in self.modes.values():
             holder = _holder(mode, evidence)
-            if holder is None or mode.anchored is None:
-                continue
-            if mode.hand and _is_near(holder, followed.pose) and not thing.hand:
-                mode.anchored = holder.inverse() @ _placed(followed.pose)
-            mode.pose = holder @ mode.anchored
+            if holder is not None and mode.anchored is not None:
+                mode.pose = holder @ mode.anchored
 
     def _follow(self, thing: ObjectEvidence) -> None:
         """The simulation moves the object: perhaps it did not go along, or is still in its container."""
         rates, followed = self._parameters.rates, self.modes[FOLLOWED]
         before, pose = _placed(followed.pose), thing.believed
         if thing.gone and not self._told_gone:
-            self._pass(FOLLOWED, GONE, rates.missed, Mode(0.0, None))
+            self._leave(rates.missed)
         self._told_gone = thing.gone
         if pose is None:
             if self._container in _names_of(self.modes, INSIDE_OF):
@@ -185,6 +182,19 @@ class Alternatives:
         self._container = thing.container
         followed.pose, followed.supports = pose, thing.supports
         self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
+
+    def _leave(self, share: float) -> None:
+        """An explanation says that it is gone, which tells that it is not where it was: it is gone, or in a hand.
+
+        That is shared out as these have been probable so far. Without a hand in reach, all of it is for *gone*.
+        """
+        self._mode(GONE, Mode(0.0, None))
+        away = {key: mode.weight for key, mode in self.modes.items() if key == GONE or key.startswith(IN_HAND)}
+        begun, left = sum(away.values()), 1.0
+        for key, weight in away.items():
+            part = share * (weight / begun if begun > 0.0 else float(key == GONE))
+            self._pass(FOLLOWED, key, part / left, self.modes[key])
+            left -= part
 
     def _flow(self, name: str, evidence: Evidence, step: float) -> None:
         """Events that nobody sees."""
@@ -275,8 +285,10 @@ class Alternatives:
                 max((origin.weight * origin.worked - amount * worked) / (origin.weight - amount), 0.0), 1.0
             )
         mode.worked = (mode.weight * mode.worked + amount * worked) / (mode.weight + amount)
+        ratio = amount / (mode.weight + amount)
+        if mode.hand and mode.anchored is not None and new.anchored is not None:  # taken at any time that counts
+            mode.anchored = between(mode.anchored, new.anchored, ratio)
         if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
-            ratio = amount / (mode.weight + amount)
             x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
             mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
         origin.weight -= amount

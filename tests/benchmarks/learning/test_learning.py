@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 
 from benchmarks.learning import __main__ as command
+from benchmarks.learning import learn
 from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import BEGUN, GROUPS, learn_some, toml_of
 from benchmarks.learning.noise import START, Errors, learn_noise
-from benchmarks.learning.rates import RATES, learn_rates
+from benchmarks.learning.rates import ABSENCE, RATES, learn_rates
 from benchmarks.learning.recognition import CURVES, Look, learn_recognition, looks_at
 from benchmarks.learning.recorded import Recorded
+from dsr.believing.absence import Absence
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import HELD, HELD_LYING, RESTS, RIDES
@@ -151,6 +153,20 @@ def test_what_hands_hold_is_learned_alone(tmp_path: Path) -> None:
     assert found.holding[RIDES] == 0.2 and told["errors"][HOLDING][RIDES] == 8.0, "nothing new is known of these"
     assert told["errors"]["noise"] == {RESTS: {"level": 9.0}} and told["errors"]["rates"] == {"any": 0.5}
     assert told["source"] == {**SOURCES, HOLDING: ["hands-7"]}
+
+
+def test_what_absence_tells_is_learned_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = msgspec.structs.replace(PARAMETERS, absence=Absence(rate=0.05, blind=0.4))
+    errors = dict.fromkeys((("absence", "rate"), ("rates", "removed")), 9.0)
+    (file := tmp_path / "worlds.toml").write_text(toml_of(before, {RESTS: {"level": 9.0}}, errors, SOURCES))
+    monkeypatch.setattr(learn, "load_episodes", lambda folder: [course(gone=True)] * 3)
+    text = learn_some(tmp_path, ["absence"], file, lambda line: None)
+    (anew := tmp_path / "anew.toml").write_text(text)
+    found, told = learned_parameters(anew), tomllib.loads(text)
+    assert found.absence.rate > 1.0 and found.absence.blind < ABSENCE.blind, "what is missing is gone"
+    assert msgspec.structs.replace(found, absence=before.absence) == before
+    assert told["errors"]["absence"]["rate"] < 9.0 and told["errors"]["rates"]["removed"] == 9.0
+    assert told["source"] == {**SOURCES, "absence": ["hands-0"] * 3}
 
 
 def test_what_contradicts_a_place_bounds_how_unsure_it_is() -> None:
