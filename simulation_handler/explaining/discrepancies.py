@@ -126,9 +126,7 @@ class Discrepancies:
                 recognised = {camera: visible.recognised for camera, visible in by_camera.items()}
                 expected[name] = {camera: share for camera, share in recognised.items() if _is_due(share)}
         absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]
-        known = [bodies.objects[name].covariances() for name in absent]
-        spreads = [None if both is None else both[0] for both in known]
-        about = recognised_about([solids[name] for name in absent], there, visibility, spreads)
+        about = recognised_about([solids[name] for name in absent], there, visibility)
         for name, places in zip(absent, about, strict=True):
             shares = {camera: somewhere(there) for camera, there in places.items()}
             expected[name] = {camera: share for camera, share in shares.items() if _is_due(share)}

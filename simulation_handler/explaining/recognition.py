@@ -5,23 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from simulation_handler.explaining.situation import VisibilityQuery
-from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import ROUNDING, UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
 
-_POINTS = math.sqrt(2.0) * np.array([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
-"""(4, 2) in standard deviations: the third-degree spherical cubature of a Gaussian in x and y, all as probable
+_ASIDE = math.sqrt(2.0) * UNSEEN_SLACK
+_POINTS = ((_ASIDE, 0.0), (-_ASIDE, 0.0), (0.0, _ASIDE), (0.0, -_ASIDE))
+"""m, x and y: the third-degree spherical cubature of a Gaussian with `UNSEEN_SLACK` in both, all as probable
 (Arasaratnam and Haykin, Cubature Kalman Filters, IEEE Transactions on Automatic Control 54, 2009)"""
-_SLACK: Array = UNSEEN_SLACK**2 * np.eye(3)
 
 
 def recognised_about(
-    solids: Sequence[Solid], among: Sequence[Solid], visibility: VisibilityQuery,
-    covariances: Sequence[Array | None] = (),
-) -> list[dict[str, tuple[float, ...]]]:  # fmt: skip
+    solids: Sequence[Solid], among: Sequence[Solid], visibility: VisibilityQuery
+) -> list[dict[str, tuple[float, ...]]]:
     """Probabilities (0 to 1) with which each camera recognises an unseen object, by the camera's name.
 
     There is one for each of the places where the object may be, all as probable: through a gap, 10 mm make all the
@@ -31,13 +27,11 @@ def recognised_about(
         solids: objects, each where it is believed to be; or places where one may be.
         among: all that may hide them; what has the name of an object does not hide it.
         visibility: what cameras should see.
-        covariances: (3, 3) m^2 of each position; None, or none at all, is `UNSEEN_SLACK` along each axis.
     """
     here = _recognised(solids, among, visibility)
     found: list[dict[str, tuple[float, ...]]] = [{camera: (one,) for camera, one in there.items()} for there in here]
     open_ = [place for place, there in enumerate(here) if max(there.values(), default=0.0) >= ROUNDING]
-    spreads = [cov if cov is not None else _SLACK for cov in covariances] or [_SLACK] * len(solids)
-    around = [moved for place in open_ for moved in _around(solids[place], spreads[place])]
+    around = [_moved(solids[place], *shift) for place in open_ for shift in _POINTS]
     told = _recognised(around, among, visibility) if around else []
     for number, place in enumerate(open_):
         about = told[number * len(_POINTS) : (number + 1) * len(_POINTS)]
@@ -46,10 +40,9 @@ def recognised_about(
     return found
 
 
-def _around(solid: Solid, covariance: Array) -> list[Solid]:
-    """The solid at the points of the cubature, which are as far along x and along y as its variances tell."""
+def _moved(solid: Solid, dx: float, dy: float) -> Solid:
     x, y, z = solid.position
-    return [solid.moved((x + dx, y + dy, z)) for dx, dy in (_POINTS * np.sqrt(np.diag(covariance)[:2])).tolist()]
+    return solid.moved((x + dx, y + dy, z))
 
 
 def _recognised(solids: Sequence[Solid], among: Sequence[Solid], visibility: VisibilityQuery) -> list[dict[str, float]]:
