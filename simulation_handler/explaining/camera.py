@@ -33,15 +33,14 @@ _TURNED = _NEARLY / _ARM  # rad up to which it is turned as that motion would ha
 def explained_by_camera(situation: Situation) -> frozenset[str]:
     """The objects that are seen displaced, or not, as one motion of the camera would have it: the least of them.
 
-    Empty if those are fewer than `FEWEST` or not most of all that are seen. Objects that agreed on a motion are no
-    guess of another: a group that is as large as theirs has somebody else in it.
+    Empty if those are fewer than `FEWEST` or not most of all that are seen. Objects that agreed with each other on
+    one motion are no guess of another: a group that is as large as theirs has somebody else in it.
     """
-    names, found, tried = comparable(situation), [frozenset[str]()], set[str]()
+    names, found = comparable(situation), [frozenset[str]()]
     for few in _guesses(situation, names) if len(names) >= FEWEST else ():
-        if tried.issuperset(few):
+        if any(group.issuperset(few) for group in found):
             continue
         found.append(_consensus(situation, names, _motion(situation, few)))
-        tried |= found[-1]
         if len(found[-1]) == len(names):
             break
     best = min(found, key=lambda group: (-len(group), _displacement(situation, group)))
