@@ -128,8 +128,8 @@ class Discrepancies:
         absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]
         about = recognised_about([solids[name] for name in absent], there, visibility)
         for name, places in zip(absent, about, strict=True):
-            shares = {camera: somewhere(there) for camera, there in places.items()}
-            expected[name] = {camera: share for camera, share in shares.items() if _is_due(share)}
+            share = somewhere([max(by_cameras) for by_cameras in zip(*places.values(), strict=True)]) if places else 0.0
+            expected[name] = {camera: share for camera, there in places.items() if _is_due(min(share, max(there)))}
         return {name: by for name, by in expected.items() if by}
 
 

@@ -277,7 +277,7 @@ class Deeds:
         if moment.holder or (moment.hovers and not moment.falls):
             hold.rests_since = None
             if moment.is_seen or moment.palm is None:
-                hold.vanished = None if moment.is_seen else hold.vanished or hold.last
+                hold.vanished = None if moment.is_seen else hold.last
             if (moment.hovers and moment.is_seen) or (moment.palm is not None and not moment.opens):
                 hold.last = moment
             return

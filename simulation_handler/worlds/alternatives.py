@@ -168,7 +168,7 @@ class Alternatives:
         rates, followed = self._parameters.rates, self.modes[FOLLOWED]
         before, pose = _placed(followed.pose), thing.believed
         if thing.gone and not self._told_gone:
-            self._leave(rates.missed)
+            self._pass(FOLLOWED, GONE, rates.missed, Mode(0.0, None))
         self._told_gone = thing.gone
         if pose is None:
             if self._container in _names_of(self.modes, INSIDE_OF):
@@ -182,19 +182,6 @@ class Alternatives:
         self._container = thing.container
         followed.pose, followed.supports = pose, thing.supports
         self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
-
-    def _leave(self, share: float) -> None:
-        """An explanation says that it is gone, which tells that it is not where it was: it is gone, or in a hand.
-
-        That is shared out as these have been probable so far. Without a hand in reach, all of it is for *gone*.
-        """
-        self._mode(GONE, Mode(0.0, None))
-        away = {key: mode.weight for key, mode in self.modes.items() if key == GONE or key.startswith(IN_HAND)}
-        begun, left = sum(away.values()), 1.0
-        for key, weight in away.items():
-            part = share * (weight / begun if begun > 0.0 else float(key == GONE))
-            self._pass(FOLLOWED, key, part / left, self.modes[key])
-            left -= part
 
     def _flow(self, name: str, evidence: Evidence, step: float) -> None:
         """Events that nobody sees."""

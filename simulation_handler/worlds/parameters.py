@@ -76,7 +76,7 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     work_moved: Share
     """1, that an object is moved to somewhere near when somebody was at work then, if it does not leave"""
     missed: Share
-    """1, that it is not where it was when the explanation of its absence says that it has left the scene"""
+    """1, that it has left the scene when the explanation of its absence says so"""
 
 
 class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -256,25 +256,6 @@ def test_a_hand_has_what_it_took_as_it_was_while_it_stayed_there() -> None:
     assert held.objects["box"].pose.t == pytest.approx((0.3, 0.0, 0.6 - 0.08), abs=0.02)
 
 
-def test_what_is_told_to_be_gone_is_in_the_hand_that_was_about_it() -> None:
-    def told(palm: Pose) -> Course:
-        course = Course(share=0.0)
-        course.hands["hand"] = HandEvidence(palm, True, ())
-        course.run(1.8)
-        course.hands["hand"] = HandEvidence(Pose((0.7, 0.0, 0.2)), True, ())
-        course.run(0.1, lambda box: replace(box, gone=True, believed=None, solid=None))
-        return course
-
-    shares = {}
-    for palm in (Pose((0.3, 0.0, 0.1)), Pose((0.7, 0.0, 0.1))):
-        course = told(palm)
-        worlds = course.worlds.worlds("box")
-        shares[palm.t[0]] = sum(w.weight for w in worlds if w.objects["box"].hand == "hand"), course.weight("gone")
-    learned = learned_parameters().rates.missed
-    assert shares[0.3][0] > 10.0 * shares[0.3][1] and sum(shares[0.3]) > 0.9 * learned
-    assert shares[0.7][0] < 0.01 and shares[0.7][1] > 0.9 * learned, "no hand was there"
-
-
 def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> None:
     course = Course(share=0.0)
     course.box = replace(course.box, driven=True, supports=("table",))
