@@ -273,7 +273,9 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def remove_node(self, name: str) -> bool:
         """Remove a node and all edges at it; false if it was not there."""
         node = self.get_node(name)
-        return node is not None and self._remove("node", types_of(node), lambda: self._graph.remove_node(name))
+        types = () if node is None else types_of(node)
+        shown = types if self._graph.rights is not None else types[:1]  # without rights, it goes with all of them
+        return node is not None and self._remove("node", shown, lambda: self._graph.remove_node(name))
 
     def remove_attribute(self, element: str | Node | Edge, attribute: str) -> None:
         """Take an attribute of a node (by name) or an edge away; harmless if it is not set."""

@@ -87,15 +87,17 @@ class Graph(Stamping):
 
         Raises:
             SchemaError: for unknown names or wrong values.
-            NodeTypeError: if the node is there, and nobody has made it of this type.
+            NodeTypeError: if the node is there, and nobody has made it of this type. Where rights are told, nodes that
+                one may not change do not count.
         """
         if type not in RECORDS:
             self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
         there = self.nodes.get(name)
-        if there is not None and type not in types_of(there):
+        is_ours = there is not None and type in types_of(there)
+        if there is not None and not is_ours and self._is_taken(there._entries):
             raise NodeTypeError(name, there.type, type)
-        add = None if name in self.nodes else Add(self.new_dot(), name, type)
+        add = None if is_ours else Add(self.new_dot(), name, type)
         return self._commit(name, self._entries_of(name, add, values), add, values, now)
 
     def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
@@ -245,6 +247,10 @@ class Graph(Stamping):
         rights, rid = self.rights, self.rid
         taken = [e.dot for e in entries if rights is None or rights.may_write(rid, e, attributes)]
         return taken or [entry.dot for entry in entries]
+
+    def _is_taken(self, entries: Sequence[Incarnation]) -> bool:
+        """Whether a name is: where rights are told, what one may not change keeps nobody from making a node."""
+        return self.rights is None or any(self.rights.may_write(self.rid, entry, ()) for entry in entries)
 
     def live(self, key: Key) -> list[Incarnation]:
         """All incarnations of an element that live; the graph must be locked."""

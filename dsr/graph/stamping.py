@@ -18,6 +18,7 @@ from dsr.crdt.store import Incarnation
 from dsr.errors import NoRoomError
 from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FAR, FarStamps
+from dsr.graph.rights import Rights
 from dsr.graph.schema import Schema
 from dsr.graph.sharing import Sharing
 
@@ -39,6 +40,7 @@ class Stamping(Sharing):
     far: FarStamps
     """Noticed stamps of the far future, which no honest clock can have made."""
     counter: int
+    rights: Rights | None
 
     def live(self, key: Key) -> list[Incarnation]:
         """See `Graph.live`."""
@@ -71,10 +73,12 @@ class Stamping(Sharing):
         return 0 if write is None else write.stamp
 
     def _stamp(self, key: Key, owners: list[Dot], attribute: str, tick: int) -> int:
-        """A stamp for a write to these incarnations: not below `tick`, and beyond all that it overwrites.
+        """A stamp for a write to these incarnations: not below `tick`, and beyond all that is seen of the element.
 
         Raises `NoRoomError` if there is none.
         """
+        if self.rights is not None:
+            owners = [entry.dot for entry in self.live(key)] or owners  # also those that are not ours to write
         if len(owners) == 1:
             newest = self.newest_stamp(owners[0], attribute)
         else:

@@ -188,7 +188,11 @@ class ZenohTransport:
 
         def listen(place: str) -> Callable[[Handler], Subscription]:
             def declare(handler: Handler) -> Subscription:
-                return self._subscribe(place, lambda: _ring(1), lambda sample: handler(sample.payload))
+                def take(sample: zenoh.Sample) -> None:
+                    if names_one(str(sample.key_expr)):
+                        handler(sample.payload)
+
+                return self._subscribe(place, lambda: _ring(1), take)
 
             return declare
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set
 
 from dsr.crdt.context import Dot, without
 from dsr.crdt.delta import Add, Delta, Key, Write
@@ -60,7 +60,7 @@ class Gate:
     def removable(self, rid: str, dots: list[Dot], elements: Incarnations) -> list[Dot]:
         """See `dsr.graph.rights.Rights`."""
         screening = _Screening(self, rid, Delta(), elements)
-        return list(screening.removable(dots, screening.could_have))
+        return list(screening.removable(dots, screening.could_have, alone=False))
 
     def objection(self, rid: str, key: Key, type: str, attributes: Iterable[str] = ()) -> str | None:
         """Why the agent of replica `rid` may not write these attributes of an element of `type`; None if it may."""
@@ -168,16 +168,21 @@ class _Screening:
             self._undecided.append(write.dot)
         return False
 
-    def removable(self, dots: Iterable[Dot], may: Callable[[str, Key, str], bool]) -> Iterator[Dot]:
+    def removable(
+        self, dots: Iterable[Dot], may: Callable[[str, Key, str], bool], *, alone: bool = True
+    ) -> Iterator[Dot]:
         """Those of `dots` that the sender may remove: what it may write, and edges that lose an end with that.
 
-        An edge keeps its end while one of the nodes is left that others have made under the same name.
+        An edge keeps its end while one of the nodes is left that others have made under the same name. Edges that the
+        sender may write count only if they may go `alone`.
         """
         found = [(dot, *owner) for dot in dots if (owner := self._type_of(dot))]
-        nodes = {dot for dot, key, type in found if isinstance(key, str) and may(self._sender, key, type)}
+        nodes = dict.fromkeys(dot for dot, key, type in found if isinstance(key, str) and may(self._sender, key, type))
         yield from nodes
         for dot, key, type in found:
-            if not isinstance(key, str) and (self._loses_an_end(dot, nodes) or may(self._sender, key, type)):
+            if isinstance(key, str):
+                continue
+            if self._loses_an_end(dot, nodes.keys()) or (alone and may(self._sender, key, type)):
                 yield dot
 
     def _absent(self, store: Store) -> list[Dot]:
@@ -197,7 +202,7 @@ class _Screening:
         """Whether it is clear what became of the element created under `dot`."""
         return dot in self._arriving or dot in self._void or self._elements.is_known(dot)
 
-    def _loses_an_end(self, dot: Dot, nodes: set[Dot]) -> bool:
+    def _loses_an_end(self, dot: Dot, nodes: Set[Dot]) -> bool:
         """Whether nothing is left at one end of an edge when these nodes are gone; the edge is dead then."""
         edge = self._elements.element(dot) or self._arriving.get(dot)
         return edge is not None and any(

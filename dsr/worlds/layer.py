@@ -56,6 +56,8 @@ class Layer(Store):
         self._known_below = known_below
         self._early = 0
         """How much was written to what the parent does not know, since `count_early`."""
+        self.is_trusted = False
+        """Whether all is kept that is joined, for it was kept here before."""
 
     def join(self, delta: Delta) -> None:
         """See `Store.join`."""
@@ -105,7 +107,7 @@ class Layer(Store):
         if known and self._below(owner) is None:
             return True  # the parent has removed it
         if not known:
-            if self._early >= MAX_WAITING:
+            if self._early >= MAX_WAITING and not self.is_trusted:
                 self.lost_waiting += write.dot is not None
                 return write.dot is None
             self._early += weight_of(write)

@@ -77,6 +77,14 @@ class Overlay(Graph, LayerObserver):
         self.store.count_early()
         return super().make_durable(patience)
 
+    def restore(self, delta: Delta, now: float) -> None:
+        """See `Graph.restore`."""
+        self.store.is_trusted = True
+        try:
+            super().restore(delta, now)
+        finally:
+            self.store.is_trusted = False
+
     # ---- incarnations, here and below
 
     def live(self, key: Key) -> list[Incarnation]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -58,13 +58,14 @@ def overlapping(objects: list[ObjectSpec]) -> tuple[int, int, float] | None:
     return None
 
 
-def _close_pairs(boxes: Sequence[ScenarioBox]) -> list[tuple[int, int]]:
+def _close_pairs(boxes: Sequence[ScenarioBox]) -> Iterator[tuple[int, int]]:
     """Indexes of the boxes that overlap, in order of the second and then of the first."""
-    second, first = np.tril_indices(len(boxes), -1)
     centers, axes, sizes = (np.array([getattr(b, part) for b in boxes]) for part in ("center", "rotation", "size"))
-    one, other = (Boxes(centers[of], axes[of], 0.5 * sizes[of]) for of in (first, second))
-    overlaps = gaps(one, other) < -TOUCH if len(first) else np.zeros(0, bool)
-    return list(zip(first[overlaps].tolist(), second[overlaps].tolist(), strict=True))
+    for second in range(1, len(boxes)):
+        before = Boxes(centers[:second], axes[:second], 0.5 * sizes[:second])
+        itself = Boxes(*(np.repeat(part[second : second + 1], second, axis=0) for part in (centers, axes, 0.5 * sizes)))
+        for first in np.flatnonzero(gaps(before, itself) < -TOUCH).tolist():
+            yield first, second
 
 
 def _draw(scenario: Scenario, rng: np.random.Generator) -> list[ObjectSpec]:

@@ -10,12 +10,14 @@ import pytest
 
 from dsr import Memory
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.hlc import stamp_at
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
 from dsr.replication.wire import decode_delta, encode_delta
 from dsr.security.gate import Gate
-from dsr.security.policy import AccessPolicy
+from dsr.security.policy import AccessPolicy, Grant, checked
 from tests.dsr.conftest import Net
+from tests.dsr.security.conftest import GRANTS
 
 Join = Callable[..., Memory]
 
@@ -289,3 +291,32 @@ def test_what_is_not_ours_of_a_node_is_neither_written_nor_removed_here(net: Net
     assert scene.node("cube").type == "arm" and "mass" not in scene.node("cube")
     assert scene.replica.graph.store.fingerprint == launcher.replica.graph.store.fingerprint
     assert refused(launcher) == 0
+
+
+@pytest.mark.parametrize("ahead", [0, 10 * 86400])
+def test_a_maker_goes_on_whatever_another_has_made_of_the_name(net: Net, ahead: int) -> None:
+    """The other one's value may be of a time to come. Whoever removes its own part makes it again."""
+    grants = {**GRANTS, "scene": Grant(("cube",), (), ("status",))}
+    arm, scene, launcher = (net.join(agent, gate=Gate(checked(grants))) for agent in ("arm", "scene", "launcher"))
+    net.pump(2.0)
+    arm.add_node("cup", "arm", status="mine")
+    net.pump(1.0)
+    foreign = Graph("scene-zz").add_node("cup", "cube", {}, net.clock.now())
+    (dot,) = (add.dot for add in foreign.adds)
+    late = stamp_at(net.clock.now() + ahead)
+    foreign.writes = [Write(dot, "status", late, "scene-zz", ("scene-zz", 2), "theirs")]
+    foreign.context = [("scene-zz", 1, 2)]
+    for memory in (arm, scene, launcher):
+        memory._replica.synchroniser.receive_delta("scene-zz", encode_delta(foreign), net.clock.now())
+    if ahead == 0:
+        assert arm.node("cup")["status"] == "theirs"
+    arm.update_node("cup", status="mine again")
+    net.pump(1.0)
+    assert {memory.node("cup")["status"] for memory in (arm, scene, launcher)} == {"mine again"}
+    arm.remove_node("cup")
+    net.pump(1.0)
+    arm.add_node("cup", "arm")
+    arm.update_node("cup", status="anew")
+    net.pump(1.0)
+    assert {memory.node("cup")["status"] for memory in (arm, scene, launcher)} == {"anew"}
+    assert content(arm) == content(scene) == content(launcher)

@@ -332,3 +332,15 @@ def test_what_is_written_to_elements_that_never_come_is_bounded(net: Net, durabl
     assert ((liar, 2 * MAX_WAITING) in store.context) is False
     overlay.update_node("cube", mass=2.0)
     assert cube in store.patches and overlay.node("cube")["mass"] == 2.0
+
+
+def test_what_was_kept_of_an_overlay_is_restored_whole(net: Net) -> None:
+    """Also what was said of elements that the parent does not know yet, however much that is."""
+    a = net.join("a")
+    overlay = a.fork("view", follow=True)
+    numbers = range(1, MAX_WAITING + 100)
+    writes = [Write(("other-1", number), "note", 1, "a-0", ("a-0", number), "x") for number in numbers]
+    graph = overlay.replica.graph
+    graph.restore(Delta(writes=writes, context=[("a-0", 1, numbers[-1])]), 0.0)
+    assert isinstance(graph.store, Layer) and len(graph.store.patches) == len(numbers)
+    assert ("a-0", numbers[-1]) in graph.store.context
