@@ -15,6 +15,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import reply_to
 from dsr.errors import WireError
 from dsr.network.keys import WHOLE, Keys, is_key
+from dsr.network.transport import names_one
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.portions import parts_in
@@ -191,10 +192,10 @@ def _judge(tally: Tally, payload: bytes, is_valid: Callable[[bytes], bool]) -> b
 
 
 def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> int:
-    """Send messages and let the memory take them in; how many of them its keys match."""
+    """Send messages and let the memory take them in; how many of them its keys match, and tell whose they are."""
     heard = 0
     for key, payload in messages:
-        heard += key.count("/") == victim.to.delta().count("/")
+        heard += names_one(key) and key.count("/") == victim.to.delta().count("/")
         victim.stranger.publish(key, payload)
         _guarded(tally, payload, victim.make_durable)
     return heard

@@ -246,8 +246,9 @@ class Store:
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
             if self.owned is not None:
                 entry = self._own(entry)
-            entry.registers[write.attribute] = write
-            if entry.announced and write.value != current.value:
+            is_same = type(write.value) is type(current.value) and write.value == current.value
+            entry.registers[write.attribute] = replace(current, dot=write.dot) if is_same else write
+            if entry.announced and not is_same:
                 self._observer.register_changed(entry, write.attribute)
 
     def find(self, dot: Dot) -> Incarnation | None:
