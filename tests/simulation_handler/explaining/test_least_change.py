@@ -172,3 +172,20 @@ def test_in_a_crowd_few_motions_of_the_camera_are_tried(monkeypatch: pytest.Monk
     monkeypatch.setattr("simulation_handler.explaining.camera._consensus", consensus)
     assert explained_by_camera(here) == shown.keys() - {"cube_0", "cube_99"}
     assert len(tried) <= 3
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_turned_camera_is_found_among_two_clusters_of_things_that_tell_no_rotation(seed: int) -> None:
+    """Each cluster by itself seems to have been shifted; three from both tell how the camera was turned."""
+    rng = np.random.default_rng(seed)
+    middles = [(-0.35, -0.3), (0.35, 0.3)]
+    places = [tuple(np.array(middles[n % 2]) + rng.normal(0.0, 0.05, 2)) for n in range(6)]
+    believed = [cube(f"cube_{n}", x, 0, y) for n, (x, y) in enumerate(places)]
+    motion = Pose.from_rotvec((0.02, -0.03, 0.0), (0.0, 0.0, 0.12))
+    percepts = {}
+    for solid in believed:
+        (x, y, z), (dx, dy) = (motion @ Pose(solid.position)).t, rng.normal(0.0, 0.002, 2)
+        shown = solid.moved((x + dx + 0.1 * (solid.name == "cube_5"), y + dy, z))
+        percepts[solid.name] = replace(seen(shown), turning=10.0 * np.eye(3))
+    here = replace(situation(believed, believed), seen=percepts)
+    assert explained_by_camera(here) == percepts.keys() - {"cube_5"}

@@ -12,6 +12,7 @@ from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.scales import UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
+from tests.simulation_handler.occluded import SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE
 
 HERE = Solid("cube", CUBE, (0.3, 0.0, 0.02))
@@ -58,3 +59,23 @@ def test_a_place_where_it_is_never_recognised_explains_its_absence() -> None:
     """The thing stays where it is: frames do not take turns among places."""
     assert somewhere([1.0]) == pytest.approx(1.0) and somewhere([0.6, 0.6]) == pytest.approx(0.6)
     assert most_missed(somewhere([1.0, 1.0, 1.0, 0.0])) == pytest.approx(math.log(4.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("hides", [True, False])
+def test_what_one_camera_does_not_show_another_one_may(hides: bool) -> None:
+    """Each of two cameras sees a cube at all but one of the places where it may be. A place both miss explains it."""
+    world = Occlusion({"cube": standing(0.3, 0.0, CUBE), "ball": standing(0.3, 0.3, SMALL)})
+    world.run(1.0)
+    world.seen.discard("cube")
+
+    def visibility(solids: Sequence[Solid], among: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
+        aside = [solid.position[1] if solid.name == "cube" else 0.0 for solid in solids]
+        seen, unseen = ExpectedVisibility(1.0, ""), ExpectedVisibility(0.0, "")
+        other = 1.0 if hides else -1.0
+        return [
+            {"left": unseen if y > 0.01 else seen, "right": unseen if other * y > 0.01 else seen} for y in aside
+        ]
+
+    world.visibility = visibility
+    world.run(5.0)
+    assert ("cube" in world.belief._bodies.sim) is hides
