@@ -271,7 +271,10 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         replica.send_soon()
 
     def remove_node(self, name: str) -> bool:
-        """Remove a node and all edges at it; false if it was not there."""
+        """Remove a node and all edges at it; false if it was not there.
+
+        Where rights are told, what others made of the name stays, with the edges that hang on that.
+        """
         node = self.get_node(name)
         types = () if node is None else types_of(node)
         shown = types if self._graph.rights is not None else types[:1]  # without rights, it goes with all of them

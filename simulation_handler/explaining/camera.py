@@ -53,8 +53,6 @@ def corrected(situation: Situation, hypothesis: Hypothesis) -> Situation:
 
     If the hypothesis does not move the camera, this is the situation itself.
 
-    The situation itself, unless the hypothesis says it did.
-
     The motion of the camera is the one that explains best what the hypothesis does not explain otherwise.
     """
     if not hypothesis.camera_moved:

@@ -15,6 +15,7 @@ import pytest
 
 from agents.ros_bridge.errors import RosLinkError, RosMessageError
 from agents.ros_bridge.link.dds.dds_link import DdsLink
+from agents.ros_bridge.link.dds.returned import Returned
 from agents.ros_bridge.link.link import LinkConfig, Qos, Received, Topic
 from agents.ros_bridge.link.opening import open_link
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
@@ -210,3 +211,41 @@ def test_a_subscriber_whose_process_stands_still_holds_up_nobody(domain: int, co
     finally:
         stopped.kill()
         stopped.join()
+
+
+class Seen:
+    """What is seen of a domain: participants, and those of them that tell of endpoints."""
+
+    def __init__(self) -> None:
+        self.there = self.telling = {b"a", b"b"}
+
+    def participants(self) -> set[bytes]:
+        return set(self.there)
+
+    def with_endpoints(self) -> set[bytes]:
+        return set(self.telling)
+
+
+def test_who_comes_back_and_tells_nothing_is_deaf_until_it_tells() -> None:
+    seen: Any = Seen()
+    returned = Returned(seen)
+    assert returned.deaf(0.0) == []
+    seen.there = seen.telling = {b"b"}
+    assert returned.deaf(1.0) == []
+    seen.there = {b"a", b"b", b"new"}  # who is new may take its time
+    assert returned.deaf(2.0) == [] and returned.deaf(6.9) == []
+    assert returned.deaf(7.1) == [b"a"]
+    seen.telling = {b"a", b"b"}
+    assert returned.deaf(8.0) == []
+    seen.telling = {b"b"}
+    assert returned.deaf(20.0) == [], "it has told of itself since"
+
+
+def test_those_who_left_for_good_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agents.ros_bridge.link.dds.returned._MOST_GONE", 3)
+    seen: Any = Seen()
+    returned = Returned(seen)
+    for number in range(10):
+        seen.there = {number.to_bytes(16)}
+        returned.deaf(float(number))
+    assert len(returned._gone) == 3

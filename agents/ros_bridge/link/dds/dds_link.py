@@ -216,7 +216,7 @@ class DdsLink:
         self._lost_before: Counter[str] = Counter()
         """By topic, of subscriptions that were taken back"""
         self._discovery: DdsDiscovery | None = DdsDiscovery(self._participant, node, self._types)
-        self._returned: Returned | None = Returned(self._participant)
+        self._returned: Returned | None = Returned(self._discovery)
         self._tell()
         if config.installed_ros:
             try:

@@ -6,7 +6,12 @@ import re
 from typing import Any, Literal
 
 import numpy as np
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.builtin import (
+    BuiltinDataReader,
+    BuiltinTopicDcpsParticipant,
+    BuiltinTopicDcpsPublication,
+    BuiltinTopicDcpsSubscription,
+)
 from cyclonedds.core import InstanceState
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
@@ -25,7 +30,7 @@ from agents.ros_bridge.messages.types import NO_HASH, RosTypes
 _INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _TYPE_HASH = re.compile(rb"typehash=([^;]{0,256});")
 _MOST = 20_000
-"""Endpoints that are looked at: robots have some hundreds"""
+"""Participants or endpoints that are looked at: robots have some hundreds"""
 _MOST_PARTICIPANTS = 1000
 """Whose nodes are remembered: a machine has room for some hundred in a domain"""
 _DEPTH_UNKNOWN = 0
@@ -60,6 +65,7 @@ class DdsDiscovery:
         self._types = types
         self._node = node
         self._gid = participant.guid.bytes
+        self._participants = BuiltinDataReader(participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
         self._subscriptions = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
         qos = dds_qos(Qos(transient_local=True, depth=1), types.hash(_INFO))
@@ -89,10 +95,17 @@ class DdsDiscovery:
         self._read_nodes()
         found = []
         for reader, writes in ((self._publications, True), (self._subscriptions, False)):
-            for sample in reader.read(N=_MOST):
-                if sample.sample_info.instance_state == InstanceState.Alive and (one := self._endpoint(sample, writes)):
-                    found.append(one)
+            found += [one for sample in _alive(reader) if (one := self._endpoint(sample, writes))]
         return found
+
+    def participants(self) -> set[bytes]:
+        """GUIDs of all that are in the domain, whether they tell of endpoints or not."""
+        return {sample.key.bytes for sample in _alive(self._participants)}
+
+    def with_endpoints(self) -> set[bytes]:
+        """GUIDs of those that tell of endpoints."""
+        told = [*_alive(self._publications), *_alive(self._subscriptions)]
+        return {sample.participant_key.bytes for sample in told}
 
     def nodes_of(self, participant: bytes) -> list[str]:
         """Full names of a participant's nodes, sorted, as far as they are known; `participant` is its GUID."""
@@ -137,6 +150,11 @@ class DdsDiscovery:
     def _padded(self, gid: bytes) -> bytes:
         """Gids have 16 bytes, and 24 in releases before Iron."""
         return gid.ljust(len(self._types.new("rmw_dds_common/msg/Gid").data), b"\0")
+
+
+def _alive(reader: Any) -> list[Any]:
+    """What a reader of DDS's own topics tells of all that is there now."""
+    return [one for one in reader.read(N=_MOST) if one.sample_info.instance_state == InstanceState.Alive]
 
 
 def _policy(qos: DdsQos, kind: Any) -> Any:
