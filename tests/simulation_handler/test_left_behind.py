@@ -190,6 +190,27 @@ def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
     assert world.pose("box").t == pytest.approx((0.3, 0.0, 0.5 * BOX[2]), abs=0.01)
 
 
+def test_what_a_palm_that_rose_would_take_through_a_wall_is_where_it_surely_was() -> None:
+    """Not where the palm had it last: it rose and went aside with that."""
+    inside = standing(0.3, 0.0, SMALL, on=WALL)
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.3, SMALL)})
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    for there in (standing(0.3, 0.3, SMALL, on=0.2), standing(0.3, 0.0, SMALL, on=0.2), inside):
+        world.move("cup", there)
+    world.run(1.0)
+    world.seen.discard("cup")
+    world.tips_from_object = {}
+    for step in range(1, 11):
+        aside, up = 0.012 * max(step - 4, 0), 0.01 * min(step, 4)
+        world.palm = Pose((0.3 + aside, 0.0, inside.t[2] + up)) @ world.hand_from_object.inverse()
+        world.run(0.1)
+    world.run(1.0)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t == pytest.approx(inside.t, abs=0.01)
+
+
 def test_what_it_still_has_is_seen_in_it() -> None:
     world = carried_behind_a_wall()
     world.seen.add("cup")
