@@ -268,7 +268,7 @@ class Explainer:
         """
         if not item.track.trail or item.track.is_fresh(now) or item.holder:
             return None
-        if (item.hand or item.vanished_when_let_go) and not item.path.is_falling:
+        if (item.hand or item.vanished_when_let_go) and not item.falls:
             return None
         config, believed = self._config, self._bodies.solid(item.name)
         glimpse = glimpse_of(believed, item.track.trail, item.error_mean, item.error_std(config))

@@ -323,7 +323,7 @@ class Driving:
         if now - item.track.last_stamp <= ONE_MOMENT:
             return False
         was_raised = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
-        return drive.runs or (any(item.path.velocity) and (item.path.is_falling or not was_raised))
+        return drive.runs or (any(item.path.velocity) and (item.falls or not was_raised))
 
     def _let_run(self, item: BelievedObject, drive: Drive, now: float) -> None:
         """Leave the body to physics, as fast as it was seen to move last; for good, once it is unseen."""
