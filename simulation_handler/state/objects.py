@@ -149,7 +149,7 @@ class BelievedObject:
 
     @property
     def falls(self) -> bool:
-        """Whether the object was seen to fall when it was last seen: its way in a hand since then does not tell that."""
+        """Whether the object was falling when it was last seen: its way in a hand since then does not tell that."""
         return self.path.is_falling and self.path.newest <= self.track.last_stamp
 
     @property
