@@ -124,7 +124,7 @@ class Carrying:
 def _hovers(item: BelievedObject, now: float) -> bool:
     """Whether an object is seen in the air, and neither falls nor is in a gripper."""
     is_seen = now - item.track.last_stamp <= UNSEEN
-    return is_seen and item.hovering_since is not None and not item.holder and not item.path.is_falling
+    return is_seen and item.hovering_since is not None and not item.holder and not item.falls
 
 
 def levelled(solid: Solid) -> Quaternion:

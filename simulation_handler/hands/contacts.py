@@ -36,6 +36,8 @@ class Contacts:
         self._gaps = Gaps()
         self._spans = Spans()
         self._now: tuple[set[Relation], set[Relation]] = set(), set()  # without delay
+        self.closed: set[Relation] = set()
+        """(hand, object) that pinched, and whose fingertips are now seen as far apart as they were then"""
 
     @property
     def touches(self) -> Mapping[Relation, float]:
@@ -74,6 +76,7 @@ class Contacts:
 
     def update(self, now: float) -> None:
         """Look for contact at time `now` (s)."""
+        self.closed = set()
         self._now = touching, opposed = self._found(now)
         self._touches.update(touching, now)
         self._pinches.update(opposed, now)
@@ -118,10 +121,13 @@ class Contacts:
     def _is_pinched(self, relation: Relation, touched: Mapping[str, Met | None], solid: Solid, noise: float) -> bool:
         """Whether fingertips at an object are on opposite sides, or were, and are as far apart as then."""
         points = {tip: met.point for tip, met in touched.items() if met is not None}
+        is_closed = relation in self.pinches and bool(self._spans.closed(relation, points, solid, noise))
+        if is_closed:
+            self.closed.add(relation)
         if is_opposed(touched):
             self._spans.note(relation, touched)
             return True
-        return relation in self.pinches and bool(self._spans.closed(relation, points, solid, noise))
+        return is_closed
 
     def _was_put_down(self, relation: Relation, now: float) -> bool:
         """Whether a hand was seen to open about what rested, which is not seen now, so that it looks pinched again."""
@@ -163,4 +169,4 @@ class Contacts:
 
 def drops(hand: Hand, item: BelievedObject) -> bool:
     """Whether the object was falling when it was last seen, while the hand was unseen."""
-    return item.path.is_falling and not hand.path.is_falling
+    return item.falls and not hand.path.is_falling

@@ -216,7 +216,7 @@ class Deeds:
             hovers=hovers,
             rests=bool(carriers) and not (hovers or holder),
             was_followed=item.was_followed,
-            falls=item.path.is_falling,
+            falls=item.falls,
             lowered=item.path.velocity[2] < -SLOW,
             is_seen=item.track.is_fresh(now),
             path=None if item.holder else item.path,

@@ -77,6 +77,7 @@ class GoingAlong:
                 grasp.note(Sign.ABSENT)
             elif is_absent is None and self._is_through_wall(item, there):
                 grasp.note(Sign.THROUGH_WALL)
+                self._left_behind.part(relation, sure, now)
             if is_absent is not None or grasp.state is LEFT_BEHIND:
                 return
         if not is_seen or math.dist(there.t, item.path.last.t) < ELSEWHERE:  # else the palm is not where it seems

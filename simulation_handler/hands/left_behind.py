@@ -69,6 +69,11 @@ class LeftBehind:
             unseen.absent_since, unseen.place = now, unseen.place or sure
         return missed((now - unseen.absent_since) / FRAME, seen.recognised) >= needed
 
+    def part(self, relation: Relation, sure: Pose, now: float) -> None:
+        """The hand has gone where it cannot have taken the object, which surely was at `sure` before."""
+        unseen = self._unseen[relation]
+        unseen.absent_since, unseen.place = now, unseen.place or sure
+
     def place(self, relation: Relation, visibility: VisibilityQuery | None) -> Pose | None:
         """Where an object was left that should be seen where it is believed to be, and is not; None if there is none.
 

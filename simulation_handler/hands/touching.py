@@ -255,6 +255,8 @@ class Touching:
             grasp.note(sign)
         if is_seen:
             grasp.sure = None
+        if relation in self._contacts.closed:
+            grasp.opened = -math.inf  # it was a false look
         if is_seen or not item.hand:
             before = grasp.hand_from_object
             if not item.shows_tilt:
@@ -345,7 +347,7 @@ class Touching:
         item, hand = self._bodies.objects[thing], self._hands.get(name)
         hovers = item.static or item.hovering_since is not None
         is_alone = sum(held == thing for _, held in self.grasps) == 1
-        if hand is None or item.hand != name or not hovers or not is_alone or item.path.is_falling:
+        if hand is None or item.hand != name or not hovers or not is_alone or item.falls:
             return False
         stamp, solid = self._contacts.seen_at(hand, item, now)
         there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object

@@ -54,7 +54,7 @@ class Correction:
 
     def _is_let_go(self, item: BelievedObject, let_go: Collection[str]) -> bool:
         if item.was_followed:
-            return item.name in let_go or item.path.is_falling or (not item.hand and item.vanished_when_let_go)
+            return item.name in let_go or item.falls or (not item.hand and item.vanished_when_let_go)
         return self._was_on_its_way(item)
 
     def _was_on_its_way(self, item: BelievedObject) -> bool:

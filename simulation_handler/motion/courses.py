@@ -177,13 +177,13 @@ class _Simulated:
 
 
 def _starts(item: BelievedObject) -> list[SettingOut]:
-    return starts_of(item.track.trail, DRAW_COUNT)
+    return starts_of(item.track.way, DRAW_COUNT)
 
 
 def _is_on_its_way(item: BelievedObject) -> bool:
     """Whether an object moved by itself when it was seen last."""
     is_held = item.hand or item.holder or item.rides
-    return not is_held and len(item.track.trail) > 1 and (item.driven or item.track.is_restless)
+    return not is_held and len(item.track.way) > 1 and (item.driven or item.track.is_restless)
 
 
 def _add(sim: Simulator, name: str, body: RolloutBody, mass: float) -> None:

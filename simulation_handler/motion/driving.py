@@ -275,9 +275,12 @@ class Driving:
 
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
-        noise = math.hypot(item.noise, item.error_std(self._config))
-        two, three = max(ASTRAY, SURE_SIGMAS * noise), max(ASTRAY, LIKELY_SIGMAS * noise)
+        two, three = self._by_noise(item, SURE_SIGMAS), self._by_noise(item, LIKELY_SIGMAS)
         return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
+
+    def _by_noise(self, item: BelievedObject, sigmas: float) -> float:
+        """Metres by which an object may seem elsewhere by so much noise, as far as its systematic error is known."""
+        return max(ASTRAY, sigmas * math.hypot(item.noise, item.error_std(self._config)))
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_static(item, False)
@@ -320,7 +323,7 @@ class Driving:
         if now - item.track.last_stamp <= ONE_MOMENT:
             return False
         was_raised = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
-        return drive.runs or (any(item.path.velocity) and (item.path.is_falling or not was_raised))
+        return drive.runs or (any(item.path.velocity) and (item.falls or not was_raised))
 
     def _let_run(self, item: BelievedObject, drive: Drive, now: float) -> None:
         """Leave the body to physics, as fast as it was seen to move last; for good, once it is unseen."""
@@ -345,7 +348,7 @@ class Driving:
         scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.supported([item.name])})
         covariance = UNSEEN_COVARIANCE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._config
-        reach = min(SAME_PLACE, config.hover_tolerance) if is_lifted(item, drive) else config.hover_tolerance
+        reach = min(SAME_PLACE if is_lifted(item, drive) else self._by_noise(item, SURE_SIGMAS), config.hover_tolerance)
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config, reach)
         if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, others):

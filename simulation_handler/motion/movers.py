@@ -18,7 +18,7 @@ from simulation_handler.state.objects import BelievedObject
 def coasts(item: BelievedObject, solid: Solid) -> bool:
     """Whether an object, seen in the pose of a solid, goes on by itself after a push: it rolls or falls."""
     lies = solid.kind == "cylinder" and not solid.is_round
-    return item.path.is_falling or solid.kind == "sphere" or lies
+    return item.falls or solid.kind == "sphere" or lies
 
 
 def may_push(other: BelievedObject, solid: Solid) -> bool:

@@ -47,7 +47,7 @@ def starts_of(trail: Sequence[WeighedPercept], count: int) -> list[SettingOut]:
     means a high speed.
 
     Args:
-        trail: its newest percepts, the last one at the end; two at least.
+        trail: its newest percepts, without a gap, the last one at the end; two at least.
         count: how many.
     """
     last = list(trail)[-LAST:]

@@ -67,6 +67,11 @@ class PerceptTrack:
         """The newest percepts, the last one at the end."""
         return tuple(self._newest)
 
+    @property
+    def way(self) -> tuple[WeighedPercept, ...]:
+        """The newest percepts since the last gap: nobody knows how it came from those before to these."""
+        return tuple(percept for percept in self._newest if percept.stamp >= self._since)
+
     def estimate_at(self, now: float) -> Estimate | None:
         """The estimate from percepts at `now` (s); None while unseen, or if all in it is from before a gap."""
         if self.estimate is None or not self.is_fresh(now):

@@ -148,6 +148,11 @@ class BelievedObject:
         self.seen_by[camera] = max(self.seen_by.get(camera, -math.inf), stamp)
 
     @property
+    def falls(self) -> bool:
+        """Whether the object was falling when it was last seen: its way in a hand since then does not tell that."""
+        return self.path.is_falling and self.path.newest <= self.track.last_stamp
+
+    @property
     def vanished_when_let_go(self) -> bool:
         """Whether the object was not seen any more after a hand had let go of it."""
         return self.track.last_stamp <= self.let_go_at

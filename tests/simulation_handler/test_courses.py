@@ -160,6 +160,25 @@ def test_a_thing_without_two_percepts_has_none() -> None:
     table.close()
 
 
+def test_what_is_glimpsed_once_after_it_was_carried_elsewhere_unseen_has_none() -> None:
+    table = Table(*(0.0,) * 9)
+    table.now += 10.0  # s
+    seen = percepts(0.3)[0]
+    table.ball.observe(WeighedPercept(**{**vars(seen), "stamp": table.now}), "camera")
+    assert len(table.run(1.0)) == 0, "nobody knows how fast it came there, nor from where"
+    table.close()
+
+
+def test_its_way_since_a_gap_tells_how_fast_it_was() -> None:
+    table = Table(*(0.0,) * 9)
+    table.now += 10.0  # s
+    for percept in percepts(0.3, 0.27, 0.24, 0.21):
+        table.now += PERIOD
+        table.ball.observe(WeighedPercept(**{**vars(percept), "stamp": table.now}), "camera")
+    assert table.run(0.5)[:, 0].max() < 0.21, "all go on the way that was seen"
+    table.close()
+
+
 def test_a_long_pause_costs_no_more_than_a_short_one() -> None:
     table = Table(*MOVES)
     table.now += 1e4  # s, as after a machine that slept while the ball was on its way

@@ -306,6 +306,16 @@ def test_a_box_that_slides_stays_on_the_table() -> None:
         assert ("box", "table") in world.belief.supports()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_rises_by_more_than_noise_is_not_shifted_along_the_view_onto_what_it_left(seed: int) -> None:
+    """Its systematic error is known by then: nothing else could have it seem so high, and further away."""
+    world = Occlusion({"box": standing(0.3, 0.45, BOX)}, seed)
+    world.run(3.0)
+    for step in range(1, 11):
+        world.move("box", standing(0.3, 0.45, BOX, on=0.005 * step), speed=0.1)
+        assert world.pose("box").t[:2] == pytest.approx((0.3, 0.45), abs=0.008)
+
+
 def test_what_is_carried_through_the_air_does_not_sag_on_its_way() -> None:
     world = Occlusion({"box": standing(0.3, 0.0, BOX)}, noise=0.0)
     world.run(1.0)

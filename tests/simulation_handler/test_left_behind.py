@@ -106,6 +106,25 @@ def test_what_was_left_did_not_take_the_way_of_the_hand(seed: int, monkeypatch: 
     assert left[0].path.since(0.0) == [left[0].path.last]
 
 
+def test_what_went_with_a_hand_when_it_was_last_seen_was_not_on_its_way_into_a_fall() -> None:
+    """Else what is not where its hand must have left it would have fallen over the edge of the table, far away."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "box": standing(0.0, 0.3, BOX)})
+    world.run(2.0)
+    world.visibility = behind(-0.15)
+    world.hand("cup")
+    world.run(0.8)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.25))
+    world.move("cup", standing(0.3, -0.15, SMALL, on=0.25), speed=0.3)
+    world.seen.discard("cup")
+    world.hand_seen = False
+    world.move("cup", standing(0.3, -0.3, SMALL, on=0.25), speed=0.3)
+    world.run(1.0)
+    come_back(world)
+    world.visibility = behind(-0.25)  # it could lie there
+    world.run(3.0)
+    assert world.texts() == ["removed(cup)"]
+
+
 def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> None:
     world = carried_behind_a_wall()
     world.visibility = behind(-0.15)
@@ -188,6 +207,27 @@ def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
     world.run(1.0)
     assert ("cup", "box") in world.belief.contents()
     assert world.pose("box").t == pytest.approx((0.3, 0.0, 0.5 * BOX[2]), abs=0.01)
+
+
+def test_what_a_palm_that_rose_would_take_through_a_wall_is_where_it_surely_was() -> None:
+    """Not where the palm had it last: it rose and went aside with that."""
+    inside = standing(0.3, 0.0, SMALL, on=WALL)
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.3, SMALL)})
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    for there in (standing(0.3, 0.3, SMALL, on=0.2), standing(0.3, 0.0, SMALL, on=0.2), inside):
+        world.move("cup", there)
+    world.run(1.0)
+    world.seen.discard("cup")
+    world.tips_from_object = {}
+    for step in range(1, 11):
+        aside, up = 0.012 * max(step - 4, 0), 0.01 * min(step, 4)
+        world.palm = Pose((0.3 + aside, 0.0, inside.t[2] + up)) @ world.hand_from_object.inverse()
+        world.run(0.1)
+    world.run(1.0)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t == pytest.approx(inside.t, abs=0.01)
 
 
 def test_what_it_still_has_is_seen_in_it() -> None:

@@ -119,6 +119,29 @@ def test_a_fingertip_that_seems_to_touch_again_as_its_hand_rises_does_not_lift_w
     assert world.error("cup") < 0.01
 
 
+@pytest.mark.parametrize("flickers", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hand_lowers_fast_unseen_does_not_fall_from_it(seed: int, *, flickers: bool) -> None:
+    """Not even while a fingertip seems apart at every other look: its way is that of the hand alone."""
+    world = lifted_and_lowered(seed, 0.2)
+    world.seen.discard("cup")
+    world.run(0.5)
+    places = world.tips_from_object
+    index = min(places)
+    x, y, z = places[index]
+    for step in range(1, 11):
+        world.tips_from_object = places | ({index: (x, y + math.copysign(0.04, y), z)} if flickers and step % 2 else {})
+        world.truths["cup"] = standing(0.3, 0.03 * step, SMALL, on=min(0.2, 0.4 - 0.04 * step))
+        world.place_hand()
+        world.run(0.1)
+    opened_at = world.now
+    opened(world, 0.0)
+    world.run(1.0)
+    assert world.belief.let_go()[HELD].state is LET_GO
+    assert world.belief.let_go()[HELD].since == pytest.approx(opened_at, abs=0.3)
+    assert world.belief.deeds("cup")[-1].kind == PLACE
+
+
 def test_what_is_held_again_is_not_told_to_have_been_let_go() -> None:
     world = lifted_and_lowered(0, 0.05)
     opened(world, 0.05)
