@@ -358,6 +358,8 @@ class FrameTree:
 
 def _by_newest(histories: Mapping[str, PoseHistory]) -> list[tuple[str, PoseHistory]]:
     """The histories by parent, the newest sample first; ties go by name."""
+    if len(histories) == 1:
+        return list(histories.items())
     return sorted(histories.items(), key=lambda item: (-item[1].newest.stamp, item[0]))
 
 
