@@ -271,7 +271,7 @@ def _read_kept(payload: bytes) -> Delta:
 def _read_shared(payload: bytes) -> Delta:
     """As `_read_sent`, at the cost of a copy of its lists if a replica of this process has just read the same."""
     read = _read_once(payload)
-    lists = ([*values] for values in (read.adds, read.writes, read.removed, read.context))
+    lists = [*read.adds], [*read.writes], [*read.removed], [*read.context]
     return Delta(*lists, read.live, read.examined, read.misfits)
 
 
