@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ _EYE = np.eye(3)
 _NOTHING = math.sqrt(sys.float_info.epsilon)  # m or rad
 
 
-@dataclass(frozen=True)
-class Offset:
+class Offset(NamedTuple):
     """From where an object is believed to be to where it is perceived, in one way."""
 
     vector: Vector3
@@ -38,8 +37,7 @@ class Offset:
         return math.hypot(*self.vector)
 
 
-@dataclass(frozen=True)
-class Deviation:
+class Deviation(NamedTuple):
     """From where an object is believed to be to where it is perceived."""
 
     beside: Offset
