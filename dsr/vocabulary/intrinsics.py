@@ -111,7 +111,7 @@ class Intrinsics(msgspec.Struct, frozen=True):
     def slopes_at(self, u: NDArray[np.int64], v: NDArray[np.int64]) -> tuple[Array, Array]:
         """The x and the y (n,) of the viewing rays with z = 1 through pixels in columns u (n,) and rows v (n,)."""
         if self.distortion is None:
-            return (u - self.cx) / self.fx, (v - self.cy) / self.fy
+            return np.asarray((u - self.cx) / self.fx), np.asarray((v - self.cy) / self.fy)
         rays = self.rays(np.column_stack([u, v]).astype(np.float64))
         return rays[:, 0], rays[:, 1]
 
