@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import math
 import sys
-from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -54,8 +53,6 @@ _SIDE = (2.0 * np.arange(_RAY_GRID) + 1.0) / _RAY_GRID - 1.0  # the middles of a
 _RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2), in half sides of the tag
 _POINTS = 2 * len(_RAYS)
 """Points, at most, on the surface of an object that is recognised by its colour: twice, since their shares differ."""
-
-_KEPT = 2  # answers: about where unseen things are, and about the places around these
 
 
 @dataclass(frozen=True)
@@ -241,8 +238,8 @@ class RayVisibility:
         """What was there in the question before"""
         self._all: list[dict[str, ExpectedVisibility] | None] = []
         """What cameras see of each of that, once somebody has asked"""
-        self._told: deque[_Told] = deque(maxlen=_KEPT)
-        """The last answers about other places"""
+        self._told: tuple[_Told, ...] = ()
+        """The last two answers about other places: who asks about things that are missing asks about their places"""
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
         """Share (0 to 1) of each solid that each camera should see, by (camera, name).
@@ -278,7 +275,7 @@ class RayVisibility:
         told = next((told for told in self._told if told.there is there and told.solids == solids), None)
         if told is None:
             told = _Told(there, solids, self._look(solids, there))
-            self._told.append(told)
+            self._told = (*self._told[-1:], told)
         return [dict(by_camera) for by_camera in told.answer]
 
     def _noted(self, given: list[Solid]) -> _Among:
