@@ -107,7 +107,11 @@ class SurpriseDetector(Agent):
             if is_due:
                 self._nats_due = now + self.config.nats_period
                 self._whereabouts.note(now, names)
-            nats = {node.name: self._judge_object(node, now, held, in_full=is_due) for node in objects}
+            tracks = self._fresh_tracks(now)
+            nats = {
+                node.name: self._judge_object(node, now, held, tracks.get(node.name, []), in_full=is_due)
+                for node in objects
+            }
             nats |= {camera.name: self._judge_camera(camera, now) for camera in self.memory.nodes("camera")}
             nats |= {hand.name: self._judge_hand(hand, now) for hand in self.memory.nodes("hand")}
             if is_due:
@@ -147,12 +151,21 @@ class SurpriseDetector(Agent):
                 before = partial(self._beliefs.before, percept.name)
                 track.add(percept.stamp, percept.pose, percept.eye, known, before)
 
-    def _judge_object(self, node: Node, now: float, held: set[str], *, in_full: bool) -> float | None:
+    def _fresh_tracks(self, now: float) -> dict[str, list[EvidenceTrack]]:
+        """What cameras saw lately, by object."""
+        found: dict[str, list[EvidenceTrack]] = {}
+        for (_, name), track in self._tracks.items():
+            if track.is_fresh(now):
+                found.setdefault(name, []).append(track)
+        return found
+
+    def _judge_object(
+        self, node: Node, now: float, held: set[str], tracks: list[EvidenceTrack], *, in_full: bool
+    ) -> float | None:
         """Raise or clear its flag; how improbable what is seen of it is, nats, or None if nothing is believed of it.
 
         Unless `in_full`, what is sure to be no surprise is told by its upper bound.
         """
-        tracks = [track for (_, name), track in self._tracks.items() if name == node.name and track.is_fresh(now)]
         start = min((track.start(track.last_stamp) for track in tracks), default=now - self.config.fresh)
         where = self._whereabouts.before(node.name, start, self._beliefs.since(node.name))
         seen = self._lately_seen(node, tracks, now, is_held=node.name in held)

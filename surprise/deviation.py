@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,7 @@ _EYE = np.eye(3)
 _NOTHING = math.sqrt(sys.float_info.epsilon)  # m or rad
 
 
-@dataclass(frozen=True)
-class Offset:
+class Offset(NamedTuple):
     """From where an object is believed to be to where it is perceived, in one way."""
 
     vector: Vector3
@@ -37,8 +37,7 @@ class Offset:
         return math.hypot(*self.vector)
 
 
-@dataclass(frozen=True)
-class Deviation:
+class Deviation(NamedTuple):
     """From where an object is believed to be to where it is perceived."""
 
     beside: Offset
@@ -67,18 +66,43 @@ def compare(
         config: noise.
         prior: the belief before the percept, whose covariance counts; None: `belief` is of before.
     """
-    difference = np.subtract(percept.t, belief.t)
-    ray = _unit(np.subtract(percept.t, eye))
-    depth = float(difference @ ray)
-    turn = np.array(quaternions.to_rotvec(quaternions.product(percept.q, quaternions.conjugate(belief.q))))
+    return compare_all(percept, eye, (belief,), config, prior=prior)[0]
+
+
+def compare_all(
+    percept: Pose, eye: Vector3, beliefs: Sequence[Pose], config: SurpriseConfig, *, prior: Pose | None = None
+) -> list[Deviation]:
+    """Deviations of one percept from several beliefs, see `compare`; what the percept tells is worked out once."""
+    seen = np.array(percept.t)
+    ray = _unit(seen - np.array(eye))
     place, rotation = _percept_noise(percept, ray, config)
-    believed_place, believed_rotation = _belief_noise(belief if prior is None else prior, config)
     along = float(ray @ place @ ray)
     along = max(along - config.depth_bias**2, float(np.trace(place) - along) / 2) + config.depth_noise**2
-    return Deviation(
-        _offset(difference - depth * ray, place, believed_place + config.position_noise**2 * _EYE),
-        Offset((depth, 0.0, 0.0), _std(along), _std(float(ray @ believed_place @ ray))),
-        _offset(turn, rotation, believed_rotation + config.rotation_covariance(np.zeros((3, 3)))),
+    deep = _std(along)
+    of_prior = None if prior is None else _common(prior, ray, config)
+    found = []
+    for belief in beliefs:
+        believed_place, believed_deep, believed_rotation = of_prior or _common(belief, ray, config)
+        difference = seen - np.array(belief.t)
+        depth = float(difference @ ray)
+        turn = np.array(quaternions.to_rotvec(quaternions.product(percept.q, quaternions.conjugate(belief.q))))
+        found.append(
+            Deviation(
+                _offset(difference - depth * ray, place, believed_place),
+                Offset((depth, 0.0, 0.0), deep, believed_deep),
+                _offset(turn, rotation, believed_rotation),
+            )
+        )
+    return found
+
+
+def _common(belief: Pose, ray: Array, config: SurpriseConfig) -> tuple[Array, float, Array]:
+    """What percepts share: covariance (3, 3) of the place, m^2, deviation along the ray, m, and of the turn, rad^2."""
+    place, rotation = _belief_noise(belief, config)
+    return (
+        place + config.position_noise**2 * _EYE,
+        _std(float(ray @ place @ ray)),
+        rotation + config.rotation_covariance(np.zeros((3, 3))),
     )
 
 

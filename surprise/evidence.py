@@ -15,8 +15,8 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.nats import DECIDE, FALSE_FRAME, MOST_MISFIT
 from surprise.config import SurpriseConfig
-from surprise.deviation import Deviation, compare
-from surprise.misfit import DepthBias, Misfit, describe, disagreement, disagrees, misfit
+from surprise.deviation import Deviation, compare, compare_all
+from surprise.misfit import DepthBias, Misfit, describe, disagreement, disagrees, is_surprising, misfit
 
 KEPT = math.ceil(MOST_MISFIT / FALSE_FRAME)
 """count of percepts that are one evidence: more could not make it less probable"""
@@ -93,10 +93,10 @@ class EvidenceTrack:
             before: gives what was believed before a time (s): how sure that was counts.
         """
         prior = self._prior(stamp, before) or beliefs[0]
-        deviation = self._least([compare(pose, eye, belief, self._config, prior=prior) for belief in beliefs])
+        deviation, cost = self._least(compare_all(pose, eye, beliefs, self._config, prior=prior))
         self._sightings.append(DeviationSighting(stamp, pose, eye, deviation, prior))
         self._misfits.clear()
-        if not disagrees(deviation, self.bias):
+        if not is_surprising(cost):
             self._learned = min(self._learned + 1, self._config.learn_window)
             self._offset += (deviation.depth.vector[0] - self._offset) / self._learned
 
@@ -114,7 +114,7 @@ class EvidenceTrack:
         """Compare the last percepts with a newer belief as well; the one that they fit best counts."""
         for sighting in self._sightings:
             new = compare(sighting.pose, sighting.eye, belief, self._config)
-            sighting.deviation = self._least([sighting.deviation, new])
+            sighting.deviation, _ = self._least([sighting.deviation, new])
         self._misfits.clear()
 
     def is_fresh(self, now: float) -> bool:
@@ -160,5 +160,9 @@ class EvidenceTrack:
             return first.prior
         return before(start)
 
-    def _least(self, deviations: Sequence[Deviation]) -> Deviation:
-        return min(deviations, key=lambda deviation: disagreement(deviation, self.bias))
+    def _least(self, deviations: Sequence[Deviation]) -> tuple[Deviation, float]:
+        """The first of those that noise makes most easily, and what that costs, nats."""
+        bias = self.bias
+        costs = [disagreement(deviation, bias) for deviation in deviations]
+        least = min(costs)
+        return deviations[costs.index(least)], least

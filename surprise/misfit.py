@@ -60,12 +60,17 @@ def misfit(deviations: Sequence[Deviation], bias: DepthBias, false: float = FALS
 
 def disagreement(deviation: Deviation, bias: DepthBias) -> float:
     """What noise alone costs that makes one percept so far off, nats."""
-    return max(max(_improbability(way, [offset(way, deviation, bias)]) for way in WAYS) - _ORDINARY, 0.0)
+    return max(max(_of_one(way, offset(way, deviation, bias)) for way in WAYS) - _ORDINARY, 0.0)
 
 
 def disagrees(deviation: Deviation, bias: DepthBias, share: float = 1.0) -> bool:
     """Whether one percept would be surprising, or as much as a share of that, if it could not be false."""
-    return disagreement(deviation, bias) >= share * SURPRISING
+    return is_surprising(disagreement(deviation, bias), share)
+
+
+def is_surprising(nats: float, share: float = 1.0) -> bool:
+    """Whether what noise alone costs is surprising, or as much as a share of that."""
+    return nats >= share * SURPRISING
 
 
 def offset(way: Way, deviation: Deviation, bias: DepthBias) -> Offset:
@@ -118,7 +123,17 @@ def _improbability(way: Way, alike: Sequence[Offset]) -> float:
     count = len(alike)
     squared = sum(sum(parts) ** 2 for parts in zip(*(one.vector for one in alike), strict=True)) / count**2
     noise, common = sum(one.noise**2 for one in alike) / count**2, sum(one.common**2 for one in alike) / count
-    half = float(0.5 * squared / (noise + common))
+    return _of_half(way, float(0.5 * squared / (noise + common)))
+
+
+def _of_one(way: Way, one: Offset) -> float:
+    """How improbable it is that noise makes one percept so far off, nats."""
+    x, y, z = one.vector
+    return _of_half(way, float(0.5 * (x**2 + y**2 + z**2) / (one.noise**2 + one.common**2)))
+
+
+def _of_half(way: Way, half: float) -> float:
+    """The same, nats, by half the square of the distance in standard deviations."""
     if way == "beside":
         return half
     return -(log_tail_of_three(half) if way == "turn" else math.log(_tail_of_one(half)))

@@ -66,15 +66,16 @@ def fit_depth_planes(
     planes = DepthPlanes(np.full((len(corners), 3), np.nan), np.full((len(corners), 3, 3), np.nan))
     tag, u, v, stride = _pixels_within(corners, depth.shape, correlation)
     within = np.bincount(tag, minlength=len(corners))
-    z = depth[v, u].astype(np.float64)
+    z = depth.ravel().take(v * depth.shape[1] + u).astype(np.float64)
     valid = np.isfinite(z) & (z > 0.0)
     known = np.bincount(tag[valid], minlength=len(corners))
     enough = (within >= _MIN_PIXELS) & (known >= np.maximum(_MIN_PIXELS, _MIN_VALID * within))
     valid &= enough[tag]
     if not valid.any():
         return planes
-    rays = intrinsics.rays(np.column_stack([u[valid], v[valid]]).astype(np.float64))
-    cloud = _Pixels.of((np.cumsum(enough) - 1)[tag[valid]], rays, 1.0 / z[valid], known[enough])
+    if not valid.all():
+        u, v, z = u[valid], v[valid], z[valid]
+    cloud = _Pixels.of(*intrinsics.slopes_at(u, v), 1.0 / z, known[enough])
     p, precision, scale = _robust_fit(cloud, noise_floor)
     inverse_depths = cloud.along(p)
     lengths = np.linalg.norm(p, axis=1)[:, None] * np.sqrt(np.maximum((cloud.rays**2).sum(axis=1), 1.0))
@@ -101,14 +102,12 @@ class _Pixels(NamedTuple):
     """(n,) how many are used"""
 
     @staticmethod
-    def of(tag: NDArray[np.int64], rays: Array, inverse_depth: Array, known: NDArray[np.int64]) -> _Pixels:
-        """Those of pixels sorted by `tag` (k,), with rays (k, 3) and inverse depths (k,), `known` (n,) of each tag."""
-        column = np.arange(len(tag)) - (np.cumsum(known) - known)[tag]
+    def of(x: Array, y: Array, inverse_depth: Array, known: NDArray[np.int64]) -> _Pixels:
+        """Those of pixels sorted by tag, with rays (x, y, 1) and inverse depths (k,), `known` (n,) of each tag."""
         used = np.arange(known.max()) < known[:, None]
         found = _Pixels(np.zeros((len(known), 3, used.shape[1])), np.zeros(used.shape), used, known)
-        for axis in range(3):
-            found.rays[tag, axis, column] = rays[:, axis]
-        found.inverse_depth[tag, column] = inverse_depth
+        found.rays[:, 0][used], found.rays[:, 1][used], found.rays[:, 2] = x, y, used
+        found.inverse_depth[used] = inverse_depth
         return found
 
     def along(self, p: Array) -> Array:
@@ -147,11 +146,12 @@ def _pixels_within(
     number = np.arange((columns * rows).max(initial=0))
     row, column = np.divmod(number, np.maximum(columns, 1)[:, None])
     u, v = (low[:, axis, None] + stride[:, None] * step for axis, step in ((0, column), (1, row)))
+    across, down = u.astype(np.float64), v.astype(np.float64)
     edges = np.roll(outline, -1, axis=1) - outline
     left = right = number < (columns * rows)[:, None]
     for corner in range(4):
         x, y, along_x, along_y = np.hstack([outline[:, corner], edges[:, corner]]).T[:, :, None]
-        side = along_x * v - along_y * u + (along_y * x - along_x * y)
+        side = along_x * down - along_y * across + (along_y * x - along_x * y)
         left, right = left & (side >= 0.0), right & (side <= 0.0)
     inside = left | right
     return np.nonzero(inside)[0], u[inside], v[inside], stride

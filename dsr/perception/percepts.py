@@ -74,6 +74,7 @@ class PerceptReader:
             cameras: the frames to be seen from; None for whatever an RT edge comes from.
         """
         self.problems = {}
+        places = _CameraPlaces(self._memory)
         edge_of = self._memory.get_edge
         self._given = {key: stamp for key, stamp in self._given.items() if edge_of(*key, "RT") is not None}
         found = []
@@ -84,13 +85,13 @@ class PerceptReader:
                     continue
                 stamp = pose.stamp or (now if self._timeless else -math.inf)
                 if stamp > self._given.get((edge.src, name), -math.inf):
-                    percept = self._percept(edge, pose, stamp, now)
+                    percept = self._percept(edge, pose, stamp, now, places)
                     if percept is not None:
                         self._given[edge.src, name] = stamp
                         found.append(percept)
         return found
 
-    def _percept(self, edge: Edge, pose: Pose, stamp: float, now: float) -> Percept | None:
+    def _percept(self, edge: Edge, pose: Pose, stamp: float, now: float, places: _CameraPlaces) -> Percept | None:
         """None if it cannot be used, or not yet."""
         if stamp < now - self._oldest:
             self._given[edge.src, edge.dst] = stamp
@@ -99,7 +100,7 @@ class PerceptReader:
             self._skip(edge, "from the future", f"is stamped {stamp - now:.1f} s ahead")
         else:
             try:
-                world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
+                world_from_camera = places.world_from(edge.src, pose.stamp)
                 if (far := math.hypot(*world_from_camera.t) + math.hypot(*pose.t)) <= FARTHEST:
                     return Percept(edge.src, edge.dst, stamp, pose, world_from_camera)
                 self._given[edge.src, edge.dst] = stamp
@@ -113,3 +114,24 @@ class PerceptReader:
     def _skip(self, edge: Edge, reason: str, why: str) -> None:
         self.skipped[reason] += 1
         self.problems[edge.dst] = f"percept of {edge.dst!r} from {edge.src!r} {why}"
+
+
+class _CameraPlaces:
+    """Where cameras were in one look: worked out once for all that an image shows."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._known: dict[tuple[str, float], Pose | DsrError] = {}
+
+    def world_from(self, camera: str, stamp: float) -> Pose:
+        """world_from_camera at that time (s); of stamp 0, the newest. Raises `DsrError` where it is not known."""
+        known = self._known.get((camera, stamp))
+        if known is None:
+            try:
+                known = self._memory.transform(WORLD, camera, at=stamp or None)
+            except DsrError as error:
+                known = error
+            self._known[camera, stamp] = known
+        if isinstance(known, DsrError):
+            raise known
+        return known

@@ -6,6 +6,8 @@ import math
 
 DIGEST_PERIOD = 1.0
 """s between two digests, and between two times at which stream samples are made durable."""
+MOST_HELD = 1.5
+"""s that they are late at most because writes are held back: peers listen for twice as long to who says nothing"""
 HURRIED_PERIOD = 0.25
 """s between two digests while the network changes: the first ones may be lost on routes that are not complete yet."""
 HURRY = 1.0
@@ -37,6 +39,10 @@ class Pace:
         self._hurry_until = now + HURRY
         self._renewal_at = now + RENEWAL_DELAY
         self._next_digest = min(self._next_digest, now)
+
+    def is_overdue(self, now: float) -> bool:
+        """Whether a digest must be published, whatever is held back."""
+        return now - self._next_digest > MOST_HELD
 
     def digest_due(self, now: float) -> bool:
         """Whether to publish a digest now; true once."""

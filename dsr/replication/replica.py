@@ -160,7 +160,13 @@ class Replica:
         """Hold writes back for one more (1) or one less (-1)."""
         with self.lock:
             self._holds += change
+            speaks = self._holds == 0 and self._sender is not None and not self._stopped.is_set()
+            due = self.synchroniser.speak(self._clock.monotonic(), self._clock.now()) if speaks else []
+            for settled in [output.delta for output in due if isinstance(output, PublishDelta)]:
+                self.commit(settled)  # goes with what was held back, before the digest that tells of it
         self.send_soon()
+        for digest in [output for output in due if isinstance(output, PublishDigest)]:
+            self._guarded(lambda digest=digest: self._perform(digest))  # type: ignore[misc]
 
     def flush(self) -> None:
         """Hand everything written so far to the transport; nothing while writes are held together."""
@@ -211,7 +217,8 @@ class Replica:
                 with self.lock:
                     action()
             with self.lock:
-                outputs = self.synchroniser.tick(self._clock.monotonic(), self._clock.now())
+                now, physical = self._clock.monotonic(), self._clock.now()
+                outputs = self.synchroniser.tick(now, physical, holds_back=self._holds > 0)
                 self.graph.tidy()
             for output in outputs:
                 self._perform(output)

@@ -361,24 +361,37 @@ class Synchroniser:
         piece.joined = self.joined
         return piece
 
-    def tick(self, now: float, physical: float) -> list[Output]:
-        """Do the work that is due at monotonic time `now` and physical time `physical` (s), and return its outputs."""
+    def tick(self, now: float, physical: float, *, holds_back: bool = False) -> list[Output]:
+        """Do the work that is due at monotonic time `now` and physical time `physical` (s), and return its outputs.
+
+        Who `holds_back` writes says nothing meanwhile unless it must: see `speak`.
+        """
         outputs: list[Output] = []
         self._pace.look(now)
         self.claims.look(now)
         if self.impersonation.is_new_id_due(now):
             return [TakeId()]
         self._forget_gone(now)
-        if self._pace.settling_due(now) and (settled := self.make_durable()):
-            outputs.append(PublishDelta(settled))
-        if self._pace.digest_due(now):
-            self._compare_clocks(now)
-            outputs.append(PublishDigest(self.digest(physical)))
+        if not holds_back or self._pace.is_overdue(now):
+            outputs += self.speak(now, physical)
         if self._pace.renewal_due(now):
             outputs.append(Renew())
         self._note_time(now)
         question = self.inquiry.question(now, joined=self.joined)
         return outputs if question is None else [*outputs, question]
+
+    def speak(self, now: float, physical: float) -> list[Output]:
+        """Settle samples and tell what is here, if that is due.
+
+        Whatever a digest tells, all ask for that do not get it at once. So nobody should tell what is still held back.
+        """
+        outputs: list[Output] = []
+        if self._pace.settling_due(now) and (settled := self.make_durable()):
+            outputs.append(PublishDelta(settled))
+        if self._pace.digest_due(now):
+            self._compare_clocks(now)
+            outputs.append(PublishDigest(self.digest(physical)))
+        return outputs
 
     def _note_time(self, now: float) -> None:
         """For how long something has been missing here."""

@@ -21,6 +21,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Annotated, Any
 
 import msgspec
@@ -49,6 +50,13 @@ MAX_ADD = 3 * MAX_STRUCTURE // 8
 
 MOST_NAMED = 32
 """Replicas that one message names to people, or for votes about clocks: those known longest. Readers keep them."""
+
+_SHORT = 1 << 10
+"""Bytes of a message that is read about as soon as it is looked up."""
+_MOST_KEPT = MAX_STRUCTURE // 8
+"""Bytes of the longest message that is kept for other replicas of the process: percepts of 200 objects and more"""
+_KEPT = 8
+"""Messages that are kept, while the threads of other replicas come to them."""
 
 _FEW_ENDS = MAX_ADD // (4 * MAX_NAME + 32)
 """Creation dots that fit into one addition, however long their replica ids are."""
@@ -239,8 +247,12 @@ def write_rows(index: Indexes, writes: Iterable[Write]) -> list[SentWrite]:
 
 
 def decode_delta(payload: bytes) -> Delta:
-    """The delta in `payload`, which came over the network. Raises `WireError` unless all of it is valid."""
-    return decoded(payload, f"delta of {len(payload)} bytes", _read_sent)
+    """The delta in `payload`, which came over the network. Raises `WireError` unless all of it is valid.
+
+    Replicas of one process that get the same message share its additions and writes.
+    """
+    is_shared = _SHORT < len(payload) <= _MOST_KEPT
+    return decoded(payload, f"delta of {len(payload)} bytes", _read_shared if is_shared else _read_sent)
 
 
 def decode_kept(payload: bytes) -> Delta:
@@ -256,6 +268,13 @@ def _read_kept(payload: bytes) -> Delta:
     return _to_delta(message)
 
 
+def _read_shared(payload: bytes) -> Delta:
+    """As `_read_sent`, at the cost of a copy of its lists if a replica of this process has just read the same."""
+    read = _read_once(payload)
+    lists = [*read.adds], [*read.writes], [*read.removed], [*read.context]
+    return Delta(*lists, read.live, read.examined, read.misfits)
+
+
 def _read_sent(payload: bytes) -> Delta:
     if len(payload) <= MAX_STRUCTURE:
         return _to_delta(_sent_decoder.decode(payload))
@@ -263,6 +282,9 @@ def _read_sent(payload: bytes) -> Delta:
     message = _sent_decoder.decode(payload)
     check_structure(payload, message.writes)
     return _to_delta(message)
+
+
+_read_once = lru_cache(maxsize=_KEPT)(_read_sent)
 
 
 def check_length(payload: bytes) -> None:

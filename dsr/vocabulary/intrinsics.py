@@ -108,6 +108,13 @@ class Intrinsics(msgspec.Struct, frozen=True):
             flat = self.distortion.undistort(flat)
         return np.concatenate([flat, np.ones((*flat.shape[:-1], 1))], axis=-1)
 
+    def slopes_at(self, u: NDArray[np.int64], v: NDArray[np.int64]) -> tuple[Array, Array]:
+        """The x and the y (n,) of the viewing rays with z = 1 through pixels in columns u (n,) and rows v (n,)."""
+        if self.distortion is None:
+            return np.asarray((u - self.cx) / self.fx), np.asarray((v - self.cy) / self.fy)
+        rays = self.rays(np.column_stack([u, v]).astype(np.float64))
+        return rays[:, 0], rays[:, 1]
+
     def slopes(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The x and the y of the viewing rays with z = 1 of all pixels: arrays that broadcast to (height, width)."""
         return _slopes(self)

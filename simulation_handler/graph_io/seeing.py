@@ -21,7 +21,7 @@ from dsr.vocabulary.perceived import CAMERA_SPEED, CAMERA_TURN
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
 from simulation_handler.hands.state import HALF
-from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
+from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility, are_at
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.scales import TICK_SLACK
 from simulation_handler.shapes.geometry import Solid
@@ -126,9 +126,12 @@ class _Rays:
         hiding: Sequence[Solid],
         by_color: Collection[str],
     ) -> _Rays:
-        """These rays, if all is as it was; or else other ones."""
-        asked = list(cameras), set(standing), list(hiding), set(by_color)
-        return self if asked == self._asked else _Rays(cameras, standing, hiding, by_color)
+        """These rays, if all is as it was, but for less than counts; or else other ones."""
+        seeing, stood, hid, colored = self._asked
+        is_same = (set(standing), set(by_color), len(cameras)) == (stood, colored, len(seeing)) and are_at(hiding, hid)
+        if is_same and all(one.is_as(other) for one, other in zip(cameras, seeing, strict=True)):
+            return self
+        return _Rays(cameras, standing, hiding, by_color)
 
 
 def _is_news(written: Edge, values: Mapping[str, Any], tag: ExpectedVisibility) -> bool:

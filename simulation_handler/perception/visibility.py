@@ -20,6 +20,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.surfaces import GAP, crossings, meets, seen_alone
+from dsr.math3d.tolerance import SAME_POSE
 from dsr.math3d.transforms import Pose
 from dsr.perception.noise import NOTHING_SEEN
 from dsr.perception.scales import RESOLUTION, SURE_SIGMAS
@@ -65,6 +66,12 @@ class CameraView:
     intrinsics: Intrinsics
     obstacles: tuple[Solid, ...] = ()
     """Bodies that may hide something from this camera alone."""
+
+    def is_as(self, other: CameraView) -> bool:
+        """Whether another view is the same, but for less than counts: an arm at rest trembles."""
+        one, same = self.world_from_camera, other.world_from_camera
+        is_same = (self.camera, self.intrinsics, one.cov) == (other.camera, other.intrinsics, same.cov)
+        return is_same and SAME_POSE.covers(one, same) and are_at(self.obstacles, other.obstacles)
 
 
 class ExpectedVisibility(NamedTuple):
@@ -231,6 +238,8 @@ class RayVisibility:
         """What was there in the question before"""
         self._all: list[dict[str, ExpectedVisibility] | None] = []
         """What cameras see of each of that, once somebody has asked"""
+        self._told: tuple[_Told, ...] = ()
+        """The last two answers about other places: who asks about things that are missing asks about their places"""
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
         """Share (0 to 1) of each solid that each camera should see, by (camera, name).
@@ -254,12 +263,20 @@ class RayVisibility:
         A question about all that is there is answered anew only for what has moved, or may be hidden or revealed by it.
         """
         there = self._noted(list(among))
-        if list(solids) != there.given:
-            return self._look(solids, there)
+        if (asked_for := list(solids)) != there.given:
+            return self._told_of(asked_for, there)
         if asked := [place for place, known in enumerate(self._all) if known is None]:
             for place, found in zip(asked, self._look([there.solids[place] for place in asked], there), strict=True):
                 self._all[place] = found
         return [dict(known) for known in self._all if known is not None]
+
+    def _told_of(self, solids: list[Solid], there: _Among) -> list[dict[str, ExpectedVisibility]]:
+        """The answer about any places, which is that of before if somebody asks the same of the same."""
+        told = next((told for told in self._told if told.there is there and told.solids == solids), None)
+        if told is None:
+            told = _Told(there, solids, self._look(solids, there))
+            self._told = (*self._told[-1:], told)
+        return [dict(by_camera) for by_camera in told.answer]
 
     def _noted(self, given: list[Solid]) -> _Among:
         """All that is there, made ready; what has not moved is where it was."""
@@ -297,6 +314,20 @@ class RayVisibility:
                 hidden_by = names[which] if names and hiding[index, which] > 0.0 else ""
                 found[index][camera.view.camera] = ExpectedVisibility(share, hidden_by, not by_image[index])
         return found
+
+
+class _Told(NamedTuple):
+    """An answer about places of solids."""
+
+    there: _Among
+    """All that was there"""
+    solids: list[Solid]
+    answer: list[dict[str, ExpectedVisibility]]
+
+
+def are_at(some: Sequence[Solid], others: Sequence[Solid]) -> bool:
+    """Whether all of some solids are at the places of others, one by one, but for less than counts."""
+    return len(some) == len(others) and all(one.is_at(other) for one, other in zip(some, others, strict=True))
 
 
 def _are_told_apart(solids: Collection[Solid]) -> bool:

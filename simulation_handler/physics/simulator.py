@@ -319,10 +319,12 @@ class Simulator:
         """Into how many steps 1/240 s must be divided so that nothing gets far into what it hits."""
         if self._most_parts == 1:
             return 1
-        fastest = 0.0
-        for body in (*self._names, *self.fingers.bodies):  # of each a bound of the speed of its corners, m/s
-            linear, spin = pybullet.getBaseVelocity(body, physicsClientId=self._client)
-            fastest = max(fastest, math.hypot(*linear) + self._radii.get(body, FINGER_RADIUS) * math.hypot(*spin))
+        fastest, velocity_of, client, hypot = 0.0, pybullet.getBaseVelocity, self._client, math.hypot
+        radii = self._radii if not (tips := self.fingers.bodies) else self._radii | dict.fromkeys(tips, FINGER_RADIUS)
+        for body, radius in radii.items():
+            linear, spin = velocity_of(body, client)
+            speed = hypot(*linear) + radius * hypot(*spin)  # a bound of the speed of its corners, m/s
+            fastest = max(fastest, speed)
         fastest += GRAVITY * TIME_STEP
         return min(math.ceil(fastest * TIME_STEP / _STEP_REACH), self._most_parts)
 

@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from msgspec import structs
 
+from dsr.vocabulary.distortion import Distortion
 from dsr.vocabulary.intrinsics import Intrinsics
 
 LENS = Intrinsics(500.0, 510.0, 300.0, 250.0, 640, 480)
@@ -21,6 +23,13 @@ def test_a_ray_goes_through_its_pixel_at_any_distance() -> None:
     assert LENS.project(rays * rng.uniform(0.1, 5.0, (4, 5, 1))) == pytest.approx(pixels)
     homogeneous = rays @ LENS.matrix.T
     assert homogeneous[..., :2] == pytest.approx(pixels)
+
+
+@pytest.mark.parametrize("lens", [LENS, structs.replace(LENS, distortion=Distortion("plumb_bob", (0.1, -0.05)))])
+def test_slopes_at_pixels_are_exactly_those_of_the_rays(lens: Intrinsics) -> None:
+    u, v = np.array([0, 17, 401, 639]), np.array([479, 3, 0, 250])
+    rays = lens.rays(np.column_stack([u, v]).astype(np.float64))
+    assert [part.tolist() for part in lens.slopes_at(u, v)] == rays[:, :2].T.tolist()
 
 
 def test_slopes_are_those_of_the_rays() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgpack
 import msgspec
+import numpy as np
 import pytest
 
 from dsr import Pose, WireError
@@ -74,6 +75,18 @@ def test_round_trip() -> None:
     reply = sample()
     reply.live = frozenset({("a", 1), ("b", 9)})
     assert decode_delta(encode_delta(reply)).live == reply.live
+
+
+def test_replicas_of_one_process_share_what_a_long_message_tells() -> None:
+    pose = Pose((1, 2, 3), (0, 0, 0, 1), 4.5, tuple(np.eye(6).ravel()))
+    delta = Delta(writes=[Write(("a", n), "pose", 100, "a", None, pose) for n in range(1, 9)], context=[("a", 1, 8)])
+    one, other = decode_delta(encode_delta(delta)), decode_delta(encode_delta(delta))
+    assert as_tuple(one) == as_tuple(other) == as_tuple(delta)
+    assert all(here is there for here, there in zip(one.writes, other.writes, strict=True))
+    one.context = []
+    one.writes.clear()
+    one.extend_context([("b", 1, 1)])
+    assert as_tuple(decode_delta(encode_delta(delta))) == as_tuple(delta)
 
 
 @pytest.mark.parametrize("owner", ["a", "b", "c"])

@@ -75,6 +75,21 @@ def test_cameras_and_what_hides_are_made_ready_anew_only_when_they_changed(
     assert made == [["camera"]] * 2 and seen(table)["cube_3"][1] == "link"
 
 
+def test_an_arm_at_rest_trembles_and_changes_nothing(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    table.add("cube_3", cube_at(0.3, -0.1))
+    add_arm(table, 0.32, -0.06)
+    table.run(2.0)
+    monkeypatch.setattr(seeing, "RayVisibility", lambda *_, **__: pytest.fail("made ready anew"))
+    camera = table.memory.get_pose("world", "camera", "RT")
+    assert camera is not None
+    for step in range(1, 6):
+        add_arm(table, 0.32 + 1e-12 * step, -0.06)
+        x, y, z = camera.t
+        table.memory.add_edge("world", "camera", "RT", pose=Pose((x + 1e-9 * step, y, z), camera.q, camera.stamp))
+        table.run(0.2)
+    assert seen(table)["cube_3"][1] == "link"
+
+
 def test_what_the_arm_hides_if_a_camera_did_not_move_but_all_objects(table: Table) -> None:
     memory, shift = table.memory, Pose((0.0, -0.12, 0.0))
     table.add("cube_1", cube_at(0.4, 0.1))

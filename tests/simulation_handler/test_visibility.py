@@ -53,6 +53,25 @@ def test_a_cube_half_on_another_hides_part_of_it() -> None:
     assert shares(lower, upper)["lower"] == pytest.approx(0.4, abs=0.2)
 
 
+def test_who_asks_about_the_same_places_again_gets_the_same_without_another_look(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks = []
+    look = visibility._visibility
+    monkeypatch.setattr(visibility, "_visibility", lambda *of: (looks.append(of), look(*of))[1])
+    rays = RayVisibility([view()])
+    there = [solid("lower", Pose((0.35, 0.0, 0.02))), solid("upper", Pose((0.37, 0.0, 0.06)))]
+    here, around = there[:1], [there[0].moved((x, 0.0, 0.02)) for x in (0.36, 0.45)]
+    first = [rays.look_for(places, there) for places in (here, around)]
+    assert len(looks) == 2
+    assert [rays.look_for(places, [*there]) for places in (here, around)] == first
+    assert len(looks) == 2
+    first[1][0].clear()  # whoever asked may do so with its answer
+    assert rays.look_for(around, there)[0]
+    without = rays.look_for(around, there[:1])
+    assert len(looks) == 3 and without[0]["overhead"].share == 1.0
+
+
 def test_who_asks_the_same_again_gets_the_same_without_another_look(monkeypatch: pytest.MonkeyPatch) -> None:
     looks = []
     look = visibility._visibility

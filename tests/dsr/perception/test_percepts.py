@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene
 from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.perceived import MOST_AHEAD
 
@@ -93,3 +96,40 @@ def test_what_is_beyond_all_rooms_is_no_percept(scene: SurpriseScene, far: float
     scene.memory.add_edge("world", CAMERA, "RT", pose=Pose((0.35, 0.0, 0.65)))
     see(scene, 10.2)
     assert len(percepts.new(10.25, {"cube_0"})) == 1
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """How often memories are asked for transforms: what they are asked for."""
+    asked: list[object] = []
+    transform = Memory.transform
+
+    def noted(memory: Memory, *of: Any, **more: Any) -> Pose:
+        asked.append(of)
+        return transform(memory, *of, **more)
+
+    monkeypatch.setattr(Memory, "transform", noted)
+    return asked
+
+
+def see_all(scene: SurpriseScene, stamp: float) -> None:
+    for name in SIX:
+        scene.memory.add_edge(CAMERA, name, "RT", pose=Pose((0.0, 0.0, 0.6), (1.0, 0.0, 0.0, 0.0), stamp))
+
+
+def test_where_a_camera_was_is_asked_once_for_all_that_an_image_shows(asked: list[object]) -> None:
+    scene = SurpriseScene(SIX)
+    see_all(scene, 10.0)
+    assert len(PerceptReader(scene.memory).new(10.05, set(SIX))) == len(SIX)
+    assert len(asked) == 1
+
+
+def test_that_nobody_knows_where_a_camera_was_is_told_once(asked: list[object]) -> None:
+    scene = SurpriseScene(SIX)
+    for stamp in (8.0, 9.0):
+        scene.memory.add_edge("world", CAMERA, "RT", pose=Pose((0.0, 0.0, 0.6), stamp=stamp))
+    see_all(scene, 10.0)
+    percepts = PerceptReader(scene.memory)
+    assert percepts.new(10.05, set(SIX)) == []
+    assert percepts.skipped == {"camera's place not known then": len(SIX)}
+    assert len(asked) == 1
