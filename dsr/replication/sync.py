@@ -226,13 +226,27 @@ class Synchroniser:
 
     def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
+        self.take_reply(sender, number, self.read_reply(payload), physical)
+
+    def read_reply(self, payload: bytes) -> Piece | WireError:
+        """Read an answer, or what is wrong with it, before the lock is taken: long ones take as long as many writes."""
+        try:
+            with collector_paused():
+                return decode_piece(payload)
+        except WireError as error:
+            return error
+
+    def take_reply(self, sender: str, number: int, reply: Piece | WireError, physical: float) -> None:
+        """Take an answer that was read: see `receive_reply`; the caller holds the lock."""
         in_time, before = self.inquiry.is_awaited(number), state_of(self.graph.store)
         fetch = self.inquiry.answer_to(sender, number)
         if in_time and sender in self._peers:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
         try:
+            if isinstance(reply, WireError):
+                raise reply
+            piece = reply
             with collector_paused():
-                piece = decode_piece(payload)
                 delta = piece.as_delta()
                 self._check_piece(sender, piece, delta)
                 if fetch is None and sender in self._peers:

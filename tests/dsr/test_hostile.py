@@ -13,7 +13,7 @@ from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
-from dsr.crdt.pieces import START
+from dsr.crdt.pieces import START, Piece
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
@@ -21,7 +21,7 @@ from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
 from dsr.replication import sync
 from dsr.replication.peers import MAX_PEERS
-from dsr.replication.piece_wire import Request, encode_request
+from dsr.replication.piece_wire import Request, decode_piece, encode_request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
 from tests.dsr.conftest import Net
@@ -223,6 +223,55 @@ def test_who_is_called_by_a_pattern_is_not_asked_as_all_who_match(
     net.pump(20.0)
     assert [len(memory.nodes()) for memory in honest] == [400] * len(honest)
     assert all("*" not in memory.peers for memory in honest)
+
+
+def test_who_asks_by_a_pattern_gets_no_long_answers(net: Net) -> None:
+    memory, stranger = net.join("a"), net.network.connect("stranger")
+    memory.add_node("x", "cube")
+    replies: list[str] = []
+    request = encode_request(Request("stranger-1", CausalContext(), START, insists=True))
+    for key in (memory.keys.sync("*"), memory.keys.sync(memory.rid)):
+        stranger.request(key, request, lambda place, _reply: replies.append(place), lambda: None, 1.0)
+        net.pump(0.1)
+    assert replies == [memory.keys.sync(memory.rid)]
+
+
+def test_answers_are_read_while_writers_work(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long ones take as long as a hundred writes."""
+    memory = net.join("a")
+    free: list[bool] = []
+
+    def try_to_lock() -> None:
+        free.append(memory.replica.lock.acquire(blocking=False))
+        if free[-1]:
+            memory.replica.lock.release()
+
+    def decode(payload: bytes) -> Piece:
+        writer = threading.Thread(target=try_to_lock)
+        writer.start()
+        writer.join()
+        return decode_piece(payload)
+
+    monkeypatch.setattr(sync, "decode_piece", decode)
+    other = net.join("b")
+    other.add_node("x", "cube")
+    net.pump(3.0)
+    assert free and all(free)
+
+
+def test_liars_that_answer_one_question_without_end_take_no_memory(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube")
+    replica = memory.replica
+    for _ in range(100):
+        replica._take_in("liar-1", 1, b"nonsense")
+    assert len(replica._inbox) < 10 and replica.skipped > 90
+    net.pump(1.0)
+    late = net.join("b")
+    net.pump(3.0)
+    late.add_node("y", "cube")
+    net.pump(3.0)
+    assert "y" in memory and "x" in late and memory.dropped["liar-1"] < 10
 
 
 @pytest.mark.parametrize("durable", [True, False])
