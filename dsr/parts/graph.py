@@ -325,11 +325,10 @@ class PartedGraph(Graph):
         """See `Stamping.renew`; everything is made anew in its part."""
         renewed = self.renewals(key)
         homes = [self._home(each.element.key) for each in renewed]
-        keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
         changes, tick, far = Changes(self._member), self.hlc.tick(now), stamp_at(now + FAR)
-        changes.remove([entry.dot for each in keys for entry in self.live(each)])
-        for (element, writes), home in zip(renewed, homes, strict=True):
-            add = Add(home.new_dot(), element.key, element.type, *self._ends_again(element, key, changes.adds))
+        changes.remove(self.renewable(key))
+        for (element, type, writes), home in zip(renewed, homes, strict=True):
+            add = Add(home.new_dot(), element.key, type, *self._ends_again(element, key, changes.adds))
             changes.adds.append(add)
             for write in writes:
                 stamp = write.stamp if write.stamp <= far else tick
