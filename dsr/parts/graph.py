@@ -228,12 +228,14 @@ class PartedGraph(Graph):
     ) -> Delta:
         """See `Graph.add_node`; a new node is made in `part`, or where nodes of its type belong.
 
-        Raises `PartError` if that part is not held, or if the node is in another one.
+        Raises `PartError` if that part is not held, or if the node is in another one. See `Graph.add_node` for nodes of
+        another type under this name: in whatever part, those that one may not change do not count.
         """
-        there = self.nodes.get(name)
-        if there is not None:
-            if part is not None and part not in {part_of(rid) for rid, _ in there.created}:
-                raise PartError(f"node {name!r} is in {_said(self.part(name))}, not in {_said(part)}; remove it first")
+        there = () if (node := self.nodes.get(name)) is None else node._entries
+        ours = {part_of(entry.dot[0]) for entry in there if entry.type == type}
+        if ours and part is not None and part not in ours:
+            raise PartError(f"node {name!r} is in {_said(max(ours))}, not in {_said(part)}; remove it first")
+        if ours or (there and self._is_taken(there)):
             return super().add_node(name, type, attributes, now)
         member = self._home_for(type) if part is None else self._member(part)
         if member is self:
