@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from dsr import Access, AgentError, Faults, Memory, NodeTypeError, Pose, SchemaError
+from dsr import Access, AgentError, CycleError, Faults, Memory, NodeTypeError, Pose, SchemaError
 from dsr.clock import ManualClock
 from dsr.crdt import pieces
 from dsr.crdt import store as store_module
@@ -223,6 +223,25 @@ def test_who_is_called_by_a_pattern_is_not_asked_as_all_who_match(
     net.pump(20.0)
     assert [len(memory.nodes()) for memory in honest] == [400] * len(honest)
     assert all("*" not in memory.peers for memory in honest)
+
+
+def test_a_circle_with_edges_of_others_keeps_nobody_from_writing_what_it_measures(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(1.0)
+    for name in ("world", "arm", "hand"):
+        a.add_node(name, "object")
+    a.add_edge("world", "arm", "RT", pose=Pose())
+    net.pump(1.0)
+    b.add_edge("hand", "arm", "RT", pose=Pose(stamp=5.0))
+    net.pump(1.0)
+    a.add_edge("arm", "hand", "RT", pose=Pose((1, 0, 0)))
+    with pytest.raises(CycleError, match="'hand' -> 'arm' -> 'hand'"):
+        a.transform("world", "hand")
+    with pytest.raises(CycleError, match="remove another one first"):
+        a.add_edge("hand", "world", "RT", pose=Pose())
+    b.remove_edge("hand", "arm", "RT")
+    net.pump(1.0)
+    assert a.transform("world", "hand").t == b.transform("world", "hand").t == (1, 0, 0)
 
 
 def test_who_asks_by_a_pattern_gets_no_long_answers(net: Net) -> None:
