@@ -22,7 +22,7 @@ HERE = (WorldError, WorldNotFoundError, TransportError)
 def declared(transport: LocalTransport) -> set[str]:
     """All keys under which a process takes part in anything."""
     patterns = [*transport._subscribers, *transport._servers, *transport._presence]
-    return {*(key for key, _ in patterns), *transport.tokens}
+    return {*(key for key, *_ in patterns), *transport.tokens}
 
 
 def mark(memory: Memory) -> str:

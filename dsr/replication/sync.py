@@ -14,7 +14,8 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
    for when the one before has come (`fetching.py`): so nothing is computed for who has given up. Whose answers change
    nothing is asked ever more rarely (`Peer.pause`).
 5. Equal contexts with different fingerprints: a removal has reached one of the two without its dot, as a piece of an
-   answer that was broken off, or before it had joined. Then each asks the other for everything, and says so.
+   answer that was broken off, or before it had joined; or a liar has made two things under one dot. Then each asks the
+   other for everything, and says so.
 6. A replica whose clock most other agents see in their future must not write (`clocks`).
 7. What is claimed to have been seen is bounded (`claims.py`). A replica in whose name somebody else speaks refuses
    that and takes another id (`TakeId`): peers that believed it would take what the replica adds for seen.

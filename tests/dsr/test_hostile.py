@@ -12,18 +12,21 @@ from dsr.clock import ManualClock
 from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
 from dsr.crdt.pieces import START, Piece
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
+from dsr.persistence.pending import PendingWrites
 from dsr.replication import sync
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.piece_wire import Request, decode_piece, encode_request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
+from dsr.security.gate import Gate
+from dsr.security.policy import Grant, checked
 from tests.dsr.conftest import Net
 
 
@@ -242,6 +245,53 @@ def test_a_circle_with_edges_of_others_keeps_nobody_from_writing_what_it_measure
     b.remove_edge("hand", "arm", "RT")
     net.pump(1.0)
     assert a.transform("world", "hand").t == b.transform("world", "hand").t == (1, 0, 0)
+
+
+@pytest.mark.parametrize("gated", [False, True])
+def test_replicas_that_were_told_different_things_under_one_dot_end_equal(net: Net, gated: bool) -> None:
+    """A dot of two meanings has none: each of them removes what it holds under it."""
+    policy = checked({name: Grant(("*",), ("*",), ("*",), trusted=name != "liar") for name in ("a", "b", "c", "liar")})
+    gates = [Gate(policy) if gated else None for _ in range(3)]
+    a, b, c = (net.join(name, gate=gate) for name, gate in zip("abc", gates, strict=True))
+    net.pump(2.0)
+    for name in ("world", "honest"):
+        a.add_node(name, "world" if name == "world" else "cube")
+    net.pump(1.0)
+    ends = [tuple(a.node(name).created) for name in ("world", "honest")]
+    told = [
+        [Add(("liar-1", 1), "x", "cube"), Add(("liar-1", 2), ("world", "honest", "on"), "on", *ends)],
+        [Add(("liar-1", 1), "y", "cube"), Add(("liar-1", 2), ("world", "honest", "in"), "in", *ends)],
+        [Add(("liar-1", 1), "x", "ball"), Add(("liar-1", 2), ("honest", "world", "on"), "on", *ends[::-1])],
+    ]
+    for memory, adds in zip((a, b, c), told, strict=True):
+        delta = encode_delta(Delta(adds, context=[("liar-1", 1, 2)]))
+        memory.replica.synchroniser.receive_delta("liar-1", delta, net.clock.now())
+    net.pump(6.0)
+    late = net.join("d", gate=Gate(policy) if gated else None)
+    net.pump(6.0)
+    for memory in (a, b, c, late):
+        assert {node.name for node in memory.nodes()} == {"world", "honest"} and memory.edges() == []
+        assert memory.replica.graph.store.fingerprint == a.replica.graph.store.fingerprint
+
+
+def test_of_two_values_under_one_dot_whoever_gets_both_shows_the_same() -> None:
+    stores = [Store(), Store()]
+    add = Delta([Add(("a-1", 1), "x", "cube")], context=[("a-1", 1, 1)])
+    values: list[object] = [1, 1.0, True, "1", b"1", (1.0,), Pose(), Pose((1, 0, 0)), TOMBSTONE]
+    for first in values:
+        for second in values:
+            for store, order in zip(stores, ((first, second), (second, first)), strict=True):
+                store.__init__()  # type: ignore[misc]
+                store.join(add)
+                pending = PendingWrites()
+                for value in order:
+                    delta = Delta(writes=[Write(("a-1", 1), "note", 5, "z-1", ("z-1", 1), value)])
+                    store.join(delta)
+                    pending.add(delta)
+                (kept,) = pending.take()[0].writes
+                assert repr(kept.value) == repr(store.entries["a-1", 1].registers["note"].value)
+            one, other = (store.entries["a-1", 1].registers["note"].value for store in stores)
+            assert type(one) is type(other) and repr(one) == repr(other)
 
 
 def test_who_asks_by_a_pattern_gets_no_long_answers(net: Net) -> None:
