@@ -22,6 +22,9 @@ from dsr.crdt.dots import OrderedDots
 
 MAX_WAITING = 10_000
 """Writes for unknown entries that are kept; one with a long value counts for several (see `weight_of`)."""
+MAX_MADE = 8
+"""Live incarnations of one element by one replica: each look at the element looks at all, and each write goes to all.
+An honest replica makes one only where it sees none; edges may wait for their ends unseen."""
 _encoder = msgspec.msgpack.Encoder()
 
 
@@ -115,6 +118,18 @@ class Store:
                 self._forget_waiting(owner)
         if added:
             self._announce(added)
+            if crowded := self._crowded(added):
+                self._remove(crowded)
+
+    def _crowded(self, added: list[Incarnation]) -> list[Dot]:
+        """The oldest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them."""
+        crowded: list[Dot] = []
+        for key in {entry.key: None for entry in added if len(self.by_key.get(entry.key, ())) > MAX_MADE}:
+            made: dict[str, list[Dot]] = {}
+            for dot in self.by_key[key]:
+                made.setdefault(dot[0], []).append(dot)
+            crowded += [dot for dots in made.values() for dot in sorted(dots)[:-MAX_MADE]]
+        return crowded
 
     def _without_equivocation(self, delta: Delta) -> Delta:
         """A dot under which two different things were made stands for none, in whatever order they come.

@@ -14,7 +14,7 @@ from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
 from dsr.crdt.pieces import START, Piece
-from dsr.crdt.store import Store
+from dsr.crdt.store import MAX_MADE, Store
 from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
@@ -292,6 +292,30 @@ def test_of_two_values_under_one_dot_whoever_gets_both_shows_the_same() -> None:
                 assert repr(kept.value) == repr(store.entries["a-1", 1].registers["note"].value)
             one, other = (store.entries["a-1", 1].registers["note"].value for store in stores)
             assert type(one) is type(other) and repr(one) == repr(other)
+
+
+def test_who_makes_one_thing_thousands_of_times_makes_no_write_long(net: Net) -> None:
+    """One message: each write goes to all incarnations, and each look at the node looks at all."""
+    a, b = net.join("a"), net.join("b")
+    a.add_node("arm", "arm")
+    a.add_node("world", "world")
+    a.add_edge("world", "arm", "RT", pose=Pose())
+    net.pump(1.0)
+    ends = [tuple(a.node(name).created) for name in ("world", "arm")]
+    adds = [Add(("liar-1", number), "arm", "arm") for number in range(1, 301)]
+    adds += [Add(("liar-1", number), ("world", "arm", "RT"), "RT", *ends) for number in range(301, 601)]
+    for memory, order in ((a, adds), (b, adds[::-1])):
+        for first in range(0, 600, 50):
+            part = sorted(add.dot for add in order[first : first + 50])
+            delta = Delta(order[first : first + 50], context=[("liar-1", part[0][1], part[-1][1])])
+            memory.replica.synchroniser.receive_delta("liar-1", encode_delta(delta), net.clock.now())
+    net.pump(5.0)
+    for memory in (a, b, net.join("c")):
+        net.pump(1.0)
+        for element in (memory.node("arm"), memory.edge("world", "arm", "RT")):
+            assert len(element.created) == 1 + MAX_MADE
+    written = len(a.replica.graph.write(a.node("arm"), {"status": "well"}, net.clock.now()).writes)
+    assert written == 1 + MAX_MADE
 
 
 def test_who_asks_by_a_pattern_gets_no_long_answers(net: Net) -> None:
