@@ -23,6 +23,10 @@ from dsr.graph.schema import Schema
 from dsr.graph.sharing import Sharing
 
 
+MAX_WRITTEN = 64
+"""Incarnations into which a value is written: so many agents that made one node at once. A liar makes any number."""
+
+
 class Renewal(NamedTuple):
     """An element that is to be made anew."""
 
@@ -79,7 +83,7 @@ class Stamping(Sharing):
 
         Raises `NoRoomError` if there is none.
         """
-        if self.rights is not None:
+        if self.rights is not None or len(owners) >= MAX_WRITTEN:
             owners = [entry.dot for entry in self.live(key)] or owners  # also those that are not ours to write
         if len(owners) == 1:
             newest = self.newest_stamp(owners[0], attribute)

@@ -297,7 +297,7 @@ class PartedGraph(Graph):
         values = [self.schema.to_value("pose", pose) for pose in poses.values()]
         changes, tick = Changes(self._member), self.hlc.tick(now)
         for edge, value in zip(edges, values, strict=True):
-            owners = [entry.dot for entry in edge._entries]
+            owners = self._owners(edge._entries, ("pose",))
             stamp = self._stamp(edge.key, owners, "pose", tick)
             for owner in owners:
                 changes.write(owner, "pose", stamp, value, stream=self.schema.attributes["pose"].stream)

@@ -13,12 +13,14 @@ from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
+from dsr.crdt.hlc import stamp_at
 from dsr.crdt.pieces import START, Piece
 from dsr.crdt.store import MAX_MADE, Store
 from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
+from dsr.graph.stamping import MAX_WRITTEN
 from dsr.persistence.pending import PendingWrites
 from dsr.replication import sync
 from dsr.replication.peers import MAX_PEERS
@@ -316,6 +318,23 @@ def test_who_makes_one_thing_thousands_of_times_makes_no_write_long(net: Net) ->
             assert len(element.created) == 1 + MAX_MADE
     written = len(a.replica.graph.write(a.node("arm"), {"status": "well"}, net.clock.now()).writes)
     assert written == 1 + MAX_MADE
+
+
+def test_what_many_made_up_replicas_have_made_makes_no_write_long_and_the_newest_write_is_shown(net: Net) -> None:
+    """One answer may hold thousands of incarnations of a node, each by another replica."""
+    a, b = net.join("a"), net.join("b")
+    dots = [*a.add_node("arm", "arm").created]
+    net.pump(1.0)
+    late = stamp_at(net.clock.now() + 60.0)
+    adds = [Add((f"liar{number}-1", 1), "arm", "arm") for number in range(500)]
+    writes = [Write(add.dot, "status", late, "z-1", None, "theirs") for add in adds]
+    for memory in (a, b):
+        memory.replica.graph.join(Delta(adds, writes, context=[(*add.dot, 1) for add in adds]), net.clock.now())
+    delta = a.replica.graph.write(a.node("arm"), {"status": "mine"}, net.clock.now())
+    assert len(delta.writes) == MAX_WRITTEN and dots[0] in {write.owner for write in delta.writes}
+    a.replica.commit(delta)
+    net.pump(3.0)
+    assert a.node("arm")["status"] == b.node("arm")["status"] == "mine"
 
 
 def test_who_asks_by_a_pattern_gets_no_long_answers(net: Net) -> None:
