@@ -91,8 +91,7 @@ class Store:
 
     def join(self, delta: Delta) -> None:
         """Join a delta or a synchronisation reply: commutative, associative and idempotent."""
-        if delta.adds:
-            delta = self._without_equivocation(delta)
+        delta = self._without_equivocation(delta) if delta.adds else delta
         if self.recorder is not None:
             self.recorder(self._to_be_kept(delta))
         if delta.live is not None:
@@ -118,8 +117,6 @@ class Store:
                 self._forget_waiting(owner)
         if added:
             self._announce(added)
-            if crowded := self._crowded(added):
-                self._remove(crowded)
 
     def _crowded(self, added: list[Incarnation]) -> list[Dot]:
         """The oldest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them."""
@@ -175,6 +172,8 @@ class Store:
                 for entry in present:
                     entry.announced = True
                 self._observer.entries_added(key, present)
+        if crowded := self._crowded(added):
+            self._remove(crowded)
 
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""

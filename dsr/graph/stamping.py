@@ -22,7 +22,6 @@ from dsr.graph.rights import Rights
 from dsr.graph.schema import Schema
 from dsr.graph.sharing import Sharing
 
-
 MAX_WRITTEN = 64
 """Incarnations into which a value is written: so many agents that made one node at once. A liar makes any number."""
 
@@ -173,7 +172,8 @@ class Stamping(Sharing):
         rights, rid = self.rights, self.rid
         if not isinstance(key, str):
             return [e.dot for e in self.live(key) if rights is None or rights.may_write(rid, e, ())]
-        dots = [entry.dot for each in (key, *self.incident_keys(key)) for entry in self.live(each)]
+        keys: list[Key] = [key, *self.incident_keys(key)]
+        dots = [entry.dot for each in keys for entry in self.live(each)]
         return dots if rights is None else rights.removable(rid, dots, self)
 
     def renew(self, key: Key, now: float) -> Delta:

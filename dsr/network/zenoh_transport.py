@@ -241,7 +241,7 @@ class ZenohTransport:
             if asker is None or names_one(str(query.key_expr)):
                 _answer(query, key, handler)
             else:
-                query.drop()
+                query.drop()  # type: ignore[no-untyped-call]
 
         def declare() -> Any:
             # Of a ring the oldest request is dropped, whose asker most likely has given up: nobody else is held up.
