@@ -332,7 +332,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
 
         A geometric edge takes `pose`, or `translation` and `rotation` with `stamp` and `covariance` if wanted; until it
         has a pose, it connects no frames. Raises `SchemaError`, `NodeNotFoundError` if an end is missing, `CycleError`
-        if frames would hang in a circle.
+        if frames would hang in a circle of this agent's own edges.
         """
         values = with_pose(attributes)
         with self._replica.lock:

@@ -21,8 +21,8 @@ HERE = (WorldError, WorldNotFoundError, TransportError)
 
 def declared(transport: LocalTransport) -> set[str]:
     """All keys under which a process takes part in anything."""
-    patterns = [*transport._subscribers, *transport._servers, *transport._presence]
-    return {*(key for key, _ in patterns), *transport.tokens}
+    served = [key for key, _, _ in transport._servers]
+    return {*served, *(key for key, _ in [*transport._subscribers, *transport._presence]), *transport.tokens}
 
 
 def mark(memory: Memory) -> str:

@@ -11,17 +11,21 @@ arrived waits in a bounded buffer, outside the context, so that synchronisation 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, MutableMapping
-from functools import lru_cache
+from hashlib import blake2b
 
+import msgspec
 from msgspec.structs import replace
 
 from dsr.crdt.context import CausalContext, Dot, to_ranges, without
-from dsr.crdt.delta import Add, Delta, Key, Write
+from dsr.crdt.delta import Add, Delta, Key, Write, rank
 from dsr.crdt.dots import OrderedDots
 
 MAX_WAITING = 10_000
 """Writes for unknown entries that are kept; one with a long value counts for several (see `weight_of`)."""
-_MASK = (1 << 64) - 1
+MAX_MADE = 8
+"""Live incarnations of one element by one replica: each look at the element looks at all, and each write goes to all.
+An honest replica makes one only where it sees none; edges may wait for their ends unseen."""
+_encoder = msgspec.msgpack.Encoder()
 
 
 class Incarnation:
@@ -74,7 +78,7 @@ class Store:
         self.owned: set[Dot] | None = None
         """If entries are shared with forks: those that nobody else reads. The others are copied before they change."""
         self.fingerprint = 0
-        """Order-independent hash of the live dots."""
+        """Order-independent hash of what lives: of each dot, and of what was made under it."""
         self.unsettled: dict[tuple[Dot, str], int] = {}
         """Registers whose newest value has no dot yet, and how often they were passed over since."""
         self.recorder: Callable[[Delta], None] | None = None
@@ -87,6 +91,7 @@ class Store:
 
     def join(self, delta: Delta) -> None:
         """Join a delta or a synchronisation reply: commutative, associative and idempotent."""
+        delta = self._without_equivocation(delta) if delta.adds else delta
         if self.recorder is not None:
             self.recorder(self._to_be_kept(delta))
         if delta.live is not None:
@@ -113,6 +118,35 @@ class Store:
         if added:
             self._announce(added)
 
+    def _crowded(self, added: list[Incarnation]) -> list[Dot]:
+        """The oldest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them."""
+        crowded: list[Dot] = []
+        for key in {entry.key: None for entry in added if len(self.by_key.get(entry.key, ())) > MAX_MADE}:
+            made: dict[str, list[Dot]] = {}
+            for dot in self.by_key[key]:
+                made.setdefault(dot[0], []).append(dot)
+            crowded += [dot for dots in made.values() for dot in sorted(dots)[:-MAX_MADE]]
+        return crowded
+
+    def _without_equivocation(self, delta: Delta) -> Delta:
+        """A dot under which two different things were made stands for none, in whatever order they come.
+
+        Only liars make such, and replicas that were told different things find that out by their fingerprints.
+        """
+        false = [add.dot for add in delta.adds if self._is_another(add)]
+        if not false:
+            return delta
+        adds, removed = [add for add in delta.adds if add.dot not in false], [*delta.removed, *false]
+        return Delta(adds, delta.writes, removed, delta.context, delta.live, delta.examined)
+
+    def _is_another(self, add: Add) -> bool:
+        """Whether something else lives here under the dot of an addition."""
+        there = self.entries.get(add.dot)
+        return there is not None and (
+            there.key != add.key or there.type != add.type
+            or there.sources != add.sources or there.destinations != add.destinations
+        )  # fmt: skip
+
     def _fill(self, added: list[Incarnation], writes: list[Write]) -> list[Write]:
         """Set the registers of new entries, of which nobody knows yet; returns the other writes, and further ones."""
         fresh = {entry.dot: entry for entry in added}
@@ -138,6 +172,8 @@ class Store:
                 for entry in present:
                     entry.announced = True
                 self._observer.entries_added(key, present)
+        if crowded := self._crowded(added):
+            self._remove(crowded)
 
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""
@@ -183,7 +219,7 @@ class Store:
         if not siblings:
             del self.by_key[entry.key]
         self._leave_order(dot)
-        self.fingerprint ^= dot_hash(dot)
+        self.fingerprint ^= entry_hash(entry)
         return entry
 
     def _add(self, add: Add) -> Incarnation | None:
@@ -202,7 +238,7 @@ class Store:
             self.by_key[add.key] = {dot: entry}
         else:
             siblings[dot] = entry
-        self.fingerprint ^= dot_hash(dot)
+        self.fingerprint ^= entry_hash(entry)
         for write in self._waiting.pop(dot, ()) if self._waiting else ():
             self._waiting_count -= weight_of(write)
             self._write(write)
@@ -241,12 +277,18 @@ class Store:
     def _settle_same(self, entry: Incarnation, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: that with the greatest dot stays.
 
-        Whoever uses a stamp twice may have written something else, and all must show the same of it.
+        Whoever uses a stamp twice may have written something else, under the same dot too, and all must show the same.
         """
-        if write.dot is not None and (current.dot is None or write.dot > current.dot):
+        if write.dot is None:
+            return
+        is_same = type(write.value) is type(current.value) and write.value == current.value
+        if write.dot == current.dot:
+            wins = not is_same and rank(write.value) > rank(current.value)
+        else:
+            wins = current.dot is None or write.dot > current.dot
+        if wins:
             if self.owned is not None:
                 entry = self._own(entry)
-            is_same = type(write.value) is type(current.value) and write.value == current.value
             entry.registers[write.attribute] = replace(current, dot=write.dot) if is_same else write
             if entry.announced and not is_same:
                 self._observer.register_changed(entry, write.attribute)
@@ -334,7 +376,7 @@ class Store:
         self.forget_order()
         for dot, entry in self.entries.items():
             self.by_key.setdefault(entry.key, {})[dot] = entry
-            self.fingerprint ^= dot_hash(dot)
+            self.fingerprint ^= entry_hash(entry)
             entry.announced = True
             for write in entry.registers.values():
                 if write.dot is None:
@@ -376,12 +418,7 @@ def weight_of(write: Write) -> int:
     return 1 + len(write.value) // 100 if isinstance(write.value, str | bytes | tuple) else 1
 
 
-def dot_hash(dot: Dot) -> int:
-    """A 64-bit hash that is the same in every process."""
-    mixed = (_replica_hash(dot[0]) + dot[1] * 0xBF58476D1CE4E5B9) & _MASK
-    return mixed ^ (mixed >> 29)
-
-
-@lru_cache(maxsize=1024)
-def _replica_hash(rid: str) -> int:
-    return int.from_bytes(rid.encode()[-8:], "little") * 0x9E3779B97F4A7C15 & _MASK
+def entry_hash(entry: Incarnation) -> int:
+    """A 64-bit hash of a dot and of what was made under it, the same in every process."""
+    made = _encoder.encode((entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
+    return int.from_bytes(blake2b(made, digest_size=8).digest(), "little")

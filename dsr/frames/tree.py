@@ -7,7 +7,7 @@ one, and among several parents of that type (two cameras see one cube) the one w
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 from typing import Protocol
 
@@ -87,7 +87,7 @@ class FrameTree:
         else:
             history = PoseHistory(pose, self._history, self._samples)
             self._histories[type, child] = {**histories, parent: history}
-        self._choose_newest(type, child)
+        self._choose_newest(type, child, parent)
 
     def follow(self, type: str, parent: str, child: str, pose: Pose) -> None:
         """Let `pose` be the newest sample of an edge: those of later stamps lost against it, and are forgotten.
@@ -108,7 +108,7 @@ class FrameTree:
         if len(histories) == 1 and history.newest is pose:
             self._links(type)[child] = Link(type, parent, pose)
         else:
-            self._choose_newest(type, child)
+            self._choose_newest(type, child, parent)
 
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""
@@ -116,7 +116,7 @@ class FrameTree:
             self._before_change(type, child)
         histories = self._histories.get((type, child), {})
         self._histories[type, child] = {name: h for name, h in histories.items() if name != parent}
-        self._choose_newest(type, child)
+        self._choose_newest(type, child, parent)
 
     def share_with(self, fork: FrameFork) -> None:
         """Let `fork` read the present content, and keep later changes from it."""
@@ -137,16 +137,19 @@ class FrameTree:
             self._histories[key] = {parent: history.copy() for parent, history in histories.items()}
         self._owned.add(key)
 
-    def _choose_newest(self, type: str, child: str) -> None:
-        """Let the table name the newest of the frame's edges; a link that is still right stays the same."""
+    def _choose_newest(self, type: str, child: str, changed: str) -> None:
+        """Let the table name the newest of the frame's edges, of which that from `changed` has changed.
+
+        A link that is still right stays the same.
+        """
         links = self._links(type)
         histories, link = self._histories[type, child], links.get(child)
         if not histories:
             del self._histories[type, child]
             links.pop(child, None)
         else:
-            parent, history = next(iter(histories.items())) if len(histories) == 1 else _newest_of(histories)
-            pose = history.newest
+            parent = next(iter(histories)) if len(histories) == 1 else _newest_parent(histories, link, changed)
+            pose = histories[parent].newest
             if link is not None and link.parent == parent:
                 if link.pose is not pose:
                     links[child] = Link(type, parent, pose)
@@ -356,16 +359,17 @@ class FrameTree:
         return f"no geometric edge touches {first!r} ({suggest(first, frames)})"
 
 
-def _newest_of(histories: Mapping[str, PoseHistory]) -> tuple[str, PoseHistory]:
-    """The first of `_by_newest`, in a third of the time."""
-    items = iter(histories.items())
-    first, history = next(items)
-    latest = history.newest.stamp
-    for parent, other in items:
-        stamp = other.newest.stamp
-        if stamp > latest or (stamp == latest and parent < first):
-            first, history, latest = parent, other, stamp
-    return first, history
+def _newest_parent(histories: Mapping[str, PoseHistory], link: Link | None, changed: str) -> str:
+    """The parent with the newest sample, given the link to the one before an edge changed; ties go by name.
+
+    All are looked at only if the one before went, or went back: somebody may hang a frame from thousands of others.
+    """
+    last = histories.get(link.parent) if link is not None else None
+    if link is None or last is None or link.pose is None or last.newest.stamp < link.pose.stamp:
+        among: Iterable[str] = histories
+    else:
+        among = {link.parent, changed} & histories.keys()
+    return min(among, key=lambda parent: (-histories[parent].newest.stamp, parent))
 
 
 def _by_newest(histories: Mapping[str, PoseHistory]) -> list[tuple[str, PoseHistory]]:

@@ -9,13 +9,17 @@ from graphlib import TopologicalSorter
 from dsr.crdt.delta import EdgeKey
 from dsr.errors import CycleError
 from dsr.graph.graph import Graph
+from dsr.network.keys import agent_of
 
 
 def check_new_edge(graph: Graph, src: str, dst: str, type: str) -> None:
     """Raise `CycleError` if a new edge closed a cycle with edges of its type, whichever of them are the newest.
 
-    It costs a look at each edge above `src`, and nothing at all if nothing hangs below `dst`. The graph must be locked.
+    Only edges count that the same agent has made. Else others could keep an agent from writing what it measures, by one
+    edge each. It costs a look at each edge above `src`, and nothing at all if nothing hangs below `dst`. The graph must
+    be locked.
     """
+    agent = agent_of(graph.rid)
     if src != dst and not any(key[2] == type for key in graph.edges_out.get(dst, {})):
         return
     below: dict[str, str] = {src: dst}
@@ -23,8 +27,8 @@ def check_new_edge(graph: Graph, src: str, dst: str, type: str) -> None:
     waiting = [src]
     while waiting and dst not in below:
         frame = waiting.pop()
-        for parent, _, kind in graph.edges_in.get(frame, {}):
-            if kind == type and parent not in below:
+        for (parent, _, kind), edge in graph.edges_in.get(frame, {}).items():
+            if kind == type and parent not in below and any(agent_of(rid) == agent for rid, _ in edge.created):
                 below[parent] = frame
                 waiting.append(parent)
     if src == dst or dst in below:

@@ -20,10 +20,10 @@ from dsr.graph.far_stamps import FarStamps
 from dsr.graph.rights import Rights
 from dsr.graph.schema import RECORDS, Schema
 from dsr.graph.sharing import Groups
-from dsr.graph.stamping import Stamping
+from dsr.graph.stamping import MAX_WRITTEN, Stamping
 from dsr.graph.watches import Watches
 from dsr.math3d.transforms import Pose
-from dsr.network.keys import part_of
+from dsr.network.keys import agent_of, part_of
 
 _POSE = "pose"
 _LOOKS = 128
@@ -132,7 +132,7 @@ class Graph(Stamping):
         stream, rid, tick, first = self.schema.attributes[_POSE].stream, self.rid, self.hlc.tick(now), self.counter
         writes = []
         for edge, value in zip(edges, values, strict=True):
-            owners = [entry.dot for entry in edge._entries]
+            owners = self._owners(edge._entries, (_POSE,))
             stamp = self._stamp(edge.key, owners, _POSE, tick)
             writes += [Write(owner, _POSE, stamp, rid, None if stream else self.new_dot(), value) for owner in owners]
         delta = Delta(writes=writes)
@@ -246,7 +246,12 @@ class Graph(Stamping):
             return [entries[0].dot]
         rights, rid = self.rights, self.rid
         taken = [e.dot for e in entries if rights is None or rights.may_write(rid, e, attributes)]
-        return taken or [entry.dot for entry in entries]
+        owners = taken or [entry.dot for entry in entries]
+        return owners if len(owners) <= MAX_WRITTEN else sorted(owners, key=self._is_ours)[-MAX_WRITTEN:]
+
+    def _is_ours(self, dot: Dot) -> tuple[bool, Dot]:
+        """Orders creation dots, last those of this agent."""
+        return agent_of(dot[0]) == agent_of(self.rid), dot
 
     def _is_taken(self, entries: Sequence[Incarnation]) -> bool:
         """Whether a name is: where rights are told, what one may not change keeps nobody from making a node."""

@@ -16,19 +16,24 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_STAMP, HybridClock, stamp_at
 from dsr.crdt.store import Incarnation
 from dsr.errors import NoRoomError
-from dsr.graph.elements import Edge, Node
+from dsr.graph.elements import Edge, Node, type_of, write_in
 from dsr.graph.far_stamps import FAR, FarStamps
 from dsr.graph.rights import Rights
 from dsr.graph.schema import Schema
 from dsr.graph.sharing import Sharing
+
+MAX_WRITTEN = 64
+"""Incarnations into which a value is written: so many agents that made one node at once. A liar makes any number."""
 
 
 class Renewal(NamedTuple):
     """An element that is to be made anew."""
 
     element: Node | Edge
+    type: str
+    """The type under which it is made."""
     writes: tuple[Write, ...]
-    """The writes that gave the element's attributes their present values."""
+    """The writes that gave what is made anew its present values."""
 
 
 class Stamping(Sharing):
@@ -77,7 +82,7 @@ class Stamping(Sharing):
 
         Raises `NoRoomError` if there is none.
         """
-        if self.rights is not None:
+        if self.rights is not None or len(owners) >= MAX_WRITTEN:
             owners = [entry.dot for entry in self.live(key)] or owners  # also those that are not ours to write
         if len(owners) == 1:
             newest = self.newest_stamp(owners[0], attribute)
@@ -152,35 +157,47 @@ class Stamping(Sharing):
 
     def renewals(self, key: Key) -> list[Renewal]:
         """List the elements that are made anew with the element `key`: first itself, then the edges at it if it is a
-        node.
+        node. What others have made of them, and is not ours to remove, is left as it is.
         """
         keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
-        elements = [element for each in keys if (element := self._visible(each)) is not None]
-        return [Renewal(element, tuple(_present(element))) for element in elements]
+        gone, found = set(self.renewable(key)), []
+        for element in [element for each in keys if (element := self._visible(each)) is not None]:
+            entries = tuple([e for e in element._entries if self.rights is None or e.dot in gone])
+            if entries:
+                found.append(Renewal(element, type_of(entries), tuple(_present(entries))))
+        return found
+
+    def renewable(self, key: Key) -> list[Dot]:
+        """Creation dots of an element, with the edges at a node, but those that are not ours to remove."""
+        rights, rid = self.rights, self.rid
+        if not isinstance(key, str):
+            return [e.dot for e in self.live(key) if rights is None or rights.may_write(rid, e, ())]
+        keys: list[Key] = [key, *self.incident_keys(key)]
+        dots = [entry.dot for each in keys for entry in self.live(each)]
+        return dots if rights is None else rights.removable(rid, dots, self)
 
     def renew(self, key: Key, now: float) -> Delta:
         """Remove a visible element, with the edges at a node, and create its visible content again.
 
         Values keep their stamps, except those from the far future, which are stamped anew at `now` (s).
         """
-        renewed = self.renewals(key)
-        keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
-        delta = Delta(removed=[entry.dot for each in keys for entry in self.live(each)])
+        renewed, delta = self.renewals(key), Delta(removed=self.renewable(key))
         first = self.new_dot()  # that of the removal
         tick, far = self.hlc.tick(now), stamp_at(now + FAR)
-        for element, writes in renewed:
-            add = self._again(element, key, delta.adds)
+        for each in renewed:
+            add = self._again(each, key, delta.adds)
             delta.adds.append(add)
-            for write in writes:
+            for write in each.writes:
                 stamp = write.stamp if write.stamp <= far else tick
                 delta.writes.append(Write(add.dot, write.attribute, stamp, self.rid, self.new_dot(), write.value))
         delta.context.append((*first, self.counter))
         self._apply(delta)
         return delta
 
-    def _again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> Add:
+    def _again(self, renewal: Renewal, renewed: Key, made: list[Add]) -> Add:
         """The addition of an element that is there; `made` begins with that of the node `renewed`, if it is one."""
-        return Add(self.new_dot(), element.key, element.type, *self._ends_again(element, renewed, made))
+        element = renewal.element
+        return Add(self.new_dot(), element.key, renewal.type, *self._ends_again(element, renewed, made))
 
     def _ends_again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> list[tuple[Dot, ...]]:
         """The ends of an element that is made anew; none of a node."""
@@ -189,8 +206,8 @@ class Stamping(Sharing):
         return [(made[0].dot,) if name == renewed else self._ends_at(name) for name in (element.src, element.dst)]
 
 
-def _present(element: Node | Edge) -> Iterator[Write]:
-    for attribute in sorted(element.written):
-        write = element.newest_write(attribute)
+def _present(entries: tuple[Incarnation, ...]) -> Iterator[Write]:
+    for attribute in sorted({name for entry in entries for name in entry.registers}):
+        write = write_in(entries, attribute)
         if write is not None and write.value is not TOMBSTONE:
             yield write

@@ -213,7 +213,7 @@ class LocalTransport:
         self.tokens: list[str] = []
         self._network = network
         self._subscribers: list[tuple[str, MessageHandler]] = []
-        self._servers: list[tuple[str, RequestHandler]] = []
+        self._servers: list[tuple[str, RequestHandler, bool]] = []
         self._presence: list[tuple[str, PresenceHandler]] = []
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
@@ -248,8 +248,8 @@ class LocalTransport:
     def serve(
         self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
     ) -> _Declaration:
-        """Answer requests on `key`; none ever waits here, so `asker` has no effect."""
-        return self._declare(self._servers, (key, handler))
+        """Answer requests on `key`; none ever waits here."""
+        return self._declare(self._servers, (key, handler, asker is None))
 
     def request(
         self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
@@ -258,8 +258,9 @@ class LocalTransport:
         self._check_open()
         served = False
         for other in self._network.others(self):
-            for pattern, handler in list(other._servers):
-                if key_matches(key, pattern) or key_matches(pattern, key):
+            for pattern, handler, answers_patterns in list(other._servers):
+                is_asked = key_matches(key, pattern) or key_matches(pattern, key)
+                if is_asked and (answers_patterns or names_one(key)):
                     served = True
                     place = key if "*" in pattern else pattern
                     self._network.send(self, other, self._exchange(other, handler, place, payload, on_reply))

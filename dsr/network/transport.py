@@ -103,7 +103,8 @@ class Transport(Protocol):
         """Answer requests on `key`. The handler may be called from any thread.
 
         With `asker`, which tells who sent a request, only the newest request of each is answered of those that wait,
-        and no more than `MAX_ASKERS` wait: the others learn at once that no answer comes.
+        and no more than `MAX_ASKERS` wait: the others learn at once that no answer comes. Such answers are long, so a
+        request on a pattern gets none: one short message would have everybody answer.
         """
 
     def request(

@@ -238,7 +238,10 @@ class ZenohTransport:
         """Answer requests on `key` from a thread of its own."""
 
         def answer(query: zenoh.Query) -> None:
-            _answer(query, key, handler)
+            if asker is None or names_one(str(query.key_expr)):
+                _answer(query, key, handler)
+            else:
+                query.drop()  # type: ignore[no-untyped-call]
 
         def declare() -> Any:
             # Of a ring the oldest request is dropped, whose asker most likely has given up: nobody else is held up.

@@ -228,12 +228,14 @@ class PartedGraph(Graph):
     ) -> Delta:
         """See `Graph.add_node`; a new node is made in `part`, or where nodes of its type belong.
 
-        Raises `PartError` if that part is not held, or if the node is in another one.
+        Raises `PartError` if that part is not held, or if the node is in another one. See `Graph.add_node` for nodes of
+        another type under this name: in whatever part, those that one may not change do not count.
         """
-        there = self.nodes.get(name)
-        if there is not None:
-            if part is not None and part not in {part_of(rid) for rid, _ in there.created}:
-                raise PartError(f"node {name!r} is in {_said(self.part(name))}, not in {_said(part)}; remove it first")
+        there = () if (node := self.nodes.get(name)) is None else node._entries
+        ours = {part_of(entry.dot[0]) for entry in there if entry.type == type}
+        if ours and part is not None and part not in ours:
+            raise PartError(f"node {name!r} is in {_said(max(ours))}, not in {_said(part)}; remove it first")
+        if ours or (there and self._is_taken(there)):
             return super().add_node(name, type, attributes, now)
         member = self._home_for(type) if part is None else self._member(part)
         if member is self:
@@ -295,7 +297,7 @@ class PartedGraph(Graph):
         values = [self.schema.to_value("pose", pose) for pose in poses.values()]
         changes, tick = Changes(self._member), self.hlc.tick(now)
         for edge, value in zip(edges, values, strict=True):
-            owners = [entry.dot for entry in edge._entries]
+            owners = self._owners(edge._entries, ("pose",))
             stamp = self._stamp(edge.key, owners, "pose", tick)
             for owner in owners:
                 changes.write(owner, "pose", stamp, value, stream=self.schema.attributes["pose"].stream)
@@ -325,11 +327,10 @@ class PartedGraph(Graph):
         """See `Stamping.renew`; everything is made anew in its part."""
         renewed = self.renewals(key)
         homes = [self._home(each.element.key) for each in renewed]
-        keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
         changes, tick, far = Changes(self._member), self.hlc.tick(now), stamp_at(now + FAR)
-        changes.remove([entry.dot for each in keys for entry in self.live(each)])
-        for (element, writes), home in zip(renewed, homes, strict=True):
-            add = Add(home.new_dot(), element.key, element.type, *self._ends_again(element, key, changes.adds))
+        changes.remove(self.renewable(key))
+        for (element, type, writes), home in zip(renewed, homes, strict=True):
+            add = Add(home.new_dot(), element.key, type, *self._ends_again(element, key, changes.adds))
             changes.adds.append(add)
             for write in writes:
                 stamp = write.stamp if write.stamp <= far else tick

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import Add, Delta, Write, precedence
+from dsr.crdt.delta import Add, Delta, Write, beats
 from dsr.crdt.store import Store
 
 _PIECE = 200
@@ -42,7 +42,7 @@ class PendingWrites:
         self._news.extend_context(delta.context)
         for write in delta.writes:
             known = self._writes.setdefault((write.owner, write.attribute), write)
-            if precedence(known) < precedence(write):
+            if beats(write, known):
                 self._writes[write.owner, write.attribute] = write
 
     def take(self) -> list[Delta]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import Delta, Write, precedence
+from dsr.crdt.delta import Delta, Write, beats
 
 BUNDLE = 500
 """Changes in one message: few enough that a peer merges them without a hiccup."""
@@ -84,7 +84,7 @@ class Outbox:
             whole.extend_context(bundle.context)
             for write in bundle.writes:
                 known = winners.setdefault((write.owner, write.attribute), write)
-                if precedence(known) < precedence(write):
+                if beats(write, known):
                     winners[write.owner, write.attribute] = write
         whole.writes = list(winners.values())
         self._bundles = [whole]

@@ -17,11 +17,12 @@ from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, Place, piece_of, together
+from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Subscription, Transport
 from dsr.replication.holding import Hold
-from dsr.replication.inquiry import REQUEST_TIMEOUT
+from dsr.replication.inquiry import MAX_PAUSED, REQUEST_TIMEOUT
 from dsr.replication.outbox import Outbox
 from dsr.replication.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.replication.parcels import parcels
@@ -81,6 +82,8 @@ class Replica:
         """Changes of our own."""
         self._outbox = Outbox()
         self._inbox: deque[Callable[[], None]] = deque()
+        self._answers = threading.Semaphore(MAX_PAUSED)
+        """Room for answers that wait for `poll`."""
         self._written = threading.Event()
         self._progress = threading.Condition()
         self._sending = threading.RLock()  # where Ctrl-C leaves it locked, that thread can still send
@@ -285,13 +288,22 @@ class Replica:
                 self._transport.request(
                     self._keys.sync(peer),
                     payload,
-                    lambda _, reply: self._enqueue(lambda: self._join_reply(peer, number, reply)),
+                    lambda _, reply: self._take_in(peer, number, reply),
                     lambda: self._enqueue(lambda: self.synchroniser.request_done(number)),
                     REQUEST_TIMEOUT,
                 )
 
-    def _join_reply(self, peer: str, number: int, reply: bytes) -> None:
-        self.synchroniser.receive_reply(peer, number, reply, self._clock.now())
+    def _take_in(self, peer: str, number: int, payload: bytes) -> None:
+        """Read an answer in the network's thread, and leave it to the next poll; liars give one question any number."""
+        if not self._answers.acquire(blocking=False):
+            self.skipped += 1
+            return
+        reply = self.synchroniser.read_reply(payload)
+        self._enqueue(lambda: self._join_reply(peer, number, reply))
+
+    def _join_reply(self, peer: str, number: int, reply: Piece | WireError) -> None:
+        self._answers.release()
+        self.synchroniser.take_reply(peer, number, reply, self._clock.now())
 
     # ---- life
 

@@ -81,6 +81,8 @@ class StampAccess:
                 if next(far_stamps(self._elements((key,)), self.clock.now()), None):  # not made anew with its node
                     try:
                         self._renew(key)
+                        if next(far_stamps(self._elements((key,)), self.clock.now()), None):
+                            raise AgentError(f"others have made {key}, too, with such stamps")
                     except AgentError as error:
                         refused[key] = str(error)
         left = {(stamp.element, stamp.attribute) for stamp in self.far_stamps()}
@@ -130,7 +132,10 @@ class StampAccess:
         return next(self._elements((element.key,)), element)
 
     def _renew(self, key: Key) -> None:
-        for element, writes in self._graph.renewals(key):
+        renewals = self._graph.renewals(key)
+        if not renewals or renewals[0].element.key != key:
+            raise AgentError(f"{key} is others': nothing of it is for this agent to make anew")
+        for element, type, writes in renewals:
             kind = "node" if isinstance(element, Node) else "edge"
-            self._check_write(kind, (element.type,), [write.attribute for write in writes], own=True)
+            self._check_write(kind, (type,), [write.attribute for write in writes], own=True)
         self._replica.commit(self._graph.renew(key, self.clock.now()))

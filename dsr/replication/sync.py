@@ -14,7 +14,8 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
    for when the one before has come (`fetching.py`): so nothing is computed for who has given up. Whose answers change
    nothing is asked ever more rarely (`Peer.pause`).
 5. Equal contexts with different fingerprints: a removal has reached one of the two without its dot, as a piece of an
-   answer that was broken off, or before it had joined. Then each asks the other for everything, and says so.
+   answer that was broken off, or before it had joined; or a liar has made two things under one dot. Then each asks the
+   other for everything, and says so.
 6. A replica whose clock most other agents see in their future must not write (`clocks`).
 7. What is claimed to have been seen is bounded (`claims.py`). A replica in whose name somebody else speaks refuses
    that and takes another id (`TakeId`): peers that believed it would take what the replica adds for seen.
@@ -226,13 +227,27 @@ class Synchroniser:
 
     def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
+        self.take_reply(sender, number, self.read_reply(payload), physical)
+
+    def read_reply(self, payload: bytes) -> Piece | WireError:
+        """Read an answer, or what is wrong with it, before the lock is taken: long ones take as long as many writes."""
+        try:
+            with collector_paused():
+                return decode_piece(payload)
+        except WireError as error:
+            return error
+
+    def take_reply(self, sender: str, number: int, reply: Piece | WireError, physical: float) -> None:
+        """Take an answer that was read: see `receive_reply`; the caller holds the lock."""
         in_time, before = self.inquiry.is_awaited(number), state_of(self.graph.store)
         fetch = self.inquiry.answer_to(sender, number)
         if in_time and sender in self._peers:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
         try:
+            if isinstance(reply, WireError):
+                raise reply
+            piece = reply
             with collector_paused():
-                piece = decode_piece(payload)
                 delta = piece.as_delta()
                 self._check_piece(sender, piece, delta)
                 if fetch is None and sender in self._peers:

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr.errors import CycleError, ExtrapolationError, NoPathError
+from dsr.frames.pose_history import PoseHistory
 from dsr.frames.tree import FrameTree
 from dsr.math3d.transforms import Pose, interpolate
 
@@ -461,3 +462,36 @@ def test_readers_never_see_a_torn_edge() -> None:
             write(next(stamps))
         for reader in readers:
             reader.result()
+
+
+def test_the_newest_parent_is_the_same_as_if_all_were_looked_at_each_time() -> None:
+    """Of few stamps, so that they are often equal; samples come late, are taken back, and edges go."""
+    rng = np.random.default_rng(5)
+    tree, edges = FrameTree(), dict[str, list[float]]()
+    for _ in range(3000):
+        parent, stamp, what = f"p{rng.integers(4)}", float(rng.integers(1, 6)), rng.integers(5)
+        if what == 0:
+            tree.remove("RT", parent, "x")
+            edges.pop(parent, None)
+        elif what < 3:
+            tree.update("RT", parent, "x", shift(1.0, stamp=stamp))
+            edges[parent] = sorted({*edges.get(parent, []), stamp})
+        else:
+            tree.follow("RT", parent, "x", shift(1.0, stamp=stamp))
+            edges[parent] = [*(s for s in edges.get(parent, []) if s < stamp), stamp]
+        link = tree.link("RT", "x")
+        expected = min(edges, key=lambda one: (-edges[one][-1], one), default=None)
+        assert (None if link is None else link.parent) == expected
+        assert link is None or (link.pose is not None and link.pose.stamp == edges[link.parent][-1])
+
+
+def test_who_hangs_a_frame_from_thousands_of_others_makes_no_write_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One message with ten thousand such edges kept all writers waiting for a minute."""
+    looks = count()
+    monkeypatch.setattr(PoseHistory, "newest", property(lambda self: next(looks) >= 0 and self._samples[-1]))
+    tree = FrameTree()
+    for number in range(500):
+        tree.update("RT", f"p{number}", "x", shift(1.0, stamp=float(number)))
+    for number in range(500):
+        tree.update("RT", "p7", "x", shift(1.0, stamp=7.0 + number / 1e3))
+    assert next(looks) < 10_000 and tree.link("RT", "x").parent == "p499"  # type: ignore[union-attr]

@@ -7,23 +7,28 @@ import threading
 
 import pytest
 
-from dsr import Access, AgentError, Faults, Memory, NodeTypeError, Pose, SchemaError
+from dsr import Access, AgentError, CycleError, Faults, Memory, NodeTypeError, Pose, SchemaError
 from dsr.clock import ManualClock
 from dsr.crdt import pieces
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
-from dsr.crdt.delta import Add, Delta, Write
-from dsr.crdt.pieces import START
-from dsr.crdt.store import Store
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
+from dsr.crdt.hlc import stamp_at
+from dsr.crdt.pieces import START, Piece
+from dsr.crdt.store import MAX_MADE, Store
 from dsr.errors import WireError
 from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
+from dsr.graph.stamping import MAX_WRITTEN
+from dsr.persistence.pending import PendingWrites
 from dsr.replication import sync
 from dsr.replication.peers import MAX_PEERS
-from dsr.replication.piece_wire import Request, encode_request
+from dsr.replication.piece_wire import Request, decode_piece, encode_request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, decode_kept, encode_delta, encode_digest
+from dsr.security.gate import Gate
+from dsr.security.policy import Grant, checked
 from tests.dsr.conftest import Net
 
 
@@ -223,6 +228,162 @@ def test_who_is_called_by_a_pattern_is_not_asked_as_all_who_match(
     net.pump(20.0)
     assert [len(memory.nodes()) for memory in honest] == [400] * len(honest)
     assert all("*" not in memory.peers for memory in honest)
+
+
+def test_a_circle_with_edges_of_others_keeps_nobody_from_writing_what_it_measures(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(1.0)
+    for name in ("world", "arm", "hand"):
+        a.add_node(name, "object")
+    a.add_edge("world", "arm", "RT", pose=Pose())
+    net.pump(1.0)
+    b.add_edge("hand", "arm", "RT", pose=Pose(stamp=5.0))
+    net.pump(1.0)
+    a.add_edge("arm", "hand", "RT", pose=Pose((1, 0, 0)))
+    with pytest.raises(CycleError, match="'hand' -> 'arm' -> 'hand'"):
+        a.transform("world", "hand")
+    with pytest.raises(CycleError, match="remove another one first"):
+        a.add_edge("hand", "world", "RT", pose=Pose())
+    b.remove_edge("hand", "arm", "RT")
+    net.pump(1.0)
+    assert a.transform("world", "hand").t == b.transform("world", "hand").t == (1, 0, 0)
+
+
+@pytest.mark.parametrize("gated", [False, True])
+def test_replicas_that_were_told_different_things_under_one_dot_end_equal(net: Net, gated: bool) -> None:
+    """A dot of two meanings has none: each of them removes what it holds under it."""
+    policy = checked({name: Grant(("*",), ("*",), ("*",), trusted=name != "liar") for name in ("a", "b", "c", "liar")})
+    gates = [Gate(policy) if gated else None for _ in range(3)]
+    a, b, c = (net.join(name, gate=gate) for name, gate in zip("abc", gates, strict=True))
+    net.pump(2.0)
+    for name in ("world", "honest"):
+        a.add_node(name, "world" if name == "world" else "cube")
+    net.pump(1.0)
+    ends = [tuple(a.node(name).created) for name in ("world", "honest")]
+    told = [
+        [Add(("liar-1", 1), "x", "cube"), Add(("liar-1", 2), ("world", "honest", "on"), "on", *ends)],
+        [Add(("liar-1", 1), "y", "cube"), Add(("liar-1", 2), ("world", "honest", "in"), "in", *ends)],
+        [Add(("liar-1", 1), "x", "ball"), Add(("liar-1", 2), ("honest", "world", "on"), "on", *ends[::-1])],
+    ]
+    for memory, adds in zip((a, b, c), told, strict=True):
+        delta = encode_delta(Delta(adds, context=[("liar-1", 1, 2)]))
+        memory.replica.synchroniser.receive_delta("liar-1", delta, net.clock.now())
+    net.pump(6.0)
+    late = net.join("d", gate=Gate(policy) if gated else None)
+    net.pump(6.0)
+    for memory in (a, b, c, late):
+        assert {node.name for node in memory.nodes()} == {"world", "honest"} and memory.edges() == []
+        assert memory.replica.graph.store.fingerprint == a.replica.graph.store.fingerprint
+
+
+def test_of_two_values_under_one_dot_whoever_gets_both_shows_the_same() -> None:
+    stores = [Store(), Store()]
+    add = Delta([Add(("a-1", 1), "x", "cube")], context=[("a-1", 1, 1)])
+    values: list[object] = [1, 1.0, True, "1", b"1", (1.0,), Pose(), Pose((1, 0, 0)), TOMBSTONE]
+    for first in values:
+        for second in values:
+            for store, order in zip(stores, ((first, second), (second, first)), strict=True):
+                store.__init__()  # type: ignore[misc]
+                store.join(add)
+                pending = PendingWrites()
+                for value in order:
+                    delta = Delta(writes=[Write(("a-1", 1), "note", 5, "z-1", ("z-1", 1), value)])
+                    store.join(delta)
+                    pending.add(delta)
+                (kept,) = pending.take()[0].writes
+                assert repr(kept.value) == repr(store.entries["a-1", 1].registers["note"].value)
+            one, other = (store.entries["a-1", 1].registers["note"].value for store in stores)
+            assert type(one) is type(other) and repr(one) == repr(other)
+
+
+def test_who_makes_one_thing_thousands_of_times_makes_no_write_long(net: Net) -> None:
+    """One message: each write goes to all incarnations, and each look at the node looks at all."""
+    a, b = net.join("a"), net.join("b")
+    a.add_node("arm", "arm")
+    a.add_node("world", "world")
+    a.add_edge("world", "arm", "RT", pose=Pose())
+    net.pump(1.0)
+    ends = [tuple(a.node(name).created) for name in ("world", "arm")]
+    adds = [Add(("liar-1", number), "arm", "arm") for number in range(1, 301)]
+    adds += [Add(("liar-1", number), ("world", "arm", "RT"), "RT", *ends) for number in range(301, 601)]
+    for memory, order in ((a, adds), (b, adds[::-1])):
+        for first in range(0, 600, 50):
+            part = sorted(add.dot for add in order[first : first + 50])
+            delta = Delta(order[first : first + 50], context=[("liar-1", part[0][1], part[-1][1])])
+            memory.replica.synchroniser.receive_delta("liar-1", encode_delta(delta), net.clock.now())
+    net.pump(5.0)
+    for memory in (a, b, net.join("c")):
+        net.pump(1.0)
+        for element in (memory.node("arm"), memory.edge("world", "arm", "RT")):
+            assert len(element.created) == 1 + MAX_MADE
+    written = len(a.replica.graph.write(a.node("arm"), {"status": "well"}, net.clock.now()).writes)
+    assert written == 1 + MAX_MADE
+
+
+def test_what_many_made_up_replicas_have_made_makes_no_write_long_and_the_newest_write_is_shown(net: Net) -> None:
+    """One answer may hold thousands of incarnations of a node, each by another replica."""
+    a, b = net.join("a"), net.join("b")
+    dots = [*a.add_node("arm", "arm").created]
+    net.pump(1.0)
+    late = stamp_at(net.clock.now() + 60.0)
+    adds = [Add((f"liar{number}-1", 1), "arm", "arm") for number in range(500)]
+    writes = [Write(add.dot, "status", late, "z-1", None, "theirs") for add in adds]
+    for memory in (a, b):
+        memory.replica.graph.join(Delta(adds, writes, context=[(*add.dot, 1) for add in adds]), net.clock.now())
+    delta = a.replica.graph.write(a.node("arm"), {"status": "mine"}, net.clock.now())
+    assert len(delta.writes) == MAX_WRITTEN and dots[0] in {write.owner for write in delta.writes}
+    a.replica.commit(delta)
+    net.pump(3.0)
+    assert a.node("arm")["status"] == b.node("arm")["status"] == "mine"
+
+
+def test_who_asks_by_a_pattern_gets_no_long_answers(net: Net) -> None:
+    memory, stranger = net.join("a"), net.network.connect("stranger")
+    memory.add_node("x", "cube")
+    replies: list[str] = []
+    request = encode_request(Request("stranger-1", CausalContext(), START, insists=True))
+    for key in (memory.keys.sync("*"), memory.keys.sync(memory.rid)):
+        stranger.request(key, request, lambda place, _reply: replies.append(place), lambda: None, 1.0)
+        net.pump(0.1)
+    assert replies == [memory.keys.sync(memory.rid)]
+
+
+def test_answers_are_read_while_writers_work(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long ones take as long as a hundred writes."""
+    memory = net.join("a")
+    free: list[bool] = []
+
+    def try_to_lock() -> None:
+        free.append(memory.replica.lock.acquire(blocking=False))
+        if free[-1]:
+            memory.replica.lock.release()
+
+    def decode(payload: bytes) -> Piece:
+        writer = threading.Thread(target=try_to_lock)
+        writer.start()
+        writer.join()
+        return decode_piece(payload)
+
+    monkeypatch.setattr(sync, "decode_piece", decode)
+    other = net.join("b")
+    other.add_node("x", "cube")
+    net.pump(3.0)
+    assert free and all(free)
+
+
+def test_liars_that_answer_one_question_without_end_take_no_memory(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube")
+    replica = memory.replica
+    for _ in range(100):
+        replica._take_in("liar-1", 1, b"nonsense")
+    assert len(replica._inbox) < 10 and replica.skipped > 90
+    net.pump(1.0)
+    late = net.join("b")
+    net.pump(3.0)
+    late.add_node("y", "cube")
+    net.pump(3.0)
+    assert "y" in memory and "x" in late and memory.dropped["liar-1"] < 10
 
 
 @pytest.mark.parametrize("durable", [True, False])

@@ -12,7 +12,7 @@ import pytest
 
 import dsr
 from dsr import Memory, Pose
-from dsr.crdt.store import dot_hash
+from dsr.crdt.store import entry_hash
 from dsr.graph.graph import Graph
 from dsr.replication.replica import Replica
 from tests.dsr.conftest import Net
@@ -55,7 +55,7 @@ def check_derived(graph: Graph) -> None:
     """Whether all that is derived from the entries is what they say."""
     store, fingerprint = graph.store, 0
     for dot, entry in store.entries.items():
-        fingerprint ^= dot_hash(dot)
+        fingerprint ^= entry_hash(entry)
         assert store.by_key[entry.key][dot] is entry
     assert store.fingerprint == fingerprint
     assert {name for names in graph.nodes_by_type.values() for name in names} == set(graph.nodes)

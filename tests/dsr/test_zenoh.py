@@ -220,6 +220,30 @@ def test_what_comes_on_a_pattern_is_dropped() -> None:
         assert heard == {"g/d/a-1", "g/live/a-1"} and len(declared) == 5
 
 
+def test_long_answers_are_not_given_to_a_pattern() -> None:
+    """One short message would have everybody answer at length; holders and meshes are asked for by patterns."""
+    endpoint = f"tcp/127.0.0.1:{rendezvous.free_port()}"
+    with (
+        contextlib.closing(ZenohTransport(endpoint)) as server,
+        contextlib.closing(ZenohTransport("tcp/127.0.0.1:0", [endpoint])) as liar,
+    ):
+        served = [
+            server.serve("g/sync/a-1", lambda _key, payload: payload, asker=lambda _payload: "me"),
+            server.serve("g/holders/a-1", lambda _key, payload: payload),
+        ]
+        heard: set[str] = set()
+
+        def ask(key: str) -> bool:
+            done = threading.Event()
+            liar.request(key, b"?", lambda place, _reply: heard.add(place), done.set, 5.0)
+            return done.wait(5.0)
+
+        assert eventually(lambda: ask("g/sync/a-1") and "g/sync/a-1" in heard)
+        heard.clear()
+        assert ask("g/sync/*") and ask("g/*/a-1") and len(served) == 2
+        assert heard == {"g/holders/a-1"}, "and who asks in vain learns that at once"
+
+
 def test_nothing_is_left_behind() -> None:
     with dsr.connect("tidy", agent="a") as memory:
         assert rendezvous.graphs() == ["tidy"] and memory.joined

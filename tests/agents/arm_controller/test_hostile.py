@@ -16,6 +16,8 @@ from agents.arm_controller.safety.intruders import Intruders
 from agents.arm_controller.scene import Obstacle
 from agents.drivers import ArmState
 from dsr import Pose
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.hlc import stamp_at
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, to_numbers
 from dsr.network.keys import Keys
@@ -71,6 +73,29 @@ def test_a_joint_that_is_told_twice_is_refused(bench: Bench, monkeypatch: pytest
     bench.run(0.5)
     assert {command[0] for command in bench.arm.told} <= {"stop"}
     assert "the driver tells joint 'joint_1' twice" in bench.runner.status().last_error
+
+
+# ---- frames that others hang in a circle
+
+def test_an_arm_goes_on_where_others_hang_its_frames_in_a_circle(bench: Bench) -> None:
+    """One message takes an edge away and hangs the link above from one below."""
+    bench.run(0.3)
+    memory = bench.memory
+    store = memory.replica.graph.store
+    gripper, link = (tuple(store.by_key[name]) for name in ("gripper", "arm_link_3"))
+    key, dot = ("gripper", "arm_link_3", "RT"), ("liar-1", 1)
+    forged = Delta([Add(dot, key, "RT", gripper, link)], removed=list(store.by_key["arm_link_3", "arm_link_4", "RT"]))
+    late = Pose(stamp=memory.clock.now() + 60.0)
+    forged.writes = [Write(dot, "pose", stamp_at(memory.clock.now()), "liar-1", ("liar-1", 2), late)]
+    forged.context = [("liar-1", 1, 2)]
+    memory.replica.graph.join(forged, memory.clock.now())
+    memory.update_node("arm", target_joints=AWAY)
+    bench.run(1.5)
+    assert bench.runner.status().errors == 0 and memory.get_edge("arm_link_3", "arm_link_4", "RT") is not None
+    assert memory.get_transform("world", "gripper") is None
+    memory.remove_edge(*key)
+    bench.run(1.0)
+    assert bench.runner.status().errors == 0 and memory.get_transform("world", "gripper") is not None
 
 
 # ---- an agent that is not well

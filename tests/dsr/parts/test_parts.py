@@ -25,6 +25,8 @@ from dsr.network.keys import Keys, part_of, part_rid
 from dsr.parts.graph import PartedGraph
 from dsr.parts.registry import node_name, read_record, to_attribute
 from dsr.replication.wire import Digest, encode_delta, encode_digest
+from dsr.security.gate import Gate
+from dsr.security.policy import Grant, checked, standard_grants
 from tests.dsr.conftest import Net, reply_of
 from tests.dsr.test_interrupts import interrupted_at
 
@@ -510,3 +512,29 @@ def test_of_the_list_of_parts_only_what_has_changed_is_read_again(net: Net, monk
     listed = b._parts("test").listed
     assert "room_07" not in listed.claiming("ball") and len(listed.claiming("ball")) == 20
     assert listed.claiming("cube") == ["room_07"] and not listed.claiming(PART_RECORD)
+
+
+def test_what_another_has_made_of_a_name_in_another_part_keeps_nobody_from_making_a_node(net: Net) -> None:
+    """Where rights are told, one message would else keep the maker from its name for ever."""
+    grants = {
+        "cook": Grant(("part_record", "cube"), (), ("mass",), trusted=True), "guest": Grant(("ball",)),
+        **standard_grants(),
+    }  # fmt: skip
+    cook, guest = (net.join(agent, interest=(), gate=Gate(checked(grants))) for agent in ("cook", "guest"))
+    net.pump(1.0)
+    cook.create_part("kitchen", types=("cube",))
+    net.pump(1.0)
+    guest.add_node("cup", "ball")
+    guest.add_node("plate", "ball")
+    net.pump(1.0)
+    cook.add_node("cup", "cube", "kitchen", mass=1.0)
+    cook.add_node("plate", "cube", mass=2.0)
+    net.pump(1.0)
+    for name in ("cup", "plate"):
+        made = {dot for dot in cook.node(name).created if dot[0].startswith("cook")}
+        assert {part_of(rid) for rid, _ in made} == {"kitchen"}
+    with pytest.raises(PartError, match="in part 'kitchen'"):
+        cook.add_node("cup", "cube", "")
+    guest.hold_part("kitchen")
+    net.pump(1.0)
+    assert guest.node("cup")["mass"] == 1.0 and guest.node("plate")["mass"] == 2.0

@@ -32,6 +32,8 @@ from dsr.replication.wire import decode_delta, encode_delta
 START = 1_000_000_000.0
 HOUR = 3600.0
 """s by which a clock may be off."""
+HONEST = stamp_at(START - HOUR + MAX_LEAD)
+"""The greatest stamp that every clock follows, however it is set."""
 FORGER = "forger-1"
 """Replica id under which forged stamps are sent, by nobody who keeps to the protocol."""
 NOBODYS: Dot = ("nobody-1", 1)
@@ -68,6 +70,12 @@ class Site:
         self.graph = Graph(rid, watches=self.readers)
         self.known = Knowledge()
         self.skew = skew
+        self.latest = 0
+        """The greatest stamp, no greater than `HONEST`, of the writes that have come to it, or were made there."""
+
+    def note_stamps(self, delta: Delta) -> None:
+        """These writes have come. One that lost elsewhere before it was handed on never comes."""
+        self.latest = max([self.latest, *(write.stamp for write in delta.writes if write.stamp <= HONEST)])
 
     def check(self) -> None:
         """Exactly what reached it is shown and held; no edge dangles; the indexes agree."""
@@ -153,7 +161,7 @@ class Soup:
             is_new = key not in site.graph.edges
             delta = self._written(index, lambda: site.graph.add_edge(*key, values, now))
             if is_new:
-                assert delta.adds[0].sources == tuple(site.known.incarnations(key[0])), "bound to other dots"
+                assert set(delta.adds[0].sources) == set(site.known.incarnations(key[0])), "bound to other dots"
             owners = [] if is_new else site.known.incarnations(key)
             self._sent(site, delta, (key, key[2]) if is_new else None, owners, values)
 
@@ -375,17 +383,16 @@ class Soup:
         self._send(delta, facts)
 
     def _check_stamps(self, site: Site, delta: Delta) -> None:
-        """Each is after all that was known of honest clocks, and no further ahead than what it overwrites forces it."""
-        honest = stamp_at(START - HOUR + MAX_LEAD)
+        """Each is after all that came of honest clocks, and no further ahead than what it overwrites forces it."""
         live = [fact for fact in site.known.written if site.known.is_live(fact[0])]
-        latest = max((fact[2] for fact in live if fact[2] <= honest), default=0)
         for write in delta.writes:
             own = {other.owner for other in delta.writes if other.attribute == write.attribute}
             below = max((fact[2] for fact in live if fact[0] in own and fact[1] == write.attribute), default=0)
-            assert write.stamp > latest, "a stamp that is not after what was known"
+            assert write.stamp > site.latest, "a stamp that is not after what has come"
             assert write.stamp > below, "a stamp that is not after what it replaces"
             limit = stamp_at(self.time + HOUR + MAX_LEAD) + len(self._dots) + 9
             assert write.stamp <= max(limit, below + 1), "a clock that followed a forged stamp"
+        site.note_stamps(delta)
 
     def _note_dots(self, delta: Delta) -> None:
         """No dot is ever issued twice; what a delta issues, its context covers."""
@@ -415,6 +422,7 @@ class Soup:
         delta = decode_delta(message.payload)
         lasting = {(w.owner, w.attribute, w.stamp, w.writer) for w in delta.writes if w.dot is not None}
         site.graph.join(delta, self.time + site.skew)
+        site.note_stamps(delta)
         site.known.learn(Knowledge(message.facts.added, message.facts.removed))
         site.known.written |= {
             fact: value

@@ -189,3 +189,15 @@ def test_of_writes_under_one_stamp_and_writer_the_same_is_shown_everywhere() -> 
         soup.forge(soup.a_dot(site, 0), "mass", 7, float(site), durable=True, reaches=site)
     soup.converge()
     soup.check_converged()
+
+
+def test_a_stamp_that_lost_to_a_forged_one_before_it_was_handed_on_binds_no_clock() -> None:
+    """A clock goes beyond the stamps that come, of whatever element; an answer holds those alone that have won."""
+    soup = Soup([0.0] * 2)
+    soup.add_node(0, "a", "cube", 1)
+    soup.forge(soup.a_dot(0, 0), "seen", stamp_at(START + 3 * MAX_LEAD), 2, durable=True, reaches=0)
+    soup.sync(1, 0)
+    soup.add_node(1, "b", "cube", 3)
+    soup.update_node(1, "a", {"seen": 4})
+    soup.converge()
+    soup.check_converged()

@@ -293,6 +293,28 @@ def test_what_is_not_ours_of_a_node_is_neither_written_nor_removed_here(net: Net
     assert refused(launcher) == 0
 
 
+def test_of_a_node_that_others_made_too_only_ones_own_is_made_anew(net: Net, join: Join) -> None:
+    """Others would refuse the rest: replicas would differ from then on."""
+    rogue, scene, launcher = a_node_of_two(net, join)
+    stamp = stamp_at(net.clock.now() + 10 * 86400)
+    (own,) = [dot for dot in scene.node("cube").created if dot[0] == scene.rid]
+    far = [
+        (scene.rid, Write(own, "mass", stamp, scene.rid, (scene.rid, scene.replica.graph.counter + 1), 3.0)),
+        (rogue.rid, Write((rogue.rid, 1), "status", stamp, rogue.rid, (rogue.rid, 2), "late")),
+    ]
+    scene.replica.graph.counter += 1
+    for _, write in far:
+        delta = Delta(writes=[write], context=[(*write.dot, write.dot[1])] if write.dot else [])
+        for memory in (rogue, scene, launcher):
+            memory.replica.graph.join(decode_delta(encode_delta(delta)), net.clock.now())
+    cleaned = scene.clean_stamps()
+    net.pump(3.0)
+    assert [stamp.attribute for stamp in cleaned.renewed] == ["mass"] and "cube" in cleaned.refused
+    assert content(scene) == content(launcher) and refused(launcher) == 0
+    assert scene.node("cube")["mass"] == 3.0 and len(scene.node("cube").created) == 2
+    assert scene.replica.graph.store.fingerprint == launcher.replica.graph.store.fingerprint
+
+
 @pytest.mark.parametrize("ahead", [0, 10 * 86400])
 def test_a_maker_goes_on_whatever_another_has_made_of_the_name(net: Net, ahead: int) -> None:
     """The other one's value may be of a time to come. Whoever removes its own part makes it again."""
