@@ -274,7 +274,8 @@ class Belief:
         self._now = now
         self._bodies.note_stances()
         self._explainer.settle_relations(now)
-        self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
+        unmoving = self._driving.supports | self._correction.supports
+        self._relations.update(resting(self._bodies.sim.contacts()) | unmoving, now)
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
         self._courses.update(now)

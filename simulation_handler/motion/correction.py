@@ -11,8 +11,9 @@ from dsr.perception.scales import SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, placed_again, separate
+from simulation_handler.contact.relations import Relation
 from simulation_handler.contact.stances import Stance, stances
-from simulation_handler.contact.supports import find_beneath
+from simulation_handler.contact.supports import UNKNOWN, find_beneath
 from simulation_handler.motion.leaning import Leaning, neighbours
 from simulation_handler.motion.neighbourhood import Neighbourhood
 from simulation_handler.motion.unchanged import Unchanged
@@ -63,6 +64,21 @@ class Correction:
             return False
         since, last = item.hovering_since, item.track.last_stamp
         return since is None or last - since < self._config.explain_after
+
+    @property
+    def supports(self) -> set[Relation]:
+        """Pairs (object, support) of which neither moves, for percepts hold the object there, against physics.
+
+        The simulation tells of no contact between bodies that cannot move.
+        """
+        objects = self._bodies.objects
+        held = {item.name: item.placement for item in objects.values() if item.static and not item.is_led}
+        return {
+            (name, base)
+            for name, placement in held.items()
+            for base in (() if placement is None else placement.supports)
+            if base != UNKNOWN and (base not in objects or objects[base].static)
+        }
 
     def follow_perception(self, now: float, waiting: Collection[str] = ()) -> None:
         """Move the bodies of objects that are perceived elsewhere than they are believed to be.

@@ -348,6 +348,21 @@ def test_what_was_pushed_aside_in_the_belief_returns_when_the_way_is_free() -> N
     assert world.error("seen") < 0.001
 
 
+def test_what_percepts_hold_in_its_place_against_physics_still_rests_there() -> None:
+    world = World({"struck": cube_at(0.35, 0.0)})
+    world.run(1.0)
+    item = world.belief._bodies.object("struck")
+    for _ in range(20):
+        if not item.static:
+            world.belief._bodies.sim.set_velocity("struck", (0.5, 0.0, 0.0), (0.0, 0.0, 0.0))
+        world.tick()
+    world.belief._bodies.sim.make_static("struck", True)  # as percepts do last: then physics tells of no contact
+    world.seen = set()
+    world.run(2.0)
+    assert item.static
+    assert ("struck", "table") in world.belief.supports()
+
+
 def test_an_object_off_the_table_falls_to_the_floor() -> None:
     world = World({"a": cube_at(0.4, 0.1)})
     world.run(1.0)
