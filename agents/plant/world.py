@@ -72,7 +72,8 @@ LEAST_HELD_MASS = 20.0
 """kg, least mass of a body that a hand holds: a lighter one would yield to what lies on it, which would creep off."""
 
 _RESTING_SPEED = 1e-6
-"""m/s and rad/s, below which a body that stays so may sleep: it would not creep by a hair in minutes"""
+"""m/s and rad/s, below which a body that stays so may sleep: it could not creep by a hair in minutes"""
+_NEXT_TO = 1e-3  # m between two bodies, up to which one may carry the other
 _SETTLE_STEPS = 3 * RATE_HZ
 _STILL_STEPS = 12
 _UPWARD = 0.5  # least z of a contact normal that carries weight
@@ -100,9 +101,6 @@ class World:
         self._held: set[str] = set()
         self._sleepers: dict[int, tuple[Vector3, Vector3]] = {}
         """How fast sleepers are to move (m/s, rad/s) once they are awake: the step that wakes them stops them"""
-        self._resting: set[int] = set()
-        """Those that were as good as still at the last look"""
-        self._steps = 0
         self._balls: dict[float, int] = {}  # collision shapes by radius, m
         with folder_to_read() as files:
             self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
@@ -253,9 +251,6 @@ class World:
         for body, velocities in self._sleepers.items():
             self.bullet.resetBaseVelocity(body, *velocities)
         self._sleepers.clear()
-        self._steps += 1
-        if self._steps % _STILL_STEPS == 0:
-            self._let_rest()
 
     def settle(self) -> None:
         """Advance physics until all objects lie still. Raises `ConfigError` when that takes too long."""
@@ -271,17 +266,6 @@ class World:
             "start them on the table or on one another, without overlap, and centred over their support"
         )
 
-    def _let_rest(self) -> None:
-        """Let those sleep that are as good as still at two looks in a row; the engine itself would wait for 2 s."""
-        resting = set()
-        for body in self._bodies.values():
-            fastest = max(map(abs, sum(self.bullet.getBaseVelocity(body), ())))
-            if 0.0 < fastest < _RESTING_SPEED:  # sleepers do not move at all
-                resting.add(body)
-                if body in self._resting:
-                    self.bullet.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_SLEEP)
-        self._resting = resting
-
     def _let_move(self, body: int, velocity: Vector3, spin: Vector3) -> None:
         """Wake a body, and let it move (m/s) and turn (rad/s) from now on."""
         sleeps = not any(map(any, self.bullet.getBaseVelocity(body)))
@@ -294,7 +278,10 @@ class World:
 
     def _wake_around(self, name: str) -> None:
         """Wake an object, and those next to it, which it may carry."""
-        near = self.bullet.getOverlappingObjects(*self.bullet.getAABB(self.body(name)))
+        low, high = self.bullet.getAABB(self.body(name))
+        near = self.bullet.getOverlappingObjects(
+            [edge - _NEXT_TO for edge in low], [edge + _NEXT_TO for edge in high]
+        )
         for body in sorted({body for body, _ in near or ()}.intersection(self._bodies.values())):
             self._wake(body)
 

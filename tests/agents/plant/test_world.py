@@ -71,9 +71,9 @@ def test_a_stack_stays_where_it_is(make_world: MakeWorld, cube: MakeCube) -> Non
 
 @pytest.fixture
 def asleep(make_world: MakeWorld, cube: MakeCube) -> World:
-    """A tower of three cubes, and one beside it, that sleep by now."""
+    """A tower of three cubes, and one beside it, that have slept for a while."""
     world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.0, 0.06), cube(5, 0.3, 0.0, 0.10), cube(6, 0.3, 0.1))
-    for _ in range(3 * RATE_HZ // 2):
+    for _ in range(8 * RATE_HZ):
         world.step()
     assert [world.velocity(name) for name in world] == [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))] * 4  # exactly
     return world
