@@ -20,7 +20,6 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 
-_ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _KINDS = {"box": pybullet.GEOM_BOX, "cylinder": pybullet.GEOM_CYLINDER, "sphere": pybullet.GEOM_SPHERE}
 
 
@@ -71,9 +70,6 @@ STILL_SPIN = 0.1
 LEAST_HELD_MASS = 20.0
 """kg, least mass of a body that a hand holds: a lighter one would yield to what lies on it, which would creep off."""
 
-_RESTING_SPEED = 1e-6
-"""m/s and rad/s, below which a body that stays so may sleep: it could not creep by a hair in minutes"""
-_NEXT_TO = 1e-3  # m between two bodies, up to which one may carry the other
 _SETTLE_STEPS = 3 * RATE_HZ
 _STILL_STEPS = 12
 _UPWARD = 0.5  # least z of a contact normal that carries weight
@@ -82,8 +78,6 @@ _FLOOR_SIZE = (6.0, 6.0, 0.1)
 
 class World:
     """Table, floor and objects in a physics client.
-
-    Objects at rest sleep, which costs little: they wake by what touches them, and when what is next to them goes.
 
     Args:
         bullet: the physics client, empty.
@@ -99,8 +93,6 @@ class World:
         self.specs = {spec.name: spec for spec in objects}
         self._bodies: dict[str, int] = {}
         self._held: set[str] = set()
-        self._sleepers: dict[int, tuple[Vector3, Vector3]] = {}
-        """How fast sleepers are to move (m/s, rad/s) once they are awake: the step that wakes them stops them"""
         self._balls: dict[float, int] = {}  # collision shapes by radius, m
         with folder_to_read() as files:
             self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
@@ -148,9 +140,7 @@ class World:
 
     def put(self, name: str, pose: Pose) -> None:
         """Teleport an object, at rest; one that was removed comes back."""
-        if name in self._bodies:
-            self._wake_around(name)
-        else:
+        if name not in self._bodies:
             with folder_to_read() as files:
                 spec = self.specs[name]
                 _write_looks(files, name, spec.size, self._color(name), spec.marker_id, spec.shape)
@@ -161,7 +151,7 @@ class World:
         """Put an object at `pose`, moving at `velocity` m/s and turning at `spin` rad/s (world)."""
         body = self.body(name)
         self.bullet.set_pose(body, pose)
-        self._let_move(body, velocity, spin)
+        self.bullet.resetBaseVelocity(body, velocity, spin)
         self.bullet.setCollisionFilterGroupMask(body, -1, 1, -1)  # forgets the anchored contacts
 
     def hold(self, names: Collection[str]) -> None:
@@ -176,7 +166,7 @@ class World:
         """Let an object move at `velocity` m/s along x and y; otherwise it follows physics."""
         body = self.body(name)
         (_, _, falling), spin = self.bullet.getBaseVelocity(body)
-        self._let_move(body, (*velocity, falling), spin)
+        self.bullet.resetBaseVelocity(body, (*velocity, falling), spin)
 
     def velocity(self, name: str) -> tuple[Vector3, Vector3]:
         """How fast an object moves (m/s, its centre) and turns (rad/s), world."""
@@ -189,8 +179,6 @@ class World:
 
     def remove(self, name: str) -> None:
         """Take an object out of the scene."""
-        self._wake_around(name)
-        self._sleepers.pop(self.body(name), None)
         self.bullet.remove_body(self.body(name))
         del self._bodies[name]
         self._held.discard(name)
@@ -248,9 +236,6 @@ class World:
     def step(self) -> None:
         """Advance physics by `STEP`."""
         self.bullet.stepSimulation()
-        for body, velocities in self._sleepers.items():
-            self.bullet.resetBaseVelocity(body, *velocities)
-        self._sleepers.clear()
 
     def settle(self) -> None:
         """Advance physics until all objects lie still. Raises `ConfigError` when that takes too long."""
@@ -265,28 +250,6 @@ class World:
             f"objects {moving} still move after {_SETTLE_STEPS * STEP:g} s; expected all to come to rest: "
             "start them on the table or on one another, without overlap, and centred over their support"
         )
-
-    def _let_move(self, body: int, velocity: Vector3, spin: Vector3) -> None:
-        """Wake a body, and let it move (m/s) and turn (rad/s) from now on."""
-        sleeps = not any(map(any, self.bullet.getBaseVelocity(body)))
-        self._wake(body)
-        self.bullet.resetBaseVelocity(body, velocity, spin)
-        if sleeps and (any(velocity) or any(spin)):
-            self._sleepers[body] = velocity, spin
-        else:
-            self._sleepers.pop(body, None)
-
-    def _wake_around(self, name: str) -> None:
-        """Wake an object, and those next to it, which it may carry."""
-        low, high = self.bullet.getAABB(self.body(name))
-        near = self.bullet.getOverlappingObjects(
-            [edge - _NEXT_TO for edge in low], [edge + _NEXT_TO for edge in high]
-        )
-        for body in sorted({body for body, _ in near or ()}.intersection(self._bodies.values())):
-            self._wake(body)
-
-    def _wake(self, body: int) -> None:
-        self.bullet.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
 
     def _rides(self, name: str, base: str, enclosed: bool) -> bool:
         if self._encloses(base, name):
@@ -321,14 +284,7 @@ class World:
         shape, visual = self._shapes[name]
         spec = self.specs[name]
         body = self.bullet.create_body(spec.mass, shape, visual, pose.t, pose.q)
-        self.bullet.changeDynamics(
-            body,
-            -1,
-            lateralFriction=spec.friction,
-            frictionAnchor=1,  # else stacks creep
-            activationState=_ENABLE_SLEEPING,
-            sleepThreshold=_RESTING_SPEED**2,  # which the engine compares with a sum of squares
-        )
+        self.bullet.changeDynamics(body, -1, lateralFriction=spec.friction, frictionAnchor=1)  # else stacks creep
         if spec.rolling_friction:
             self.bullet.changeDynamics(
                 body, -1, rollingFriction=spec.rolling_friction, spinningFriction=spec.rolling_friction

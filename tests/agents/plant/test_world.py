@@ -69,54 +69,6 @@ def test_a_stack_stays_where_it_is(make_world: MakeWorld, cube: MakeCube) -> Non
     assert all(world.pose(name).distance(pose)[0] < 1e-4 for name, pose in before.items())
 
 
-@pytest.fixture
-def asleep(make_world: MakeWorld, cube: MakeCube) -> World:
-    """A tower of three cubes, and one beside it, that have slept for a while."""
-    world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.0, 0.06), cube(5, 0.3, 0.0, 0.10), cube(6, 0.3, 0.1))
-    for _ in range(8 * RATE_HZ):
-        world.step()
-    assert [world.velocity(name) for name in world] == [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))] * 4  # exactly
-    return world
-
-
-def test_what_sleeps_is_still_carried(asleep: World) -> None:
-    assert asleep.supported("cube_3") == ["cube_4", "cube_5"]
-    assert asleep.supports("cube_3") == {asleep.table}
-
-
-@pytest.mark.parametrize("how", ["removed", "teleported", "pushed away", "dragged away"])
-def test_what_sleeps_falls_when_its_support_goes(asleep: World, how: str) -> None:
-    if how == "removed":
-        asleep.remove("cube_3")
-    elif how == "teleported":
-        asleep.put("cube_3", upright((0.6, 0.0, 0.02), 0.0))
-    for step in range(2 * RATE_HZ):
-        if how == "pushed away" and step < RATE_HZ:
-            asleep.push("cube_3", (2.0, 0.0))
-        if how == "dragged away" and step < RATE_HZ:
-            asleep.drive("cube_3", Pose((0.3 + 2.0 * step / RATE_HZ, 0.0, 0.02)), (2.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        asleep.step()
-    assert asleep.pose("cube_4").t[2] < 0.03
-    assert asleep.pose("cube_5").t[2] < 0.07
-
-
-def test_what_sleeps_wakes_by_what_is_driven_against_it(asleep: World) -> None:
-    for step in range(RATE_HZ):
-        there = Pose((0.3, 0.1 - 0.07 * step / RATE_HZ, 0.02))
-        asleep.drive("cube_6", there, (0.0, -0.07, 0.0), (0.0, 0.0, 0.0))
-        asleep.step()
-    assert asleep.pose("cube_3").t[1] == pytest.approx(-0.0062, abs=2e-4)  # as without sleep
-
-
-def test_what_sleeps_is_pushed_and_launched(asleep: World) -> None:
-    asleep.push("cube_6", (0.5, 0.0))
-    asleep.launch("cube_5", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    for _ in range(RATE_HZ // 20):
-        asleep.step()
-    assert asleep.pose("cube_6").t[0] > 0.305
-    assert asleep.pose("cube_5").t[2] > 0.12
-
-
 def test_a_moved_object_is_not_pulled_back(make_world: MakeWorld, cube: MakeCube) -> None:
     world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.0, 0.06))
     world.settle()
