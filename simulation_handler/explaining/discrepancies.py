@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Set
 
-from dsr.believing.absence import missed, most_missed
+from dsr.believing.absence import missed, most_missed, somewhere
 from dsr.perception.scales import FRAME
 from dsr.vocabulary.nats import SURPRISING
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.recognition import recognised_about, recognised_somewhere
+from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.explaining.scoring import seems_displaced
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.state.bodies import Bodies
@@ -128,7 +128,7 @@ class Discrepancies:
         absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]
         about = recognised_about([solids[name] for name in absent], there, visibility)
         for name, places in zip(absent, about, strict=True):
-            share = recognised_somewhere(places)
+            share = somewhere([max(by_cameras) for by_cameras in zip(*places.values(), strict=True)]) if places else 0.0
             expected[name] = {camera: share for camera, there in places.items() if _is_due(min(share, max(there)))}
         return {name: by for name, by in expected.items() if by}
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from dsr.believing.absence import somewhere
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.scales import ROUNDING, UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
@@ -39,15 +38,6 @@ def recognised_about(
         cameras = {camera: None for by_camera in about for camera in by_camera}
         found[place] = {camera: tuple(by_camera.get(camera, 0.0) for by_camera in about) for camera in cameras}
     return found
-
-
-def recognised_somewhere(about: Mapping[str, Sequence[float]]) -> float:
-    """How probably the camera that sees most of each place recognises an object that stays at one of them.
-
-    Args:
-        about: probabilities by the camera's name, one for each place, as of `recognised_about`.
-    """
-    return somewhere([max(by_cameras) for by_cameras in zip(*about.values(), strict=True)]) if about else 0.0
 
 
 def _moved(solid: Solid, dx: float, dy: float) -> Solid:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment, is_in
 from simulation_handler.contact.relations import ContactRelations, Relation, SupportedPose
 from simulation_handler.explaining import VisibilityQuery
-from simulation_handler.explaining.recognition import recognised_about, recognised_somewhere
+from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.percepts import Array, WeighedPercept
@@ -323,5 +324,5 @@ def seen_shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> di
         others = [solid for name, solid in among.items() if (name, asked[0]) not in evidence.contents]
         told = iter(recognised_about([solid for name in asked for solid in places[name]], others, visibility))
         for name in asked:
-            found[name] = [recognised_somewhere(next(told)) for _ in places[name]]
+            found[name] = [max(map(fmean, next(told).values()), default=0.0) for _ in places[name]]
     return found
