@@ -61,10 +61,10 @@ def most_missed(probability: float) -> float:
 
 
 def somewhere(probabilities: Sequence[float]) -> float:
-    """The probability of being recognised that tells as much of a thing at one of several places, all as probable.
+    """The probability of being recognised that tells as much, in many frames, of a thing at one of several places.
 
-    The thing stays where it is: at a place where it is never recognised, all frames miss it. So one such place of
-    four explains its absence, however plainly it would be seen at the other three.
+    All places are as probable. The thing stays where it is: where it is never recognised, all frames miss it.
+    So one such place of four explains its absence, however plainly it would be seen at the other three.
 
     Args:
         probabilities: that it is recognised at each of the places, one or more.

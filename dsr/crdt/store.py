@@ -133,10 +133,10 @@ class Store:
 
         Only liars make such, and replicas that were told different things find that out by their fingerprints.
         """
-        false = [add.dot for add in delta.adds if self._is_another(add)]
+        false = {add.dot for add in delta.adds if self._is_another(add)}
         if not false:
             return delta
-        adds, removed = [add for add in delta.adds if add.dot not in false], [*delta.removed, *false]
+        adds, removed = [add for add in delta.adds if add.dot not in false], [*delta.removed, *sorted(false)]
         return Delta(adds, delta.writes, removed, delta.context, delta.live, delta.examined)
 
     def _is_another(self, add: Add) -> bool:

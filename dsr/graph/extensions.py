@@ -27,8 +27,6 @@ _log = logging.getLogger("dsr.memory")
 _PREFIX = RECORDS[SCHEMA_RECORD]
 _LONGEST = 128
 """Characters that a node's name may have."""
-MOST_LEARNED = 1000
-"""Names that are learned from others, and warnings about their records: made-up ones must take no memory."""
 
 
 class ExtensionRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -126,8 +124,6 @@ class Extensions:
         }  # fmt: skip
         if record.name in known[record.what]:
             return self._conflict(record)
-        if not self._has_room():
-            return f"{record.what} {record.name!r} is not learned: more than {MOST_LEARNED} names come from others"
         version = schema.version
         if record.what == "node":
             schema.register_node_type(record.name, record.meaning)
@@ -137,18 +133,9 @@ class Extensions:
                 self._note_poses(record.name)
         else:
             schema.register_attribute(record.name, record.attribute or AttributeType("str", meaning=record.meaning))
-        schema.learned[(record.what, record.name)] = record.node_name
         if self._published == version:  # nothing of our own waits
             self._published = schema.version
         return ""
-
-    def _has_room(self) -> bool:
-        """Whether one more name can be learned; if there are too many, those go of which no record is left."""
-        learned = self._schema.learned
-        if len(learned) >= MOST_LEARNED:
-            for what, name in [key for key, node in learned.items() if node not in self._base.nodes]:
-                self._schema.forget(what, name)
-        return len(learned) < MOST_LEARNED
 
     def _conflict(self, record: ExtensionRecord) -> str:
         schema = self._schema
@@ -172,7 +159,7 @@ class Extensions:
                 graph.watches.note_pose(edge)
 
     def _warn(self, name: str, text: str) -> None:
-        if name not in self._warned and len(self._warned) < MOST_LEARNED:
+        if name not in self._warned:
             self._warned.add(name)
             _log.warning("%.500s", text)
 

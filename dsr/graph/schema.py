@@ -80,8 +80,6 @@ class Schema:
         self.attributes: dict[str, AttributeType] = dict(_ATTRIBUTES)
         self.version = 0
         """Grows with each name that is registered."""
-        self.learned: dict[tuple[str, str], str] = {}
-        """Names that were learned from others and not registered here since, with the node that told of each."""
 
     def register_node_type(self, name: str, meaning: str) -> None:
         """Allow nodes of type `name`.
@@ -89,7 +87,7 @@ class Schema:
         Raises `RegistrationError` if name or meaning cannot be such, or if a built-in type means something else.
         """
         self.node_types[_checked_name("node type", name)] = _agreed("node type", name, meaning, _NODE_TYPES)
-        self._note_registered("node", name)
+        self.version += 1
 
     def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
         """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains.
@@ -101,7 +99,7 @@ class Schema:
         if name in self.edge_types and (name in self.geometric) != geometric:
             raise RegistrationError(f"edge type {name!r} is already one that is {'not ' if geometric else ''}geometric")
         self.edge_types[name] = _agreed("edge type", name, meaning, _EDGE_TYPES)
-        self._note_registered("edge", name)
+        self.version += 1
         if geometric:
             self.geometric.add(name)
 
@@ -123,19 +121,7 @@ class Schema:
                 raise RegistrationError(f"attribute {name!r} ({meaning}) is built in as {said}")
             attribute = known
         self.attributes[name] = attribute
-        self._note_registered("attribute", name)
-
-    def _note_registered(self, what: str, name: str) -> None:
-        self.learned.pop((what, name), None)
         self.version += 1
-
-    def forget(self, what: str, name: str) -> None:
-        """Forget a learned name: a "node" or "edge" type, or an "attribute"."""
-        del self.learned[(what, name)]
-        known = {"node": self.node_types, "edge": self.edge_types, "attribute": self.attributes}[what]
-        del known[name]  # type: ignore[attr-defined]
-        if what == "edge":
-            self.geometric.discard(name)
 
     def check_node(self, name: str, type: str) -> None:
         """Raise `SchemaError` unless a user may make a node `name` of `type`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection
+from copy import copy
 from typing import NamedTuple
 
 from dsr.errors import DsrError, ExtrapolationError
@@ -133,5 +134,5 @@ class _CameraPlaces:
                 known = error
             self._known[camera, stamp] = known
         if isinstance(known, DsrError):
-            raise known
+            raise copy(known)  # each raising adds to the traceback of what is raised
         return known

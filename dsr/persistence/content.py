@@ -11,6 +11,7 @@ from dsr.errors import ConfigError, SchemaError
 from dsr.graph.cycles import check_edges
 from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import AttributeType, Kind, Schema, Value
+from dsr.graph.shares import makers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 
@@ -98,12 +99,13 @@ class GraphContent:
         Raises:
             ConfigError: if a node has another type there, or a name or type that is the graph's own, or if a custom
                 name has another kind; nothing is written then.
-            CycleError: if frames would hang in a circle; nothing is written then either.
+            CycleError: if frames would hang in a circle by this content and this agent's own edges; nothing is
+                written then either.
         """
         self._check_names()
         register(self.schema, memory.schema)
         self._check_types(memory, replace)
-        there = [] if replace else [edge.key for edge in memory.edges()]
+        there = [] if replace else [edge.key for edge in memory.edges() if memory.agent in makers(edge)]
         check_edges([*there, *self.edges], self.schema.geometric | memory.schema.geometric)
         if replace:
             self._remove_others(memory)

@@ -32,6 +32,8 @@ class Pace:
         """Notice a pause of this process; call this often with the monotonic time, s."""
         if now - self._last_look > ABSENCE:
             self.hurry(now)
+        if math.isinf(self._next_digest):
+            self._next_digest = now
         self._last_look = now
 
     def hurry(self, now: float) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dsr.network.keys import agent_of
+from dsr.replication.pace import DIGEST_PERIOD, MOST_HELD
 from dsr.replication.wire import Digest
 
 MAX_PEERS = 1000
@@ -24,7 +25,7 @@ SILENCE = 5.0
 """s after which a peer's last digest counts no more, and a token of which no digest came counts for nothing."""
 FORGET = 30.0
 """s after which a silent peer counts as gone; its next digest brings it back."""
-DEPARTURE = 1.5
+DEPARTURE = DIGEST_PERIOD + MOST_HELD + 0.5
 """s without a word of a peer whose token was withdrawn until it counts as gone; more than digests are apart."""
 FIRST_PATIENCE = 0.5
 """s for which an answer of a peer is waited for until another one is asked; doubles with each that does not come in

@@ -17,7 +17,6 @@ from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, Place, piece_of, together
-from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.network.keys import Keys
 from dsr.network.transport import Qos, Subscription, Transport
@@ -82,7 +81,6 @@ class Replica:
         """Changes of our own."""
         self._outbox = Outbox()
         self._inbox: deque[Callable[[], None]] = deque()
-        self._answers = threading.Semaphore(MAX_PAUSED)
         """Room for answers that wait for `poll`."""
         self._written = threading.Event()
         self._progress = threading.Condition()
@@ -163,13 +161,20 @@ class Replica:
         """Hold writes back for one more (1) or one less (-1)."""
         with self.lock:
             self._holds += change
-            speaks = self._holds == 0 and self._sender is not None and not self._stopped.is_set()
-            due = self.synchroniser.speak(self._clock.monotonic(), self._clock.now()) if speaks else []
-            for settled in [output.delta for output in due if isinstance(output, PublishDelta)]:
-                self.commit(settled)  # goes with what was held back, before the digest that tells of it
+            digests: list[PublishDigest] = []
+            if self._holds == 0 and self._sender is not None and not self._stopped.is_set():
+                self._guarded(lambda: digests.extend(self._settle()))
         self.send_soon()
-        for digest in [output for output in due if isinstance(output, PublishDigest)]:
+        for digest in digests:
             self._guarded(lambda digest=digest: self._perform(digest))  # type: ignore[misc]
+
+    def _settle(self) -> list[PublishDigest]:
+        """What is to be told of now; what that tells of goes with what was held back, before it. Needs the lock."""
+        due = self.synchroniser.speak(self._clock.monotonic(), self._clock.now())
+        for output in due:
+            if isinstance(output, PublishDelta):
+                self.commit(output.delta)
+        return [output for output in due if isinstance(output, PublishDigest)]
 
     def flush(self) -> None:
         """Hand everything written so far to the transport; nothing while writes are held together."""
@@ -285,25 +290,25 @@ class Replica:
             case TakeId():
                 self.take_id()
             case Ask(peer, payload, number):
+                places = threading.Semaphore(MAX_PAUSED)
                 self._transport.request(
                     self._keys.sync(peer),
                     payload,
-                    lambda _, reply: self._take_in(peer, number, reply),
+                    lambda _, reply: self._take_in(peer, number, reply, places),
                     lambda: self._enqueue(lambda: self.synchroniser.request_done(number)),
                     REQUEST_TIMEOUT,
                 )
 
-    def _take_in(self, peer: str, number: int, payload: bytes) -> None:
-        """Read an answer in the network's thread, and leave it to the next poll; liars give one question any number."""
-        if not self._answers.acquire(blocking=False):
+    def _take_in(self, peer: str, number: int, payload: bytes, places: threading.Semaphore) -> None:
+        """Read an answer in the network's thread, and leave it to the next poll.
+
+        A question has as many `places` for answers: liars give one question any number of them.
+        """
+        if not places.acquire(blocking=False):
             self.skipped += 1
             return
         reply = self.synchroniser.read_reply(payload)
-        self._enqueue(lambda: self._join_reply(peer, number, reply))
-
-    def _join_reply(self, peer: str, number: int, reply: Piece | WireError) -> None:
-        self._answers.release()
-        self.synchroniser.take_reply(peer, number, reply, self._clock.now())
+        self._enqueue(lambda: self.synchroniser.take_reply(peer, number, reply, self._clock.now()))
 
     # ---- life
 

@@ -264,11 +264,11 @@ class Explainer:
     def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:
         """How an unseen object was last seen on its way, if that was not where it is believed to be.
 
-        What a hand had then, and was not seen to fall, went with the hand: that tells nothing of a fall.
+        What a hand had in the air then, and was not seen to fall, went with the hand: that tells nothing of a fall.
         """
         if not item.track.trail or item.track.is_fresh(now) or item.holder:
             return None
-        if (item.hand or item.vanished_when_let_go) and not item.falls:
+        if (item.hand or item.vanished_when_let_go) and item.is_in_air and not item.falls:
             return None
         config, believed = self._config, self._bodies.solid(item.name)
         glimpse = glimpse_of(believed, item.track.trail, item.error_mean, item.error_std(config))

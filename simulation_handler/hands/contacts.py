@@ -111,18 +111,20 @@ class Contacts:
                     continue
                 touched = self._touched(name, item, known, now)
                 touching |= {(tip, item.name) for tip in touched}
-                if self._is_pinched((name, item.name), touched, self.seen_at(hand, item, now)[1], item.noise):
+                if self._is_pinched((name, item.name), touched, self.seen_at(hand, item, now)[1], item.noise, now):
                     if not self._was_put_down((name, item.name), now):
                         opposed.add((name, item.name))
                 elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
                     opposed |= {(name, item.name)} & self.pinches.keys()
         return touching, opposed
 
-    def _is_pinched(self, relation: Relation, touched: Mapping[str, Met | None], solid: Solid, noise: float) -> bool:
+    def _is_pinched(
+        self, relation: Relation, touched: Mapping[str, Met | None], solid: Solid, noise: float, now: float
+    ) -> bool:
         """Whether fingertips at an object are on opposite sides, or were, and are as far apart as then."""
         points = {tip: met.point for tip, met in touched.items() if met is not None}
         is_closed = relation in self.pinches and bool(self._spans.closed(relation, points, solid, noise))
-        if is_closed:
+        if is_closed and not self._was_put_down(relation, now):
             self.closed.add(relation)
         if is_opposed(touched):
             self._spans.note(relation, touched)

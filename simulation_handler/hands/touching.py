@@ -345,7 +345,7 @@ class Touching:
         """Whether an object that a hand held is seen in the air where that would have it: nothing else can hold it."""
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands.get(name)
-        hovers = item.static or item.hovering_since is not None
+        hovers = item.is_in_air
         is_alone = sum(held == thing for _, held in self.grasps) == 1
         if hand is None or item.hand != name or not hovers or not is_alone or item.falls:
             return False
@@ -401,7 +401,7 @@ class Touching:
         carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
-            hovers = item.static or item.hovering_since is not None
+            hovers = item.is_in_air
             is_seen = now - item.track.last_stamp <= UNSEEN
             if grasp.state in HOLDING:
                 holders.setdefault(thing, hand)

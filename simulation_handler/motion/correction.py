@@ -11,9 +11,9 @@ from dsr.perception.scales import SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, placed_again, separate
-from simulation_handler.contact.relations import Relation
+from simulation_handler.contact.relations import Relation, resting
 from simulation_handler.contact.stances import Stance, stances
-from simulation_handler.contact.supports import UNKNOWN, find_beneath
+from simulation_handler.contact.supports import find_beneath
 from simulation_handler.motion.leaning import Leaning, neighbours
 from simulation_handler.motion.neighbourhood import Neighbourhood
 from simulation_handler.motion.unchanged import Unchanged
@@ -69,15 +69,15 @@ class Correction:
     def supports(self) -> set[Relation]:
         """Pairs (object, support) of which neither moves, for percepts hold the object there, against physics.
 
-        The simulation tells of no contact between bodies that cannot move.
+        The simulation itself tells of no contact between bodies that cannot move.
         """
-        objects = self._bodies.objects
+        objects, sim = self._bodies.objects, self._bodies.sim
         held = {item.name: item.placement for item in objects.values() if item.static and not item.is_led}
         return {
             (name, base)
             for name, placement in held.items()
             for base in (() if placement is None else placement.supports)
-            if base != UNKNOWN and (base not in objects or objects[base].static)
+            if base in sim and (name, base) in resting(sim.contacts_between(name, base))
         }
 
     def follow_perception(self, now: float, waiting: Collection[str] = ()) -> None:

@@ -286,6 +286,12 @@ class Simulator:
                 deepest[contact[:2]] = contact
         return sorted(deepest.values())
 
+    def contacts_between(self, one: str, other: str) -> list[Contact]:
+        """Where the surfaces of two bodies touch: `contacts` tells nothing of two that cannot move."""
+        a, b = self._id(one), self._id(other)
+        points = pybullet.getClosestPoints(a, b, TOUCHING, physicsClientId=self._client)
+        return [self._contact(a, b, point[7][2], point[8]) for point in points]
+
     def snapshot(self) -> int:
         """Keep the whole state (poses, velocities, contacts) in memory; returns a handle for `restore`."""
         handle: int = pybullet.saveState(physicsClientId=self._client)

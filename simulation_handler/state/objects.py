@@ -153,6 +153,11 @@ class BelievedObject:
         return self.path.is_falling and self.path.newest <= self.track.last_stamp
 
     @property
+    def is_in_air(self) -> bool:
+        """Whether the object was seen where nothing known carries it, when it was last seen."""
+        return self.static or self.hovering_since is not None
+
+    @property
     def vanished_when_let_go(self) -> bool:
         """Whether the object was not seen any more after a hand had let go of it."""
         return self.track.last_stamp <= self.let_go_at

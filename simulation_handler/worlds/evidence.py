@@ -240,7 +240,7 @@ class EvidenceReader:
             containers=innermost_first(name, moment.contents),
             supports=moment.below.get(name, ()),
             touched_by=tuple(hand for hand, thing in moment.touches if thing == name),
-            aloft=item.static or item.hovering_since is not None,
+            aloft=item.is_in_air,
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),

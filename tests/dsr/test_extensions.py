@@ -5,12 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-import msgspec
 import pytest
 
 from dsr import Access, AttributeType, ConfigError, Memory, NodeTypeError, Pose, RegistrationError, Schema, SchemaError
 from dsr.crdt.delta import Delta
-from dsr.graph import extensions
 from dsr.graph.access import WriteGuard
 from dsr.graph.extensions import ExtensionRecord
 from dsr.graph.graph import Graph
@@ -264,40 +262,6 @@ def test_records_come_to_rest(net: Net) -> None:
         if value == 1:
             settled = [node.newest_write("record") for node in one.nodes(SCHEMA_RECORD)]
     assert [node.newest_write("record") for node in one.nodes(SCHEMA_RECORD)] == settled
-
-
-def test_made_up_names_take_no_memory_and_keep_nobody_from_registering(
-    net: Net, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setattr(extensions, "MOST_LEARNED", 20)
-    pilot, liar, reader = net.join("pilot", schema=drones()), net.join("liar"), net.join("reader")
-    pilot.add_node("d1", "drone", battery=11.1)
-    net.pump(0.5)
-    graph = liar.replica.graph
-
-    def tell(number: int, *, valid: bool = True) -> None:
-        record = ExtensionRecord("attribute", f"made_up_{number}")
-        text = msgspec.json.encode(record).decode() if valid else "nonsense"
-        forge(liar, lambda _: graph.add_node(record.node_name, SCHEMA_RECORD, {"record": text}, net.clock.now()))
-        if number >= 100:
-            forge(liar, lambda _: graph.remove_node(record.node_name))
-
-    for number in range(200, 300):  # told and taken away
-        tell(number)
-        net.pump()
-    for memory in (pilot, reader):
-        assert len(memory.schema.attributes) < len(Schema().attributes) + 25
-    pilot.schema.register_attribute("range", AttributeType("float", "m"))
-    pilot.update_node("d1", range=3.0)
-    net.pump(1.0)
-    assert reader.schema.attribute("range").unit == "m" and "drone" in reader.schema.node_types
-    for number in range(50):  # told, and there
-        tell(number, valid=number < 25)
-    net.pump(1.0)
-    assert len(reader.schema.attributes) < len(Schema().attributes) + 25 and len(caplog.records) <= 60
-    reader.schema.register_attribute("own", AttributeType("float", "m"))
-    reader.update_node("d1", own=1.0, range=2.0, battery=3.0)
-    assert reader.schema.attribute("own").unit == "m"
 
 
 def test_names_of_every_length_have_a_record() -> None:

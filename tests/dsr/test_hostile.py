@@ -21,8 +21,10 @@ from dsr.graph.access import WriteGuard
 from dsr.graph.graph import Graph
 from dsr.graph.schema import MAX_LENGTH, RECORDS
 from dsr.graph.stamping import MAX_WRITTEN
+from dsr.persistence.content import GraphContent, NodeContent
 from dsr.persistence.pending import PendingWrites
 from dsr.replication import sync
+from dsr.replication.inquiry import MAX_PAUSED
 from dsr.replication.peers import MAX_PEERS
 from dsr.replication.piece_wire import Request, decode_piece, encode_request
 from dsr.replication.sync import Synchroniser
@@ -374,9 +376,9 @@ def test_answers_are_read_while_writers_work(net: Net, monkeypatch: pytest.Monke
 def test_liars_that_answer_one_question_without_end_take_no_memory(net: Net) -> None:
     memory = net.join("a")
     memory.add_node("x", "cube")
-    replica = memory.replica
+    replica, places = memory.replica, threading.Semaphore(MAX_PAUSED)
     for _ in range(100):
-        replica._take_in("liar-1", 1, b"nonsense")
+        replica._take_in("liar-1", 1, b"nonsense", places)
     assert len(replica._inbox) < 10 and replica.skipped > 90
     net.pump(1.0)
     late = net.join("b")
@@ -384,6 +386,30 @@ def test_liars_that_answer_one_question_without_end_take_no_memory(net: Net) -> 
     late.add_node("y", "cube")
     net.pump(3.0)
     assert "y" in memory and "x" in late and memory.dropped["liar-1"] < 10
+
+
+def test_a_liar_that_floods_one_question_leaves_the_answers_to_others(net: Net) -> None:
+    replica = net.join("a").replica
+    flooded, honest = threading.Semaphore(MAX_PAUSED), threading.Semaphore(MAX_PAUSED)
+    for _ in range(100):
+        replica._take_in("liar-1", 1, b"nonsense", flooded)
+    skipped = replica.skipped
+    replica._take_in("b-1", 2, b"nonsense", honest)
+    assert skipped > 90 and replica.skipped == skipped
+
+
+def test_what_others_have_hung_in_a_circle_keeps_nobody_from_loading_a_file(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    for name in ("x", "y"):
+        a.add_node(name, "cube")
+    net.pump(1.0)
+    a.add_edge("x", "y", "RT", pose=Pose())
+    b.add_edge("y", "x", "RT", pose=Pose())
+    net.pump(1.0)
+    loader = net.join("loader")
+    net.pump(1.0)
+    GraphContent("g", nodes={"z": NodeContent("cube", {})}).put_into(loader)
+    assert "z" in loader
 
 
 @pytest.mark.parametrize("durable", [True, False])

@@ -12,6 +12,7 @@ from dsr import Memory, Pose
 from dsr.crdt.context import CausalContext, DotRange, apart, without
 from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
 from dsr.crdt.dots import OrderedDots
+from dsr.crdt.store import MAX_MADE
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.replication.piece_wire import decode_request
@@ -75,10 +76,18 @@ def test_one_node_made_many_times_in_one_message(fair: float) -> None:
     synchroniser = Synchroniser(Graph("me-1"), joined=True)
     many = additions(COUNT, lambda number: "n")
     assert cost(lambda: sent(synchroniser, many)) < FACTOR * fair
-    assert len(synchroniser.graph.nodes["n"].created) == COUNT
+    assert len(synchroniser.graph.nodes["n"].created) == MAX_MADE
     gone = Delta(removed=[add.dot for add in many.adds], context=[(LIAR, COUNT + 1, COUNT + 1)])
     assert cost(lambda: sent(synchroniser, gone)) < FACTOR * fair
     assert not synchroniser.graph.nodes and not synchroniser.graph.store.entries
+
+
+def test_many_nodes_made_under_dots_of_others_in_one_message(fair: float) -> None:
+    synchroniser = Synchroniser(Graph("me-1"), joined=True)
+    many = 4 * COUNT
+    sent(synchroniser, additions(many))
+    assert cost(lambda: sent(synchroniser, additions(many, "other{}".format))) < FACTOR * fair
+    assert not synchroniser.graph.nodes
 
 
 def test_one_edge_made_many_times_in_one_message(fair: float) -> None:
@@ -101,12 +110,14 @@ def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
     edges = [Add((LIAR, number + 2), ("n0", "n0", f"t{number}"), f"t{number}", end, end) for number in range(COUNT)]
     sent(synchroniser, Delta(adds=edges, context=[(LIAR, 2, COUNT + 1)]))
 
-    def again() -> None:
-        for number in range(50):
-            sent(synchroniser, additions(1, first=COUNT + 2 + number))
+    def again(count: int, first: int) -> None:
+        for number in range(count):
+            sent(synchroniser, additions(1, first=first + number))
 
-    assert cost(again) < FACTOR / 4 * fair
+    assert cost(lambda: again(MAX_MADE - 1, COUNT + 2)) < FACTOR / 4 * fair
     assert len(synchroniser.graph.edges) == COUNT
+    assert cost(lambda: again(50, 2 * COUNT)) < FACTOR / 4 * fair
+    assert not synchroniser.graph.edges, "they hang from the oldest of too many"
 
 
 def test_edges_whose_ends_never_come_cost_others_nothing(alone: float) -> None:
@@ -197,9 +208,10 @@ def test_ends_of_edges_are_few() -> None:
 
 def test_edges_at_a_node_made_too_often_are_bound_to_the_newest() -> None:
     graph = Graph("me-1")
-    graph.join(additions(2 * MAX_ENDS + 10, lambda number: "n"), 0.0)
+    dots = [(f"liar-{MAX_ENDS + number}", 1) for number in range(2 * MAX_ENDS + 10)]
+    graph.join(Delta(adds=[Add(dot, "n", "cube") for dot in sorted(dots)], context=[(rid, 1, 1) for rid, _ in dots]), 0.0)
     made = graph.add_edge("n", "n", "on", {}, 0.0)
-    assert made.adds[0].sources == tuple((LIAR, MAX_ENDS + 11 + number) for number in range(MAX_ENDS))
+    assert made.adds[0].sources == tuple(sorted(dots)[-MAX_ENDS:])
     assert decode_delta(encode_delta(made)).adds == made.adds
 
 

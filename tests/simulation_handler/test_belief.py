@@ -361,6 +361,9 @@ def test_what_percepts_hold_in_its_place_against_physics_still_rests_there() -> 
     world.run(2.0)
     assert item.static
     assert ("struck", "table") in world.belief.supports()
+    world.belief.set_fixture("table", TABLE, Pose((3.0, 0.0, -0.5)))
+    world.run(1.0)
+    assert world.belief.supports() == {}
 
 
 def test_an_object_off_the_table_falls_to_the_floor() -> None:
