@@ -85,7 +85,7 @@ class World:
         frames = FrameTree()
         for (type, child), histories in self.twin.watches.frames._histories.items():
             frames._histories[type, child] = {parent: history.copy() for parent, history in histories.items()}
-            frames._choose_newest(type, child)
+            frames._choose_newest(type, child, "")
         watches = Telling(frames)
         twin = Side(Graph(f"{rid}twin", SCHEMA, Watches({"RT"})), watches)
         twin.graph.join(reply_to(self.twin.graph.store, CausalContext()), 1.0)

@@ -12,7 +12,7 @@ from dsr import NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundErr
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
-from dsr.crdt.store import MAX_WAITING, Store
+from dsr.crdt.store import MAX_MADE, MAX_WAITING, Store
 from dsr.replication.wire import encode_delta
 from dsr.worlds.layer import Layer
 from dsr.worlds.overlay import Overlay
@@ -287,7 +287,7 @@ def test_who_made_a_world_a_thousand_times_and_removes_that_takes_no_overlay_of_
     adds = [Add(("zliar-1", number), key, a._graph.nodes[key].type) for number in range(1, MAX_ENDS + 1)]
     a._graph.join(Delta(adds, context=[("zliar-1", 1, MAX_ENDS)]), 0.0)
     net.pump(5.0)
-    assert len(b._graph.nodes[key].created) == MAX_ENDS + 1
+    assert len(b._graph.nodes[key].created) == MAX_MADE + 1
     b.fork("thought", of="sim", follow=True)
     net.pump(1.0)
     gone = Delta(removed=[add.dot for add in adds], context=[("zliar-1", MAX_ENDS + 1, MAX_ENDS + 1)])
