@@ -134,6 +134,7 @@ class ByHypotheses:
             placements={name: best.drafted.placements[name] for name in seen},
             held=best.drafted.held - situation.held,
             removed=hypothesis.removed,
+            unexplained=frozenset(best.score.residuals),
             changes_belief=bool(placed or hypothesis.removed),
             score=best.score.total,
             alternatives=self._alternatives(situation, ranking),

@@ -79,6 +79,7 @@ class Explainer:
         self._moved: set[str] = set()
         self._doubted_until: dict[str, float] = {}  # by camera
         self._look_again_at = -math.inf
+        self._left: tuple[frozenset[str], float] = (frozenset(), -math.inf)  # what no explanation helps, and until when
         self._told: tuple[tuple[ExplainedChange, ...], float] = (
             (),
             -math.inf,
@@ -150,7 +151,8 @@ class Explainer:
         doubted = self._doubted(now)
         withheld = self._discrepancies.told_only_by(doubted, now)
         due = self._discrepancies.due(now, self.flagged, withheld)
-        if not due or now < self._look_again_at:
+        left, until = self._left
+        if not due or now < self._look_again_at or (now < until and left.issuperset(due)):
             return
         explanation = self._policy.explain(self._situation(now, due, doubted, withheld))
         if explanation is None:
@@ -162,6 +164,8 @@ class Explainer:
             self._discrepancies.update(now, self.visibility)
         else:
             self._look_again_at = now + self._config.look_again_after
+        if explanation.unexplained.issuperset(due):  # the same evidence would be explained as badly
+            self._left = frozenset(due), now + self._config.explain_patience - TICK_SLACK
         told, until = self._told
         is_news = explanation.changes != told or now > until
         if is_news:  # what only goes on is told once

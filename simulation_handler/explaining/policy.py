@@ -31,6 +31,8 @@ class Explanation:
     """Objects that are gone."""
     ended: tuple[tuple[str, str], ...] = ()
     """Relations (object, support) that are to end, whatever touches."""
+    unexplained: frozenset[str] = frozenset()
+    """Objects that are still surprising."""
     changes_belief: bool = True
     """False if all stays as it is: false percepts, a moved camera."""
     score: float | None = None

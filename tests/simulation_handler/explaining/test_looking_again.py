@@ -1,0 +1,28 @@
+"""When what no explanation helps is looked at again."""
+
+from __future__ import annotations
+
+import pytest
+
+from simulation_handler.explaining.policy import Explanation
+from simulation_handler.explaining.situation import Situation
+from tests.simulation_handler.worlds import World, cube_at
+
+
+@pytest.mark.parametrize(("helps", "most"), [(False, 6), (True, 100)])
+def test_what_an_explanation_leaves_as_surprising_as_before_waits_for_more_evidence(helps: bool, most: int) -> None:
+    """It may be worth seconds of work, and said the same twenty times a second."""
+    world = World({"cube": cube_at(0.35, 0.0), "other": cube_at(0.35, 0.2)}, rays=True)
+    world.run(1.0)
+    asked: list[float] = []
+
+    def explain(situation: Situation) -> Explanation:
+        asked.append(world.now)
+        left = frozenset[str]() if helps else frozenset(situation.surprising)
+        return Explanation((), situation.surprising, unexplained=left)
+
+    world.belief._explainer._policy.explain = explain  # type: ignore[method-assign]
+    world.seen.remove("cube")  # it should be seen, and is not
+    world.run(5.0)
+    assert 2 <= len(asked) <= most
+    assert helps == (len(asked) > 10)
