@@ -185,7 +185,8 @@ def test_what_hidden_fingers_let_go_of_does_not_go_with_a_palm_in_rays() -> None
     assert world.pose("cup").t == pytest.approx((0.3, -0.3, 0.04), abs=0.03)
 
 
-def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
+def held_in_a_box() -> tuple[Occlusion, Pose]:
+    """A cup that a hand holds in a box, in view, and world_from_cup."""
     inside = standing(0.3, 0.0, SMALL, on=WALL)
     world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.3, SMALL)})
     world.run(2.0)
@@ -194,6 +195,11 @@ def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
     for there in (standing(0.3, 0.3, SMALL, on=0.2), standing(0.3, 0.0, SMALL, on=0.2), inside):
         world.move("cup", there)
     world.run(1.0)
+    return world, inside
+
+
+def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
+    world, inside = held_in_a_box()
     assert ("cup", "box") in world.belief.contents()
     world.seen.discard("cup")
     world.tips_from_object = {}
@@ -211,14 +217,7 @@ def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
 
 def test_what_a_palm_that_rose_would_take_through_a_wall_is_where_it_surely_was() -> None:
     """Not where the palm had it last: it rose and went aside with that."""
-    inside = standing(0.3, 0.0, SMALL, on=WALL)
-    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.3, SMALL)})
-    world.run(2.0)
-    world.hand("cup")
-    world.run(0.8)
-    for there in (standing(0.3, 0.3, SMALL, on=0.2), standing(0.3, 0.0, SMALL, on=0.2), inside):
-        world.move("cup", there)
-    world.run(1.0)
+    world, inside = held_in_a_box()
     world.seen.discard("cup")
     world.tips_from_object = {}
     for step in range(1, 11):
