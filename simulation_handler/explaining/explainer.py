@@ -16,6 +16,7 @@ from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.explaining.discrepancies import Discrepancies
 from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
 from simulation_handler.explaining.policy import ExplainingPolicy, Explanation
+from simulation_handler.explaining.scoring import is_far
 from simulation_handler.explaining.situation import (
     Properties,
     Situation,
@@ -24,6 +25,7 @@ from simulation_handler.explaining.situation import (
 )
 from simulation_handler.explaining.wording import is_lasting, moved_together
 from simulation_handler.scales import TICK_SLACK
+from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -79,7 +81,8 @@ class Explainer:
         self._moved: set[str] = set()
         self._doubted_until: dict[str, float] = {}  # by camera
         self._look_again_at = -math.inf
-        self._left: tuple[frozenset[str], float] = (frozenset(), -math.inf)  # what no explanation helps, and until when
+        self._left: dict[str, Solid | None] = {}  # what no explanation helps, and where it was seen then, if anywhere
+        self._left_until = -math.inf
         self._told: tuple[tuple[ExplainedChange, ...], float] = (
             (),
             -math.inf,
@@ -151,8 +154,7 @@ class Explainer:
         doubted = self._doubted(now)
         withheld = self._discrepancies.told_only_by(doubted, now)
         due = self._discrepancies.due(now, self.flagged, withheld)
-        left, until = self._left
-        if not due or now < self._look_again_at or (now < until and left.issuperset(due)):
+        if not due or now < self._look_again_at or (now < self._left_until and self._is_left(due, now)):
             return
         explanation = self._policy.explain(self._situation(now, due, doubted, withheld))
         if explanation is None:
@@ -165,7 +167,8 @@ class Explainer:
         else:
             self._look_again_at = now + self._config.look_again_after
         if explanation.unexplained.issuperset(due):  # the same evidence would be explained as badly
-            self._left = frozenset(due), now + self._config.explain_patience - TICK_SLACK
+            self._left = {name: self._percept(name, now) for name in due}
+            self._left_until = now + self._config.explain_patience - TICK_SLACK
         told, until = self._told
         is_news = explanation.changes != told or now > until
         if is_news:  # what only goes on is told once
@@ -173,6 +176,18 @@ class Explainer:
         camera_moved = any(change.kind == CAMERA_MOVED for change in explanation.changes)
         if is_news or not camera_moved:  # a moved camera is told again until somebody did something about it
             self._told = (explanation.changes, now + 2.0 * self._config.follow_for)
+
+    def _is_left(self, due: Collection[str], now: float) -> bool:
+        """Whether the last explanation left all these, and each is seen where it was then, or still not seen."""
+        return self._left.keys() >= set(due) and all(
+            left is percept is None or (left and percept and not is_far(percept, left, self._config))
+            for left, percept in ((self._left[name], self._percept(name, now)) for name in due)
+        )
+
+    def _percept(self, name: str, now: float) -> Solid | None:
+        """Where an object is seen; None if nobody sees it."""
+        item = self._bodies.object(name)
+        return None if item.estimate_at(now) is None else item.percept()
 
     def _with_hands(self, explanation: Explanation, now: float) -> Explanation:
         """The same, but what was removed where a hand covered it is in that hand."""

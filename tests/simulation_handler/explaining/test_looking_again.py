@@ -26,3 +26,20 @@ def test_what_an_explanation_leaves_as_surprising_as_before_waits_for_more_evide
     world.run(5.0)
     assert 2 <= len(asked) <= most
     assert helps == (len(asked) > 10)
+
+
+def test_what_is_seen_elsewhere_since_is_explained_anew() -> None:
+    """What no explanation helped where it was may have one where it is now."""
+    world = World({"cube": cube_at(0.35, 0.0), "other": cube_at(0.35, 0.2)}, rays=True)
+    world.run(1.0)
+    asked: list[float] = []
+
+    def explain(situation: Situation) -> Explanation:
+        asked.append(world.now)
+        return Explanation((), situation.surprising, unexplained=frozenset(situation.surprising))
+
+    world.belief._explainer._policy.explain = explain  # type: ignore[method-assign]
+    for step in range(20):
+        world.truths["cube"] = cube_at(0.35, 0.015 * step - 0.1)
+        world.run(0.1)
+    assert len(asked) > 4
