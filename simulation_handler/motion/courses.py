@@ -106,7 +106,7 @@ class Courses:
         rotation = item.path.last.q
         if item.name in self._bodies.sim:
             (_, _, height), rotation = self._bodies.sim.pose(item.name)
-            if abs(z - height) <= self._config.hover_tolerance:
+            if abs(z - height) <= self._config.hover_tolerance and not item.is_in_air:
                 z, c = height, 0.0
         solid = item.solid((x, y, z), rotation)
         rotation, spin = rolling(solid, (a, b, c), free=not item.shows_rotation)
@@ -181,9 +181,11 @@ def _starts(item: BelievedObject) -> list[SettingOut]:
 
 
 def _is_on_its_way(item: BelievedObject) -> bool:
-    """Whether an object moved by itself when it was seen last."""
-    is_held = item.hand or item.holder or item.rides
-    return not is_held and len(item.track.way) > 1 and (item.driven or item.track.is_restless)
+    """Whether an object moved by itself when it was seen last, or was in the air and seen there only once."""
+    way = item.track.way
+    if item.hand or item.holder or item.rides or not way:
+        return False
+    return item.is_in_air if len(way) == 1 else item.driven or item.track.is_restless
 
 
 def _add(sim: Simulator, name: str, body: RolloutBody, mass: float) -> None:

@@ -47,7 +47,7 @@ def starts_of(trail: Sequence[WeighedPercept], count: int) -> list[SettingOut]:
     means a high speed.
 
     Args:
-        trail: its newest percepts, without a gap, the last one at the end; two at least.
+        trail: its newest percepts, without a gap, the last one at the end; one at least.
         count: how many.
     """
     last = list(trail)[-LAST:]
@@ -66,8 +66,13 @@ def starts_of(trail: Sequence[WeighedPercept], count: int) -> list[SettingOut]:
 
 
 def _moments(percepts: Sequence[WeighedPercept]) -> list[float]:
-    """When (s) it may have set out: evenly over the periods between percepts, and one more before."""
+    """When (s) it may have set out: evenly over the periods between percepts, and one more before.
+
+    One percept tells no period, and nothing of the velocity.
+    """
     stamps = [percept.stamp for percept in percepts]
+    if len(stamps) == 1:
+        return stamps
     stamps = [2.0 * stamps[0] - stamps[1], *stamps]
     shares = (np.arange(_MOMENTS) + 0.5) / _MOMENTS
     return [a + share * (b - a) for a, b in pairwise(stamps) for share in shares.tolist()]

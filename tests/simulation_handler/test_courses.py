@@ -169,6 +169,22 @@ def test_what_is_glimpsed_once_after_it_was_carried_elsewhere_unseen_has_none() 
     table.close()
 
 
+def test_what_is_seen_once_in_the_air_may_fall_anywhere_near() -> None:
+    table = Table(0.0)
+    table.bodies.put(table.ball, (0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
+    table.bodies.set_static(table.ball, True)
+    seen = percepts(0.0)[0]
+    table.now += 10.0  # s
+    there = np.array((0.0, 0.0, 0.3))
+    table.ball.observe(WeighedPercept(**{**vars(seen), "stamp": table.now, "position": there}), "camera")
+    assert len(table.ball.track.way) == 1
+    falling, fallen = table.run(0.35), table.run(2.0)
+    assert len(falling) == DRAW_COUNT
+    assert np.ptp(falling[:, 2]) > 0.02, "it may be let go of just then, or have been on its way up or down"
+    assert fallen[:, :2].std(axis=0).min() > 0.05
+    table.close()
+
+
 def test_its_way_since_a_gap_tells_how_fast_it_was() -> None:
     table = Table(*(0.0,) * 9)
     table.now += 10.0  # s
