@@ -2,7 +2,7 @@
 
 A hand that rests with its fingers at an object which it hides is presumed to touch it. If it goes away and the object
 is not seen where it was, it is in that hand, until it is seen elsewhere than there. What is seen to be missing where a
-hand has covered it, even in passing, was taken by that.
+hand has covered it, even in passing, or touches it, was taken by that.
 """
 
 from __future__ import annotations

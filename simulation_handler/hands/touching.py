@@ -143,8 +143,14 @@ class Touching:
 
     def take(self, name: str, now: float) -> str:
         """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none
-        covered it.
+        touches or covered it.
         """
+        for (hand, thing), grasp in self._grasps.items():
+            if thing == name and hand in self._hands and self._hands[hand].perceived:
+                grasp.note(Sign.COVERED)  # what is missed where a hand is at it is hidden by that
+                if grasp.is_covered:
+                    self._covering.recall((hand, thing), grasp.hand_from_object, now)
+                    return hand
         return self._covering.take(name, now)
 
     def update(self, now: float) -> None:

@@ -130,3 +130,20 @@ def test_what_is_missing_where_no_hand_was_is_removed() -> None:
     del world.truths["cube"]
     world.run(2.0)
     assert world.belief.is_gone("cube")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_missing_where_fingertips_touch_it_is_in_that_hand(seed: int) -> None:
+    """The hand hides it, though by its palm and the fingertips in sight it should be seen."""
+    world = Occlusion({"cube": standing(0.3, 0.0, CUBE), "cube_2": standing(0.3, 0.35, CUBE)}, seed)
+    world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(1.0, "")} for _ in solids]
+    world.run(2.0)
+    world.hand("cube", tips="touch")
+    world.seen = {"cube_2"}
+    world.run(3.0)
+    assert any("taken_along" in text for text in world.texts())
+    world.move("cube", standing(0.3, 0.0, CUBE, on=0.2))
+    world.move("cube", standing(0.1, -0.2, CUBE, on=0.2))
+    world.run(1.0)
+    assert world.error("cube") < 0.02
+    assert not world.belief.is_gone("cube")
