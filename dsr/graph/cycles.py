@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from graphlib import CycleError as _Unsortable
-from graphlib import TopologicalSorter
+from collections import deque
+from collections.abc import Iterable, Iterator, Set
 
 from dsr.crdt.delta import EdgeKey
 from dsr.errors import CycleError
+from dsr.frames.tree import WORLD
 from dsr.graph.graph import Graph
 from dsr.network.keys import agent_of
 
@@ -38,22 +38,29 @@ def check_new_edge(graph: Graph, src: str, dst: str, type: str) -> None:
         raise _error(type, src, dst, cycle)
 
 
-def check_edges(edges: Iterable[EdgeKey], geometric: Iterable[str]) -> None:
-    """Raise `CycleError` if edges of a geometric type form a cycle."""
-    parents: dict[str, dict[str, list[str]]] = {type: {} for type in geometric}
-    for src, dst, type in edges:
-        if type in parents:
-            parents[type].setdefault(dst, []).append(src)
-    for type in sorted(parents):
-        _check_type(type, parents[type])
+def top_down(edges: Iterable[EdgeKey], geometric: Set[str]) -> list[EdgeKey]:
+    """The edges in an order in which frames hang before what hangs from them: from the root down, type by type.
+
+    So of a circle, the edge that leads back up is the one that closes it. Edges without a pose come last.
+    """
+    by_type: dict[str, list[EdgeKey]] = {type: [] for type in sorted(geometric)}
+    others: list[EdgeKey] = []
+    for key in edges:
+        by_type.get(key[2], others).append(key)
+    return [key for found in by_type.values() for key in _top_down(found)] + others
 
 
-def _check_type(type: str, parents: Mapping[str, list[str]]) -> None:
-    try:
-        TopologicalSorter(parents).prepare()
-    except _Unsortable as error:
-        cycle: list[str] = error.args[1]  # each is a parent of the next, the first one is the last
-        raise _error(type, cycle[-2], cycle[-1], cycle) from None
+def _top_down(edges: list[EdgeKey]) -> Iterator[EdgeKey]:
+    below: dict[str, list[EdgeKey]] = {}
+    for key in edges:
+        below.setdefault(key[0], []).append(key)
+    hung = {dst for _, dst, _ in edges}
+    for top in [WORLD, *[name for name in below if name not in hung], *below]:
+        waiting = deque([top])
+        while waiting:
+            found = below.pop(waiting.popleft(), ())
+            yield from found
+            waiting.extend(key[1] for key in found)
 
 
 def _error(type: str, src: str, dst: str, cycle: list[str]) -> CycleError:

@@ -313,17 +313,25 @@ def test_an_overlay_and_its_parent_may_close_a_cycle_only_together(net: Net) -> 
     assert overlay.transform("world", "b").t == (1.0, 0.0, 0.0)
 
 
-def test_a_file_with_a_cycle_is_refused_as_a_whole(net: Net) -> None:
+def test_of_a_file_with_a_cycle_all_but_the_edge_that_leads_back_up_is_loaded(net: Net) -> None:
+    """Else one edge of a liar in a saved graph takes all of that graph away."""
     memory = make(net.join("a"), "base")
-    hang(memory, "world", "a")
-    content = GraphContent("g", nodes={"a": NodeContent("cube", {}), "world": NodeContent("world", {})})
-    content.nodes["b"] = NodeContent("cube", {})
-    content.edges = {("a", "b", "RT"): {"pose": Pose()}, ("b", "world", "RT"): {"pose": Pose()}}
-    with pytest.raises(CycleError, match="closes a cycle of frames"):
-        content.put_into(memory)
-    assert "b" not in memory
-    content.put_into(memory, replace=True)  # the edge that the file does not have goes first
-    assert memory.transform("b", "a").t == (0.0, 0.0, 0.0)
+    for parent, name in (("world", "a"), ("a", "b")):
+        hang(memory, parent, name)
+    edges = [("b", "world", "RT"), ("c", "b", "RT"), ("c", "c", "RT"), ("b", "c", "RT"), ("c", "world", "on")]
+    content = GraphContent("g", nodes={name: NodeContent("cube", {}) for name in "abc"})
+    content.nodes["world"] = NodeContent("world", {})
+    content.edges = {key: {"pose": Pose()} if key[2] == "RT" else {} for key in edges}
+    left_out = content.put_into(memory)
+    assert [text.split(" closes")[0] for text in left_out] == [
+        "left out: the RT edge 'b' -> 'world'", "left out: the RT edge 'c' -> 'b'", "left out: the RT edge 'c' -> 'c'"
+    ]  # fmt: skip
+    content.edges["world", "a", "RT"] = content.edges["a", "b", "RT"] = {"pose": Pose()}
+    fresh = net.join("b").create_world("fresh")
+    for world in (memory, fresh):
+        content.put_into(world, replace=True)
+        assert [edge.key for edge in world.edges("RT")] == [("world", "a", "RT"), ("a", "b", "RT"), ("b", "c", "RT")]
+        assert world.transform("world", "c").t == (0.0, 0.0, 0.0) and world.edges("on")
 
 
 def test_what_filters_repeat_and_what_arrives_is_never_refused() -> None:
