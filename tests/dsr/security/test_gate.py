@@ -9,14 +9,15 @@ from typing import Any
 import pytest
 
 from dsr import Memory
+from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
-from dsr.replication.wire import decode_delta, encode_delta
+from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
 from dsr.security.policy import AccessPolicy, Grant, checked
-from tests.dsr.conftest import Net
+from tests.dsr.conftest import Net, reply_of
 from tests.dsr.security.conftest import GRANTS
 
 Join = Callable[..., Memory]
@@ -43,6 +44,24 @@ def refused(memory: Memory) -> int:
 
 def context(memory: Memory) -> Any:
     return memory._graph.store.context
+
+
+@pytest.mark.parametrize("how", ["digest", "reply"])
+@pytest.mark.parametrize("liar", ["scene-9", "launcher-9", "arm-9"])
+def test_who_speaks_for_itself_alone_makes_nobody_write_anew(net: Net, join: Join, how: str, liar: str) -> None:
+    """Nobody believes of it what it says to have seen of others. Before, its word cost a new id each ten seconds."""
+    arm, stranger = join("arm"), net.network.connect("stranger")
+    arm.add_node("gen3", "arm")
+    net.pump(2.0)
+    rid = arm.replica.graph.rid
+    seen = CausalContext([(rid, 1, 99) if how == "digest" else ("ghost-1", 1, 1)])
+    if how == "reply":
+        reply = reply_of(Delta(context=[(rid, 1, 99)]))
+        stranger.serve(arm.keys.sync(liar), lambda key, payload: reply)
+    for _ in range(3):
+        stranger.publish(arm.keys.digest(liar), encode_digest(Digest(liar, net.clock.now(), seen.summary(), 0, ())))
+        net.pump(1.0)
+    assert (arm.replica.graph.rid == rid) == (liar == "scene-9")
 
 
 def test_what_is_granted_gets_through(net: Net, join: Join) -> None:
