@@ -411,7 +411,7 @@ class Synchroniser:
             outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
             self._compare_clocks(now)
-            outputs.append(PublishDigest(self.digest(physical)))
+            outputs.append(PublishDigest(self.graph.rid, self.digest(physical)))
         return outputs
 
     def _note_time(self, now: float) -> None:
