@@ -280,12 +280,12 @@ class Overlay(Graph, LayerObserver):
             was_below: whether, if it is taken only now, it was seen before as the parent has it.
         """
         old = self._visible(key) if was_below or key in self._taken else None
-        before = dict(old) if old is not None else {}
         type = "" if old is None else self._types.get(key, old.type)
         below: Any = self.parent.nodes.get(key) if isinstance(key, str) else self.parent.edges.get(key)
         view: LayeredNode | LayeredEdge
         view = LayeredNode(key, below, self) if isinstance(key, str) else LayeredEdge(key, below, self)
         new = view if view._entries else None
+        before = _values_that_may_change(old, view) if told and old is not None else {}
         if isinstance(old, LayeredNode | LayeredEdge) and new is not None and type == new.type:
             old.outdate(below)
             new = old
@@ -340,8 +340,8 @@ class Overlay(Graph, LayerObserver):
             if isinstance(key, str):
                 self._refresh_edges_at(key)
             return
-        for attribute in sorted(before.keys() | set(new)):
-            if before.get(attribute) is not new.get(attribute):
+        for attribute in sorted(before):
+            if before[attribute] is not new.get(attribute):
                 self.watches.updated(new, attribute)
         self.watches.incarnations_changed(new)
 
@@ -378,6 +378,15 @@ class Overlay(Graph, LayerObserver):
             self._refresh(key)
         self.replied()
         self._detach_or_bury(own)
+
+
+def _values_that_may_change(old: Node | Edge, new: LayeredNode | LayeredEdge) -> dict[str, Any]:
+    """The values of an element in what is not of both views of it: somebody else may have written any number more."""
+    is_layered = isinstance(old, LayeredNode | LayeredEdge)
+    entries = {id(entry): entry for entry in (old.read() if is_layered else old._entries)}
+    others = {id(entry): entry for entry in new.read()}
+    differing = [(entries | others)[each] for each in entries.keys() ^ others.keys()]
+    return {name: old.get(name) for entry in differing for name in list(entry.registers)}
 
 
 def _drop(groups: Any, name: str, key: Key) -> None:
