@@ -326,7 +326,8 @@ class FrameTree:
 
     def _extrapolation_error(self, frame: str, link: Link, at: float | None) -> ExtrapolationError:
         edge = f"{link.type} edge {link.parent!r} -> {frame!r}"
-        history = self._histories.get((link.type, frame), {}).get(link.parent)
+        histories = self._histories.get((link.type, frame))
+        history = None if histories is None else histories.get(link.parent)
         if history is None:
             return ExtrapolationError(f"{edge}: removed while it was asked for its pose at {at} s")
         oldest, newest = history.span

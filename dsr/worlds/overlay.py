@@ -382,8 +382,8 @@ class Overlay(Graph, LayerObserver):
 
 def _values_that_may_change(old: Node | Edge, new: LayeredNode | LayeredEdge) -> dict[str, Any]:
     """The values of an element in what is not of both views of it: somebody else may have written any number more."""
-    is_layered = isinstance(old, LayeredNode | LayeredEdge)
-    entries = {id(entry): entry for entry in (old.read() if is_layered else old._entries)}
+    seen = old.read() if isinstance(old, LayeredNode | LayeredEdge) else old._entries
+    entries = {id(entry): entry for entry in seen}
     others = {id(entry): entry for entry in new.read()}
     differing = [(entries | others)[each] for each in entries.keys() ^ others.keys()]
     return {name: old.get(name) for entry in differing for name in list(entry.registers)}
