@@ -264,9 +264,14 @@ class Overlay(Graph, LayerObserver):
     # ---- what is seen
 
     def _refresh_edges_at(self, name: str) -> None:
-        """Look again at edges that are seen, or not, because of this end."""
+        """Look again at edges that are seen, or not, because of this end.
+
+        Those of the parent alone are seen as there, unless something of this end is hidden here.
+        """
+        hides = any(entry.dot in self.store.context for entry in self.parent.live(name))
         for key in self.incident_keys(name):
-            if key in self._taken or key in self.store.by_key or not all(map(self._shows_ends, self.parent.live(key))):
+            is_own = key in self._taken or key in self.store.by_key
+            if is_own or (hides and not all(map(self._shows_ends, self.parent.live(key)))):
                 self._refresh(key)
         own = [entry for key in super().incident_keys(name) for entry in super(Overlay, self).live(key)]
         self._detach_or_bury(own)
