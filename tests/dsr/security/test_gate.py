@@ -14,6 +14,7 @@ from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
+from dsr.network.keys import agent_of
 from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
 from dsr.security.policy import AccessPolicy, Grant, checked
@@ -62,6 +63,17 @@ def test_who_speaks_for_itself_alone_makes_nobody_write_anew(net: Net, join: Joi
         stranger.publish(arm.keys.digest(liar), encode_digest(Digest(liar, net.clock.now(), seen.summary(), 0, ())))
         net.pump(1.0)
     assert (arm.replica.graph.rid == rid) == (liar == "scene-9")
+
+
+def test_refusals_under_made_up_replica_ids_take_neither_memory_nor_lines_of_the_log(
+    net: Net, join: Join, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = join("arm")
+    for number in range(100):
+        delta = Delta([Add((f"scene-{number}", 1), "gen3", "arm")], context=[(f"scene-{number}", 1, 1)])
+        arm.replica.synchroniser.receive_delta(f"scene-{number}", encode_delta(delta), net.clock.now())
+    assert len(arm._replica.synchroniser.gate.refused) == 1 and refused(arm) == 100  # type: ignore[union-attr]
+    assert len([record for record in caplog.records if record.name == "dsr.security"]) == 1
 
 
 def test_what_is_granted_gets_through(net: Net, join: Join) -> None:
@@ -183,7 +195,7 @@ def test_readers_and_strangers_change_nothing(policy: AccessPolicy, sender: str)
     graph, gate = Graph("launcher-1"), Gate(policy)
     for name, type in (("cube", "cube"), ("gen3", "arm")):
         graph.join(gate.delta(sender, Graph(sender or "x").add_node(name, type, {}, 1.0), graph.store), 1.0)
-    assert graph.nodes == {} and gate.refused[sender] == 2
+    assert graph.nodes == {} and gate.refused == {agent_of(sender): 2}
 
 
 def forged_reply(graph: Graph) -> Delta:
