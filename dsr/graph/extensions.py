@@ -105,7 +105,7 @@ class Extensions:
             node = self._base.nodes.get(name)
             if node is not None and node.type != SCHEMA_RECORD:
                 self._warn(name, f"{record.what} {record.name!r} stays here: node {name!r} is a {node.type!r}")
-            elif node is None or _read(node) is None:
+            elif self._may_describe(self._base.rid, record) and (node is None or not self._holds_record(node)):
                 write(name, _encoder.encode(record).decode())
 
     def _learn(self) -> None:
@@ -117,16 +117,32 @@ class Extensions:
                 continue
             try:
                 record = _decode(node["record"])
+                if not self._is_rightful(node, record):
+                    raise WireError("its writer may not write what it describes")
                 conflict = self._take(record)
                 self._named[record.node_name] = record.what, record.name
             except (WireError, SchemaError, TypeError) as error:
                 self._lost[change.name] = None
                 self._warn(change.name, f"{change.name}: no valid record of a registered name: {error}")
                 continue
-            if _read(node) is None:
+            if not self._holds_record(node):
                 self._lost[change.name] = None
             if conflict:
                 self._warn(change.name, conflict)
+
+    def _holds_record(self, node: Node) -> bool:
+        """Whether a node holds a record of the name for which it stands, by somebody who may tell what that means."""
+        record = _read(node)
+        return record is not None and self._is_rightful(node, record)
+
+    def _is_rightful(self, node: Node, record: ExtensionRecord) -> bool:
+        """Whether who wrote a record may write what it describes: else anybody takes a name that another one needs."""
+        write = node.newest_write("record")
+        return write is not None and self._may_describe(write.writer, record)
+
+    def _may_describe(self, rid: str, record: ExtensionRecord) -> bool:
+        rights = self._base.rights
+        return rights is None or rights.may_describe(rid, record.what, record.name)
 
     def _take(self, record: ExtensionRecord) -> str:
         """Learn one name. Returns what contradicts the name's meaning here; empty if nothing does."""

@@ -62,6 +62,11 @@ class Gate:
         screening = _Screening(self, rid, Delta(), elements)
         return list(screening.removable(dots, screening.could_have, alone=False))
 
+    def may_describe(self, rid: str, what: str, name: str) -> bool:
+        """See `dsr.graph.rights.Rights`."""
+        guard = self._guards.get(agent_of(rid))
+        return guard is not None and guard.includes(what, name)
+
     def objection(self, rid: str, key: Key, type: str, attributes: Iterable[str] = ()) -> str | None:
         """Why the agent of replica `rid` may not write these attributes of an element of `type`; None if it may."""
         guard = self._guards.get(agent_of(rid))

@@ -8,12 +8,13 @@ from typing import Any
 
 import pytest
 
-from dsr import Memory
+from dsr import AttributeType, Memory
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
+from dsr.graph.schema import SCHEMA_RECORD
 from dsr.network.keys import agent_of
 from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
@@ -373,3 +374,38 @@ def test_a_maker_goes_on_whatever_another_has_made_of_the_name(net: Net, ahead: 
     net.pump(1.0)
     assert {memory.node("cup")["status"] for memory in (arm, scene, launcher)} == {"anew"}
     assert content(arm) == content(scene) == content(launcher)
+
+
+def test_who_may_not_write_a_name_does_not_tell_others_what_it_means(net: Net) -> None:
+    """Else an agent with few rights takes each name that another one registers, which then fails whenever it starts."""
+    policy = checked(
+        {
+            "liar": Grant(("gadget",), (), ("own",)),
+            "heater": Grant(("heater", "cube"), (), ("temperature",)),
+            "launcher": Grant(trusted=True),
+        }
+    )
+    liar, reader = (net.join(name, gate=Gate(policy)) for name in ("liar", "launcher"))
+    net.pump(2.0)
+    liar.schema.register_node_type("gadget", "of its own")
+    liar.schema.register_attribute("temperature", AttributeType("str"))
+    liar.add_node("g", "gadget")
+    text = '{"what":"attribute","name":"temperature","attribute":{"kind":"str"}}'
+    for name in (".schema.attribute.temperature", ".schema.attribute.own"):
+        delta = liar._graph.copy(name, SCHEMA_RECORD, [Write(("", 1), "record", 0, "", None, text)], net.clock.now())
+        liar.replica.commit(delta)
+        net.pump(1.0)
+        heater = net.join("heater", gate=Gate(policy))
+        net.pump(2.0)
+        assert "temperature" not in {**reader.schema.attributes, **heater.schema.attributes}
+        assert "gadget" in reader.schema.node_types
+    heater.schema.register_attribute("temperature", AttributeType("float", "K"))
+    heater.add_node("h", "cube", temperature=300.0)
+    net.pump(2.0)
+    assert reader.schema.attribute("temperature").unit == "K" and reader.node("h")["temperature"] == 300.0
+    record = heater.node(".schema.attribute.temperature")
+    written = record.newest_write("record")
+    net.pump(2.0)
+    heater.update_node("h", temperature=301.0)
+    reader.poll()
+    assert record.newest_write("record") == written, "they come to rest"
