@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Set
 
 from dsr.crdt.delta import EdgeKey
@@ -38,29 +37,40 @@ def check_new_edge(graph: Graph, src: str, dst: str, type: str) -> None:
         raise _error(type, src, dst, cycle)
 
 
-def top_down(edges: Iterable[EdgeKey], geometric: Set[str]) -> list[EdgeKey]:
-    """The edges in an order in which frames hang before what hangs from them: from the root down, type by type.
+def without_circles(edges: Iterable[EdgeKey], geometric: Set[str]) -> tuple[list[EdgeKey], list[EdgeKey]]:
+    """The edges by which frames do not hang in a circle, and the others: of a circle the edge that leads back up.
 
-    So of a circle, the edge that leads back up is the one that closes it. Edges without a pose come last.
+    That is seen from the root, type by type. Of the edges that stay, those of lower frames come first, so that nothing
+    is above an edge that is made. Edges without a pose come last.
     """
     by_type: dict[str, list[EdgeKey]] = {type: [] for type in sorted(geometric)}
     others: list[EdgeKey] = []
     for key in edges:
         by_type.get(key[2], others).append(key)
-    return [key for found in by_type.values() for key in _top_down(found)] + others
+    left_out: dict[EdgeKey, None] = {}
+    ordered = [key for found in by_type.values() for key in _bottom_up(found, left_out)]
+    return ordered + others, list(left_out)
 
 
-def _top_down(edges: list[EdgeKey]) -> Iterator[EdgeKey]:
+def _bottom_up(edges: list[EdgeKey], left_out: dict[EdgeKey, None]) -> Iterator[EdgeKey]:
     below: dict[str, list[EdgeKey]] = {}
     for key in edges:
         below.setdefault(key[0], []).append(key)
-    hung = {dst for _, dst, _ in edges}
+    hung, done = {dst for _, dst, _ in edges}, set[str]()
     for top in [WORLD, *[name for name in below if name not in hung], *below]:
-        waiting = deque([top])
-        while waiting:
-            found = below.pop(waiting.popleft(), ())
-            yield from found
-            waiting.extend(key[1] for key in found)
+        way = {} if top in done or top not in below else {top: iter(below[top])}
+        while way:
+            frame = next(reversed(way))
+            for key in way[frame]:
+                if key[1] in way:
+                    left_out[key] = None
+                elif key[1] in below and key[1] not in done:
+                    way[key[1]] = iter(below[key[1]])
+                    break
+            else:
+                del way[frame]
+                done.add(frame)
+                yield from (key for key in below[frame] if key not in left_out)
 
 
 def _error(type: str, src: str, dst: str, cycle: list[str]) -> CycleError:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
 from dsr.errors import ConfigError, CycleError, SchemaError
-from dsr.graph.cycles import top_down
+from dsr.graph.cycles import without_circles
 from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import AttributeType, Kind, Schema, Value
 from dsr.math3d.transforms import Pose
@@ -114,14 +114,15 @@ class GraphContent:
             with memory.batch():
                 for name in names:
                     memory.add_node(name, self.nodes[name].type, **self.nodes[name].attributes)
-        left_out: list[str] = []
-        for keys in _chunks(top_down(self.edges, memory.schema.geometric)):
+        kept, loose = without_circles(self.edges, memory.schema.geometric)
+        left_out = [f"left out: {key[2]} edge {key[0]!r} -> {key[1]!r}: it closes a circle of frames" for key in loose]
+        for keys in _chunks(kept):
             with memory.batch():
                 for key in keys:
                     try:
                         memory.add_edge(*key, **self.edges[key])
-                    except CycleError as error:
-                        left_out.append(f"left out: {error}")
+                    except CycleError as error:  # with edges of this agent that are there
+                        left_out.append(f"left out: {error!s:.300}")
         return left_out
 
     def _check_names(self) -> None:
