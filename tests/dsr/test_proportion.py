@@ -13,11 +13,12 @@ from dsr.crdt.context import CausalContext, DotRange, apart, without
 from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
 from dsr.crdt.dots import OrderedDots
 from dsr.crdt.store import MAX_MADE, Incarnation
+from dsr.crdt.summary import Summary
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.replication.piece_wire import decode_request
 from dsr.replication.sync import Synchroniser
-from dsr.replication.wire import decode_delta, encode_delta
+from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
 from dsr.security.policy import Grant, checked
 from dsr.worlds.overlay import Overlay
@@ -140,6 +141,29 @@ def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
     assert len(synchroniser.graph.edges) == COUNT
     assert cost(lambda: again(50, 2 * COUNT)) < FACTOR / 4 * fair
     assert not synchroniser.graph.edges, "they hang from the oldest of too many"
+
+
+def test_digests_have_edges_whose_ends_never_come_looked_at_no_oftener_than_once_a_second() -> None:
+    """Of 30 bytes each cost 100 ms, with all writers waiting."""
+    synchroniser, looks = Synchroniser(Graph("me-1"), joined=True), 0
+    sent(synchroniser, additions(1))
+    nobody, ends = (("nobody-1", 7),), ((LIAR, 1),)
+    edges = [Add((LIAR, number), ("x", "n0", f"t{number}"), f"t{number}", nobody, ends) for number in range(2, 1002)]
+    sent(synchroniser, Delta(edges, context=[(LIAR, 2, 1001)]))
+    graph, settle = synchroniser.graph, synchroniser.graph._settle
+
+    def counted(entry: Incarnation) -> None:
+        nonlocal looks
+        looks += 1
+        settle(entry)
+
+    graph._settle = counted  # type: ignore[method-assign]
+    for number in range(20):
+        seen = Summary((), graph.store.context.hash)
+        digest = encode_digest(Digest(LIAR, 0.0, seen, 7 + number, ()))
+        synchroniser.receive_digest(LIAR, digest, number / 10, 0.0)
+        synchroniser.tick(number / 10 + 0.05, 0.0)
+    assert 1 <= looks <= 5 * len(edges)
 
 
 def test_edges_whose_ends_never_come_cost_others_nothing(alone: float) -> None:
