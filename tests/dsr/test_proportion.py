@@ -254,7 +254,7 @@ def test_ends_of_edges_are_few() -> None:
 
 def test_edges_at_a_node_made_too_often_are_bound_to_the_newest() -> None:
     graph = Graph("me-1")
-    dots = [(f"liar-{MAX_ENDS + number}", 1) for number in range(2 * MAX_ENDS + 10)]
+    dots = [(f"liar{MAX_ENDS + number}-1", 1) for number in range(2 * MAX_ENDS + 10)]
     adds = [Add(dot, "n", "cube") for dot in sorted(dots)]
     graph.join(Delta(adds=adds, context=[(rid, 1, 1) for rid, _ in dots]), 0.0)
     made = graph.add_edge("n", "n", "on", {}, 0.0)
