@@ -48,7 +48,7 @@ class Overlay(Graph, LayerObserver):
         self._taken = taken
         self._types: dict[Key, str] = {}
         """Of what is taken and seen, the type under which it is listed."""
-        self.store = Layer(self, parent.element, parent.is_known)
+        self.store = Layer(self, parent.element, parent.is_known, parent.dots_between)
         self._nodes = self.nodes = Elements(taken, lambda: parent.nodes, LiveNode)
         self._edges = self.edges = Elements(taken, lambda: parent.edges, LiveEdge)
         self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, self._nodes)
@@ -103,6 +103,11 @@ class Overlay(Graph, LayerObserver):
     def is_known(self, dot: Dot) -> bool:
         """See `Graph.is_known`."""
         return self.store.is_known(dot)
+
+    def dots_between(self, rid: str, first: int, last: int) -> Iterator[Dot]:
+        """See `Graph.dots_between`; those of the parent, too, hidden or not."""
+        yield from self.parent.dots_between(rid, first, last)
+        yield from super().dots_between(rid, first, last)
 
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """See `Graph.newest_stamp`; the parent's counts, too, unless it is further ahead than the clock follows."""
@@ -173,11 +178,6 @@ class Overlay(Graph, LayerObserver):
         below = self.parent.element(dot)
         if below is not None:
             self._refresh_with_edges(below.key)
-
-    def replied(self) -> None:
-        """See `LayerObserver.replied`."""
-        self._look_below(self.parent.nodes)
-        self._look_below(self.parent.edges)
 
     def _look_below(self, elements: Any) -> None:
         """Look again at what is hidden, or has patches that came before it."""
@@ -381,7 +381,8 @@ class Overlay(Graph, LayerObserver):
         own = [entry for entry in self.store.entries.values() if not isinstance(entry.key, str)]
         for key in dict.fromkeys([*self._taken, *self.store.by_key]):
             self._refresh(key)
-        self.replied()
+        self._look_below(self.parent.nodes)
+        self._look_below(self.parent.edges)
         self._detach_or_bury(own)
 
 
