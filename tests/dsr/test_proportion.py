@@ -9,19 +9,19 @@ import msgspec
 import pytest
 
 from dsr import Memory, Pose
-from dsr.crdt.context import CausalContext, Dot, DotRange, apart, without
+from dsr.crdt.context import CausalContext, DotRange, apart, without
 from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
 from dsr.crdt.dots import OrderedDots
 from dsr.crdt.store import MAX_MADE, Incarnation
 from dsr.crdt.summary import Summary
 from dsr.errors import WireError
+from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
 from dsr.replication.piece_wire import decode_request
 from dsr.replication.sync import Synchroniser
 from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
 from dsr.security.policy import Grant, checked
-from dsr.worlds.layer import Layer
 from dsr.worlds.overlay import Overlay
 from tests.dsr.conftest import Net
 
@@ -318,14 +318,14 @@ def test_what_an_overlay_is_told_to_be_seen_costs_nothing_for_each_element_of_it
     memory: Memory = net.join("me")
     overlay = memory.fork("dream", follow=True)
     sent(memory.replica.synchroniser, additions(300))
-    looks, element = 0, Layer.element
+    looks, concerns = 0, Overlay._concerns
 
-    def counted(self: Layer, dot: Dot) -> Incarnation | None:
+    def counted(self: Overlay, element: Node | Edge) -> bool:
         nonlocal looks
         looks += 1
-        return element(self, dot)
+        return concerns(self, element)
 
-    monkeypatch.setattr(Layer, "element", counted)
+    monkeypatch.setattr(Overlay, "_concerns", counted)
     wide = Delta(context=[("other-1", 1, 10_000)])
     sent(overlay.replica.synchroniser, wide, "other-1")
     overlay.replica.graph.join(Delta(context=[("other-1", 1, 20_000)], live=frozenset(), examined=[]), 0.0)
