@@ -8,7 +8,7 @@ from dsr.frames.pose_history import PoseHistory
 
 
 class Parents(dict[str, PoseHistory]):
-    """The samples of each edge. One thread may change them while others read copies of the items.
+    """The samples of each edge. One thread may change them while others read copies of the table.
 
     Somebody may hang a frame from thousands of others. So parents are ranked in a heap, and no change looks at all.
     """
@@ -20,8 +20,8 @@ class Parents(dict[str, PoseHistory]):
         self._ranked: list[tuple[float, str]] | None = None
         """At least each parent with the stamp of its newest sample, negative; others are out of date."""
 
-    def copy(self) -> Parents:
-        """Make an independent copy."""
+    def copied(self) -> Parents:
+        """Make an independent copy, samples included; `copy` makes one of the table alone, at one moment."""
         other = Parents()
         for parent, history in self.items():
             other[parent] = history.copy()

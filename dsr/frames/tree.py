@@ -131,7 +131,7 @@ class FrameTree:
                 fork.take_over(type, child)
         histories = self._histories.get(key)
         if histories is not None:
-            self._histories[key] = histories.copy()
+            self._histories[key] = histories.copied()
         self._owned.add(key)
 
     def _choose_newest(self, type: str, child: str, changed: str) -> None:
@@ -353,7 +353,7 @@ class FrameTree:
         if first != last:
             return f"the chain of {first!r} ends at {last!r}"
         histories = self._histories.copy()
-        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in list(by)}
+        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by.copy()}
         if first in frames:
             return f"{first!r} has no such edge to a parent"
         return f"no geometric edge touches {first!r} ({suggest(first, frames)})"
@@ -361,7 +361,7 @@ class FrameTree:
 
 def _by_newest(histories: Parents) -> list[tuple[str, PoseHistory]]:
     """The histories by parent, the newest sample first; ties go by name."""
-    items = list(histories.items())
+    items = list(histories.copy().items())  # at one moment: `list(d.items())` lets others run
     return items if len(items) == 1 else sorted(items, key=lambda item: (-item[1].newest.stamp, item[0]))
 
 

@@ -464,6 +464,27 @@ def test_readers_never_see_a_torn_edge() -> None:
             reader.result()
 
 
+def test_parents_come_and_go_while_a_frame_is_asked_for() -> None:
+    tree = FrameTree()
+    tree.update("RT", "world", "cube", shift(1.0, stamp=5.0))
+    for number in range(50):
+        tree.update("RT", "world", f"p{number}", shift(0.5))
+
+    def read() -> None:
+        for _ in range(500):
+            assert tree.transform("world", "cube", at=5.0).t[0] == 1.0
+            assert tree.transform("world", "cube").t[0] == 1.0
+
+    with ThreadPoolExecutor() as pool:
+        reader = pool.submit(read)
+        for number in count():
+            tree.update("RT", f"p{number % 50}", "cube", shift(0.5, stamp=5.0))
+            tree.remove("RT", f"p{(number + 25) % 50}", "cube")
+            if reader.done():
+                break
+        reader.result()
+
+
 def test_the_newest_parent_is_the_same_as_if_all_were_looked_at_each_time() -> None:
     """Of few stamps, so that they are often equal; samples come late, are taken back, and edges go."""
     rng = np.random.default_rng(5)
