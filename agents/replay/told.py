@@ -76,11 +76,11 @@ def _saved(file: Path, at: float | None) -> Moment:
     if at is not None:
         raise ConfigError("--at is a time of a recording; a saved graph is of one moment")
     content = read_graph(file)
-    warn(content)
+    warn(content.warnings)
     values = [*(node.attributes for node in content.nodes.values()), *content.edges.values()]
     times = [value for attributes in values for name in _TIMES if isinstance(value := attributes.get(name), float)]
     now = max((time for time in times if math.isfinite(time)), default=0.0)
     clock = ManualClock(now)
     memory = Memory("saved", _READER, transport=LocalNetwork(clock).connect(_READER), clock=clock)
-    content.put_into(memory)
+    warn(content.put_into(memory))
     return Moment(memory, now)

@@ -110,7 +110,8 @@ class Site:
     def _check_poses(self) -> None:
         histories = self.graph.watches.frames._histories
         for src, dst, type in self.graph.edges:
-            history = histories.get((type, dst), {}).get(src)
+            parents = histories.get((type, dst))
+            history = None if parents is None else parents.get(src)
             _same("poses", self.core.poses(src, dst, type), history._samples if history is not None else [])
 
     def _follow(self, elements: dict[Key, Node | Edge]) -> None:

@@ -71,9 +71,9 @@ def load(
     name, path = places[0] if len(places) > 1 else BASE, Path(places[-1])
     if path.suffix.lower() not in READERS:
         content = read_graph(path)
-        warn(content)
+        warn(content.warnings)
         with writing(graph, router, security, agent) as memory, opened(memory, name) as target:
-            content.put_into(target, replace=replace)
+            warn(content.put_into(target, replace=replace))
         report("loaded", content, f"into {_place(memory, name)}")
         return
     place, axis = _position(at), _axis(up)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -41,7 +42,7 @@ def save(
     """Write a world of the running graph to a JSON file that people can read and edit. Equal ones give equal files."""
     with reading(graph, router, security, world) as memory:
         content = GraphContent.of(memory)
-    warn(content)
+    warn(content.warnings)
     write_graph(content, file, file_format.value)
     report("saved", content, f"to {file}")
 
@@ -54,17 +55,17 @@ def convert(
 ) -> None:
     """Check a graph file and write it in the other format, or again in its own; nothing needs to run."""
     content = read_graph(source)
-    warn(content)
+    warn(content.warnings)
     write_graph(content, target, file_format.value)
     report("wrote", content, f"to {target}")
 
 
-def warn(content: GraphContent) -> None:
-    """Report values that could not be taken over as they were."""
-    for warning in content.warnings[:_MOST_WARNINGS]:
+def warn(warnings: Sequence[str]) -> None:
+    """Report what could not be taken over as it was."""
+    for warning in warnings[:_MOST_WARNINGS]:
         errors.print(printable(warning), style="yellow", markup=False, soft_wrap=True)
-    if len(content.warnings) > _MOST_WARNINGS:
-        errors.print(f"and {len(content.warnings) - _MOST_WARNINGS} more warnings", style="yellow")
+    if len(warnings) > _MOST_WARNINGS:
+        errors.print(f"and {len(warnings) - _MOST_WARNINGS} more warnings", style="yellow")
 
 
 def report(done: str, content: GraphContent, where: str) -> None:

@@ -82,7 +82,7 @@ def run(
     chosen = _with_window(chosen) if view else chosen
     content = read_graph(load) if load else None
     if content is not None:
-        warn(content)
+        warn(content.warnings)
     level = log_level.value
     with run_folder(folder, find_system(system).stem) as place, Launcher(
         chosen, place, seed=seed, router=router, log_level=level, security=security, content=content, state=state,

@@ -7,13 +7,14 @@ one, and among several parents of that type (two cameras see one cube) the one w
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import takewhile
 from typing import Protocol
 
 from dsr.errors import CycleError, ExtrapolationError, NoPathError, TransformError, suggest
 from dsr.frames.frame_batch import Batch
 from dsr.frames.frame_chain import Chain, Dependency, Find, Link, Links, Newest, Path, climb
+from dsr.frames.parents import Parents
 from dsr.frames.pose_history import PoseHistory
 from dsr.math3d.transforms import Array, Pose
 
@@ -47,8 +48,8 @@ class FrameTree:
     """The geometric edges of a graph with their recent past, asked for transforms between any two frames.
 
     Any number of threads may call `transform` while one at a time calls `update` and `remove`, without a
-    lock: every table entry that a reader uses is an immutable value, replaced as a whole. A result is made
-    of one consistent value per edge; edges that change meanwhile are seen by the next call.
+    lock: every link that a reader uses is an immutable value, replaced as a whole, and of samples a reader takes a
+    copy. A result is made of one consistent value per edge; edges that change meanwhile are seen by the next call.
 
     Args:
         history: s, how far back the samples of an edge are kept.
@@ -60,7 +61,7 @@ class FrameTree:
         self._history = history
         self._samples = samples
         self._extrapolation = extrapolation
-        self._histories: dict[tuple[str, str], dict[str, PoseHistory]] = {}  # (type, child) -> by parent
+        self._histories: dict[tuple[str, str], Parents] = {}  # by (type, child)
         self._newest: dict[str, Links] = {}  # type -> child -> link to the parent with the newest sample
         self._chains: _Chains = {}
         self._batches: dict[tuple[str, tuple[str, ...], Types], Batch] = {}
@@ -78,15 +79,11 @@ class FrameTree:
             self._before_change(type, child)
         histories = self._histories.get((type, child))
         if histories is None:
-            self._histories[type, child] = {parent: PoseHistory(pose, self._history, self._samples)}
-            self._links(type)[child] = Link(type, parent, pose)
-            self.hangs_elsewhere(child)
-            return
+            histories = self._histories[type, child] = Parents()
         if parent in histories:
             histories[parent].add(pose)
         else:
-            history = PoseHistory(pose, self._history, self._samples)
-            self._histories[type, child] = {**histories, parent: history}
+            histories[parent] = PoseHistory(pose, self._history, self._samples)
         self._choose_newest(type, child, parent)
 
     def follow(self, type: str, parent: str, child: str, pose: Pose) -> None:
@@ -114,9 +111,9 @@ class FrameTree:
         """Forget an edge and its past; harmless if there is none."""
         if self._owned is not None:
             self._before_change(type, child)
-        histories = self._histories.get((type, child), {})
-        self._histories[type, child] = {name: h for name, h in histories.items() if name != parent}
-        self._choose_newest(type, child, parent)
+        histories = self._histories.get((type, child))
+        if histories is not None and histories.pop(parent, None) is not None:
+            self._choose_newest(type, child, parent)
 
     def share_with(self, fork: FrameFork) -> None:
         """Let `fork` read the present content, and keep later changes from it."""
@@ -134,7 +131,7 @@ class FrameTree:
                 fork.take_over(type, child)
         histories = self._histories.get(key)
         if histories is not None:
-            self._histories[key] = {parent: history.copy() for parent, history in histories.items()}
+            self._histories[key] = histories.copied()
         self._owned.add(key)
 
     def _choose_newest(self, type: str, child: str, changed: str) -> None:
@@ -148,7 +145,9 @@ class FrameTree:
             del self._histories[type, child]
             links.pop(child, None)
         else:
-            parent = next(iter(histories)) if len(histories) == 1 else _newest_parent(histories, link, changed)
+            if changed in histories:
+                histories.note(changed)
+            parent = histories.newest()
             pose = histories[parent].newest
             if link is not None and link.parent == parent:
                 if link.pose is not pose:
@@ -198,7 +197,7 @@ class FrameTree:
         """List the dependencies of this link: while they stay, `link` gives the same answer again."""
         return [(self._links(type), child, link)]
 
-    def histories(self, type: str, child: str) -> dict[str, PoseHistory] | None:
+    def histories(self, type: str, child: str) -> Parents | None:
         """The samples of all edges of this type to `child`, by parent; neither is to be changed."""
         return self._histories.get((type, child))
 
@@ -289,8 +288,8 @@ class FrameTree:
         """The link that is known at that time, or else, with no pose, the one to the newest parent."""
         for type in types:
             histories = self._histories.get((type, frame))
-            if histories:
-                candidates = _by_newest(histories)
+            candidates = _by_newest(histories) if histories else []
+            if candidates:
                 for parent, history in candidates:
                     pose = history.at(at, self._extrapolation)
                     if pose is not None:
@@ -327,7 +326,8 @@ class FrameTree:
 
     def _extrapolation_error(self, frame: str, link: Link, at: float | None) -> ExtrapolationError:
         edge = f"{link.type} edge {link.parent!r} -> {frame!r}"
-        history = self._histories.get((link.type, frame), {}).get(link.parent)
+        histories = self._histories.get((link.type, frame))
+        history = None if histories is None else histories.get(link.parent)
         if history is None:
             return ExtrapolationError(f"{edge}: removed while it was asked for its pose at {at} s")
         oldest, newest = history.span
@@ -353,30 +353,16 @@ class FrameTree:
         if first != last:
             return f"the chain of {first!r} ends at {last!r}"
         histories = self._histories.copy()
-        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by}
+        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by.copy()}
         if first in frames:
             return f"{first!r} has no such edge to a parent"
         return f"no geometric edge touches {first!r} ({suggest(first, frames)})"
 
 
-def _newest_parent(histories: Mapping[str, PoseHistory], link: Link | None, changed: str) -> str:
-    """The parent with the newest sample, given the link to the one before an edge changed; ties go by name.
-
-    All are looked at only if the one before went, or went back: somebody may hang a frame from thousands of others.
-    """
-    last = histories.get(link.parent) if link is not None else None
-    if link is None or last is None or link.pose is None or last.newest.stamp < link.pose.stamp:
-        among: Iterable[str] = histories
-    else:
-        among = {link.parent, changed} & histories.keys()
-    return min(among, key=lambda parent: (-histories[parent].newest.stamp, parent))
-
-
-def _by_newest(histories: Mapping[str, PoseHistory]) -> list[tuple[str, PoseHistory]]:
+def _by_newest(histories: Parents) -> list[tuple[str, PoseHistory]]:
     """The histories by parent, the newest sample first; ties go by name."""
-    if len(histories) == 1:
-        return list(histories.items())
-    return sorted(histories.items(), key=lambda item: (-item[1].newest.stamp, item[0]))
+    items = list(histories.copy().items())  # at one moment: `list(d.items())` lets others run
+    return items if len(items) == 1 else sorted(items, key=lambda item: (-item[1].newest.stamp, item[0]))
 
 
 def _steps_below(meeting: str, chain: Path) -> _Steps:

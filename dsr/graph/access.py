@@ -119,6 +119,11 @@ class WriteGuard:
         """The guard of the same agent in another world."""
         return WriteGuard(self._agent, self._writes, world)
 
+    def includes(self, what: str, name: str) -> bool:
+        """Whether a type of "node" or "edge", or an "attribute", is declared."""
+        names = self._attributes if what == "attribute" else self._types[what]
+        return name in names or EVERYTHING in names
+
     def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
         """Raise `UndeclaredError` unless writing these attributes of a "node" or "edge" of type `kind` is declared."""
         if kind != WORLD_RECORD and not self._is_its_own:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from graphlib import CycleError as _Unsortable
-from graphlib import TopologicalSorter
+from collections.abc import Iterable, Iterator, Set
 
 from dsr.crdt.delta import EdgeKey
 from dsr.errors import CycleError
+from dsr.frames.tree import WORLD
 from dsr.graph.graph import Graph
 from dsr.network.keys import agent_of
 
@@ -38,22 +37,40 @@ def check_new_edge(graph: Graph, src: str, dst: str, type: str) -> None:
         raise _error(type, src, dst, cycle)
 
 
-def check_edges(edges: Iterable[EdgeKey], geometric: Iterable[str]) -> None:
-    """Raise `CycleError` if edges of a geometric type form a cycle."""
-    parents: dict[str, dict[str, list[str]]] = {type: {} for type in geometric}
-    for src, dst, type in edges:
-        if type in parents:
-            parents[type].setdefault(dst, []).append(src)
-    for type in sorted(parents):
-        _check_type(type, parents[type])
+def without_circles(edges: Iterable[EdgeKey], geometric: Set[str]) -> tuple[list[EdgeKey], list[EdgeKey]]:
+    """The edges by which frames do not hang in a circle, and the others: of a circle the edge that leads back up.
+
+    That is seen from the root, type by type. Of the edges that stay, those of lower frames come first, so that nothing
+    is above an edge that is made. Edges without a pose come last.
+    """
+    by_type: dict[str, list[EdgeKey]] = {type: [] for type in sorted(geometric)}
+    others: list[EdgeKey] = []
+    for key in edges:
+        by_type.get(key[2], others).append(key)
+    left_out: dict[EdgeKey, None] = {}
+    ordered = [key for found in by_type.values() for key in _bottom_up(found, left_out)]
+    return ordered + others, list(left_out)
 
 
-def _check_type(type: str, parents: Mapping[str, list[str]]) -> None:
-    try:
-        TopologicalSorter(parents).prepare()
-    except _Unsortable as error:
-        cycle: list[str] = error.args[1]  # each is a parent of the next, the first one is the last
-        raise _error(type, cycle[-2], cycle[-1], cycle) from None
+def _bottom_up(edges: list[EdgeKey], left_out: dict[EdgeKey, None]) -> Iterator[EdgeKey]:
+    below: dict[str, list[EdgeKey]] = {}
+    for key in edges:
+        below.setdefault(key[0], []).append(key)
+    hung, done = {dst for _, dst, _ in edges}, set[str]()
+    for top in [WORLD, *[name for name in below if name not in hung], *below]:
+        way = {} if top in done or top not in below else {top: iter(below[top])}
+        while way:
+            frame = next(reversed(way))
+            for key in way[frame]:
+                if key[1] in way:
+                    left_out[key] = None
+                elif key[1] in below and key[1] not in done:
+                    way[key[1]] = iter(below[key[1]])
+                    break
+            else:
+                del way[frame]
+                done.add(frame)
+                yield from (key for key in below[frame] if key not in left_out)
 
 
 def _error(type: str, src: str, dst: str, cycle: list[str]) -> CycleError:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import weakref
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from typing import Literal, Protocol
 
 import msgspec
@@ -19,7 +19,7 @@ import msgspec
 from dsr.errors import SchemaError, WireError
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
-from dsr.graph.schema import RECORDS, SCHEMA_RECORD, AttributeType, Schema
+from dsr.graph.schema import RECORDS, SCHEMA_RECORD, AttributeType, Registered, Schema
 from dsr.graph.watch import ChangeFilter, Watch
 from dsr.network.decoding import decoded
 
@@ -27,6 +27,8 @@ _log = logging.getLogger("dsr.memory")
 _PREFIX = RECORDS[SCHEMA_RECORD]
 _LONGEST = 128
 """Characters that a node's name may have."""
+_MOST_TOLD = 1000
+"""Records about which something is told: made-up ones take neither memory nor lines of the log."""
 
 
 class ExtensionRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -49,6 +51,7 @@ class ExtensionRecord(msgspec.Struct, frozen=True, omit_defaults=True):
         return f"{_PREFIX}{self.what}.{hashlib.sha256(self.name.encode()).hexdigest()}"
 
 
+_BUILT_IN = Schema()
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(ExtensionRecord)
 
@@ -73,9 +76,12 @@ class Extensions:
         self._base = graph
         self._graphs: weakref.WeakSet[Graph] = weakref.WeakSet()
         self._published = 0
+        """How many of `Schema.registered` the graph holds."""
+        self._named: dict[str, Registered] = {}
+        """Names by the nodes that hold their records."""
+        self._lost: dict[str, None] = {}
+        """Nodes whose records were removed, or made unreadable, since the last were published."""
         self._warned: set[str] = set()
-        self._lost = False
-        """Whether a record was removed, or made unreadable, since the last were published."""
         self._watch = Watch(ChangeFilter(node_types=frozenset({SCHEMA_RECORD})), notify=self._learn)
         graph.watches.follow(self._watch, ())
 
@@ -86,17 +92,20 @@ class Extensions:
     @property
     def to_publish(self) -> bool:
         """Whether names are known here of which the graph may hold no record."""
-        return self._lost or self._schema.version != self._published
+        return bool(self._lost) or len(self._schema.registered) != self._published
 
     def publish(self, write: WritesRecord) -> None:
-        """Write the records that the graph lacks, with the graph locked."""
-        self._published, self._lost = self._schema.version, False
-        for record in _registered(self._schema):
+        """Write the records that the graph lacks, with the graph locked; the cost follows those that it may lack."""
+        lost = [self._named[name] for name in self._lost if name in self._named]
+        names = dict.fromkeys([*self._schema.registered[self._published :], *lost])
+        self._published, self._lost = len(self._schema.registered), {}
+        for record in _records(self._schema, names):
             name = record.node_name
+            self._named[name] = record.what, record.name
             node = self._base.nodes.get(name)
             if node is not None and node.type != SCHEMA_RECORD:
                 self._warn(name, f"{record.what} {record.name!r} stays here: node {name!r} is a {node.type!r}")
-            elif node is None or _read(node) is None:
+            elif self._may_describe(self._base.rid, record) and (node is None or not self._holds_record(node)):
                 write(name, _encoder.encode(record).decode())
 
     def _learn(self) -> None:
@@ -104,17 +113,36 @@ class Extensions:
         for change in self._watch.poll():
             node = self._base.nodes.get(change.name)
             if node is None or "record" not in node:
-                self._lost = True
+                self._lost[change.name] = None
                 continue
             try:
-                conflict = self._take(_decode(node["record"]))
+                record = _decode(node["record"])
+                if not self._is_rightful(node, record):
+                    raise WireError("its writer may not write what it describes")
+                conflict = self._take(record)
+                self._named[record.node_name] = record.what, record.name
             except (WireError, SchemaError, TypeError) as error:
-                self._lost = True
+                self._lost[change.name] = None
                 self._warn(change.name, f"{change.name}: no valid record of a registered name: {error}")
                 continue
-            self._lost = self._lost or _read(node) is None
+            if not self._holds_record(node):
+                self._lost[change.name] = None
             if conflict:
                 self._warn(change.name, conflict)
+
+    def _holds_record(self, node: Node) -> bool:
+        """Whether a node holds a record of the name for which it stands, by somebody who may tell what that means."""
+        record = _read(node)
+        return record is not None and self._is_rightful(node, record)
+
+    def _is_rightful(self, node: Node, record: ExtensionRecord) -> bool:
+        """Whether who wrote a record may write what it describes: else anybody takes a name that another one needs."""
+        write = node.newest_write("record")
+        return write is not None and self._may_describe(write.writer, record)
+
+    def _may_describe(self, rid: str, record: ExtensionRecord) -> bool:
+        rights = self._base.rights
+        return rights is None or rights.may_describe(rid, record.what, record.name)
 
     def _take(self, record: ExtensionRecord) -> str:
         """Learn one name. Returns what contradicts the name's meaning here; empty if nothing does."""
@@ -124,7 +152,7 @@ class Extensions:
         }  # fmt: skip
         if record.name in known[record.what]:
             return self._conflict(record)
-        version = schema.version
+        registered = len(schema.registered)
         if record.what == "node":
             schema.register_node_type(record.name, record.meaning)
         elif record.what == "edge":
@@ -133,8 +161,8 @@ class Extensions:
                 self._note_poses(record.name)
         else:
             schema.register_attribute(record.name, record.attribute or AttributeType("str", meaning=record.meaning))
-        if self._published == version:  # nothing of our own waits
-            self._published = schema.version
+        if self._published == registered:  # nothing of our own waits
+            self._published = len(schema.registered)
         return ""
 
     def _conflict(self, record: ExtensionRecord) -> str:
@@ -159,7 +187,7 @@ class Extensions:
                 graph.watches.note_pose(edge)
 
     def _warn(self, name: str, text: str) -> None:
-        if name not in self._warned:
+        if name not in self._warned and len(self._warned) < _MOST_TOLD:
             self._warned.add(name)
             _log.warning("%.500s", text)
 
@@ -181,12 +209,12 @@ def _carries(geometric: bool) -> str:
     return "carries a pose" if geometric else "carries no pose"
 
 
-def _registered(schema: Schema) -> Iterator[ExtensionRecord]:
-    """All names of `schema` that are not built in."""
-    builtin = Schema()
-    for name in schema.node_types.keys() - builtin.node_types.keys():
-        yield ExtensionRecord("node", name, schema.node_types[name])
-    for name in schema.edge_types.keys() - builtin.edge_types.keys():
-        yield ExtensionRecord("edge", name, schema.edge_types[name], geometric=name in schema.geometric)
-    for name in schema.attributes.keys() - builtin.attributes.keys():
-        yield ExtensionRecord("attribute", name, attribute=schema.attributes[name])
+def _records(schema: Schema, names: Iterable[Registered]) -> Iterator[ExtensionRecord]:
+    """Those of `names` that are not built in."""
+    for what, name in names:
+        if what == "node" and name not in _BUILT_IN.node_types:
+            yield ExtensionRecord("node", name, schema.node_types[name])
+        elif what == "edge" and name not in _BUILT_IN.edge_types:
+            yield ExtensionRecord("edge", name, schema.edge_types[name], geometric=name in schema.geometric)
+        elif what == "attribute" and name not in _BUILT_IN.attributes:
+            yield ExtensionRecord("attribute", name, attribute=schema.attributes[name])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 from dsr.crdt.context import Dot, DotRange
@@ -441,13 +442,15 @@ class Graph(Stamping):
         self.watches.added(node)
 
     def _change_incarnations(self, element: Node | Edge, entries: tuple[Incarnation, ...]) -> None:
-        """Another incarnation of a visible element came or went: its values may be others now."""
-        before = dict(element)
-        if element._entries != entries:  # else it may be an element that a fork reads from its parent
+        """Another incarnation of a visible element came or went: values that it has may be others now."""
+        old = element._entries
+        came_or_went = [entry for entry in (*old, *entries) if entry not in old or entry not in entries]
+        before = {name: element.get(name) for entry in came_or_went for name in list(entry.registers)}
+        if old != entries:  # else it may be an element that a fork reads from its parent
             element._entries = entries
             self.watches.incarnations_changed(element)
-        for attribute in before.keys() | set(element):
-            if before.get(attribute) is not element.get(attribute):
+        for attribute, value in sorted(before.items(), key=itemgetter(0)):
+            if value is not element.get(attribute):
                 self.watches.updated(element, attribute)
 
     def _refresh_edge(self, key: EdgeKey, entries: tuple[Incarnation, ...] | None = None) -> None:

@@ -27,3 +27,6 @@ class Rights(Protocol):
 
     def removable(self, rid: str, dots: list[Dot], elements: Incarnations) -> list[Dot]:
         """Select those of `dots` that replica `rid` may remove together."""
+
+    def may_describe(self, rid: str, what: str, name: str) -> bool:
+        """Whether replica `rid` may tell what a name means: that of a type of nodes or edges, or of an attribute."""

@@ -46,6 +46,10 @@ They are never shown among the things of the graph, and nobody else has such nam
 _RECORD_PREFIXES = tuple(RECORDS.values())
 
 
+Registered = tuple[Literal["node", "edge", "attribute"], str]
+"""What a name is registered for, and the name."""
+
+
 class AttributeType(msgspec.Struct, frozen=True):
     """The meaning of an attribute, and the values that it takes."""
 
@@ -78,16 +82,19 @@ class Schema:
         self.edge_types: dict[str, str] = dict(_EDGE_TYPES)
         self.geometric: set[str] = {"RT", "Virtual_RT"}
         self.attributes: dict[str, AttributeType] = dict(_ATTRIBUTES)
-        self.version = 0
-        """Grows with each name that is registered."""
+        self.registered: list[Registered] = []
+        """Each name that got a meaning which it did not have, in order."""
 
     def register_node_type(self, name: str, meaning: str) -> None:
         """Allow nodes of type `name`.
 
         Raises `RegistrationError` if name or meaning cannot be such, or if a built-in type means something else.
         """
-        self.node_types[_checked_name("node type", name)] = _agreed("node type", name, meaning, _NODE_TYPES)
-        self.version += 1
+        _checked_name("node type", name)
+        agreed = _agreed("node type", name, meaning, _NODE_TYPES)
+        if self.node_types.get(name) != agreed:
+            self.node_types[name] = agreed
+            self.registered.append(("node", name))
 
     def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
         """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains.
@@ -98,8 +105,10 @@ class Schema:
         _checked_name("edge type", name)
         if name in self.edge_types and (name in self.geometric) != geometric:
             raise RegistrationError(f"edge type {name!r} is already one that is {'not ' if geometric else ''}geometric")
-        self.edge_types[name] = _agreed("edge type", name, meaning, _EDGE_TYPES)
-        self.version += 1
+        agreed = _agreed("edge type", name, meaning, _EDGE_TYPES)
+        if self.edge_types.get(name) != agreed:
+            self.edge_types[name] = agreed
+            self.registered.append(("edge", name))
         if geometric:
             self.geometric.add(name)
 
@@ -120,8 +129,9 @@ class Schema:
                 said = "a stream: it cannot be none" if known.stream else "no stream: it cannot be one"
                 raise RegistrationError(f"attribute {name!r} ({meaning}) is built in as {said}")
             attribute = known
-        self.attributes[name] = attribute
-        self.version += 1
+        if known != attribute:
+            self.attributes[name] = attribute
+            self.registered.append(("attribute", name))
 
     def check_node(self, name: str, type: str) -> None:
         """Raise `SchemaError` unless a user may make a node `name` of `type`."""

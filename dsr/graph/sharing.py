@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import MutableMapping
+from collections.abc import Iterator, MutableMapping
 from typing import Protocol, TypeVar
 
 from dsr.crdt.context import Dot
@@ -60,6 +60,10 @@ class Sharing(Observer):
     def element(self, dot: Dot) -> Incarnation | None:
         """Find the live entry under a creation dot, in this graph or in its parent; None if there is none."""
         return self.store.entries.get(dot)
+
+    def dots_between(self, rid: str, first: int, last: int) -> Iterator[Dot]:
+        """The creation dots of what one replica made here and below, with counters from `first` to `last`."""
+        yield from self.store.order.between(rid, first, last)
 
     def is_known(self, dot: Dot) -> bool:
         """Whether `dot` was seen, here or below: its element is here, or was removed."""

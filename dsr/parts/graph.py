@@ -149,6 +149,11 @@ class PartedGraph(Graph):
         store = self._store_of(dot)
         return store is not None and dot in store.context
 
+    def dots_between(self, rid: str, first: int, last: int) -> Iterator[Dot]:
+        """See `Graph.dots_between`."""
+        store = self._store_of((rid, first))
+        yield from () if store is None else store.order.between(rid, first, last)
+
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """See `Graph.newest_stamp`."""
         entry = self.element(owner)

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
-from dsr.errors import ConfigError, SchemaError
-from dsr.graph.cycles import check_edges
+from dsr.errors import ConfigError, CycleError, SchemaError
+from dsr.graph.cycles import without_circles
 from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import AttributeType, Kind, Schema, Value
-from dsr.graph.shares import makers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 
@@ -89,34 +88,42 @@ class GraphContent:
                     self.warnings.append(f"{element}: left out: {error}")
                     del attributes[name]
 
-    def put_into(self, memory: Memory, *, replace: bool = False) -> None:
+    def put_into(self, memory: Memory, *, replace: bool = False) -> list[str]:
         """Add the missing elements to `memory`, and write all attributes.
+
+        An edge by which frames would hang in a circle, with others of this content or of this agent, is left out: of a
+        circle the one that leads back up, seen from the root.
 
         Args:
             memory: a replica of the graph; it need not have the name in the file.
             replace: also remove nodes, edges and attributes that this content lacks, and take over types.
 
+        Returns:
+            What was left out, in words.
+
         Raises:
             ConfigError: if a node has another type there, or a name or type that is the graph's own, or if a custom
                 name has another kind; nothing is written then.
-            CycleError: if frames would hang in a circle by this content and this agent's own edges; nothing is
-                written then either.
         """
         self._check_names()
         register(self.schema, memory.schema)
         self._check_types(memory, replace)
-        there = [] if replace else [edge.key for edge in memory.edges() if memory.agent in makers(edge)]
-        check_edges([*there, *self.edges], self.schema.geometric | memory.schema.geometric)
         if replace:
             self._remove_others(memory)
         for names in _chunks(self.nodes):
             with memory.batch():
                 for name in names:
                     memory.add_node(name, self.nodes[name].type, **self.nodes[name].attributes)
-        for keys in _chunks(self.edges):
+        kept, loose = without_circles(self.edges, memory.schema.geometric)
+        left_out = [f"left out: {key[2]} edge {key[0]!r} -> {key[1]!r}: it closes a circle of frames" for key in loose]
+        for keys in _chunks(kept):
             with memory.batch():
                 for key in keys:
-                    memory.add_edge(*key, **self.edges[key])
+                    try:
+                        memory.add_edge(*key, **self.edges[key])
+                    except CycleError as error:  # with edges of this agent that are there
+                        left_out.append(f"left out: {error!s:.300}")
+        return left_out
 
     def _check_names(self) -> None:
         """Raise `ConfigError` for a node that no user may make."""

@@ -31,22 +31,21 @@ class Impersonation:
         self._complaints = complaints
         self._new_id_at = -math.inf
 
-    def check(self, sender: str, delta: Delta, confirmed: Callable[[], int], *, gated: bool) -> None:
+    def check(self, sender: str, delta: Delta, confirmed: Callable[[], int], *, believed: bool) -> None:
         """Raise `WireError` if it speaks in our name; and if peers may have believed that, take note.
 
         Args:
             sender: who sent it.
             delta: a delta, or a reply with all that it tells to have been seen.
             confirmed: tells the counter up to which all peers have seen what is ours.
-            gated: whether peers check what others may remove.
+            believed: whether peers may believe of `sender` what it says of others.
         """
         rid, is_reply = self._graph.rid, delta.live is not None
         if sender != rid and not is_reply and not delta.removed:
             return
-        believed = sender == rid or is_reply
         known = confirmed() if sender == rid else self._graph.counter  # others may have had it before what is ours
-        beyond = goes_beyond(rid, known, delta, removals_only=not believed)
-        if beyond and (believed or not gated):
+        beyond = goes_beyond(rid, known, delta, removals_only=sender != rid and not is_reply)
+        if beyond and (believed or sender == rid):
             self.notice(sender)
             added = [add for add in delta.adds if add.dot[0] == rid and add.dot[1] > known]
             false = [add.dot for add in added if not self._is_true(add)]

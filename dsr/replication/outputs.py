@@ -8,8 +8,9 @@ from dsr.crdt.delta import Delta
 
 
 class PublishDigest(NamedTuple):
-    """Tell all peers the digest of this replica."""
+    """Tell all peers the digest of this replica, unless it has another id meanwhile."""
 
+    rid: str
     payload: bytes
 
 

@@ -283,8 +283,8 @@ class Replica:
                 with self.lock:
                     self.commit(delta)
                 self._written.set()  # the sending thread waits for the network, not who polls all worlds
-            case PublishDigest(payload):
-                self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
+            case PublishDigest(rid, payload) if rid == self.graph.rid:
+                self._transport.publish(self._keys.digest(rid), payload, Qos.STREAM)
             case Renew():
                 self._transport.renew()
             case TakeId():

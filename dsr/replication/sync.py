@@ -40,7 +40,7 @@ from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.graph.rights import Rights
-from dsr.network.keys import WHOLE
+from dsr.network.keys import WHOLE, agent_of
 from dsr.replication.claims import Claims, accounted_for, without_word_of
 from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
 from dsr.replication.collector import collector_paused
@@ -179,7 +179,12 @@ class Synchroniser:
 
     def _check_identity(self, sender: str, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name."""
-        self.impersonation.check(sender, delta, lambda: self.confirmed, gated=self.gate is not None)
+        believed = self.gate is None if delta.live is None else self._may_be_believed(sender)
+        self.impersonation.check(sender, delta, lambda: self.confirmed, believed=believed)
+
+    def _may_be_believed(self, sender: str) -> bool:
+        """Whether others believe what a replica says to have seen of ours: in answers, if rights are told."""
+        return self._trusts(sender) or agent_of(sender) == agent_of(self.graph.rid)
 
     def _check_part(self, delta: Delta) -> None:
         """Raise `WireError` if it is about another part of the graph: some would take it, and others never would."""
@@ -219,7 +224,8 @@ class Synchroniser:
         counter = self.graph.counter
         last = digest.seen.last(self.graph.rid)
         if last is not None and last > counter:
-            self.impersonation.notice(sender)
+            if self._may_be_believed(sender):
+                self.impersonation.notice(sender)
         elif self.impersonation.noticed:
             pass  # what peers say to have seen of ours may be what somebody else has told them
         elif last is not None or peer.rest_known:
@@ -405,7 +411,7 @@ class Synchroniser:
             outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
             self._compare_clocks(now)
-            outputs.append(PublishDigest(self.digest(physical)))
+            outputs.append(PublishDigest(self.graph.rid, self.digest(physical)))
         return outputs
 
     def _note_time(self, now: float) -> None:

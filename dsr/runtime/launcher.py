@@ -149,7 +149,8 @@ class Launcher:
         elif interest:
             self.memory.hold_part(*interest, unlisted=True)
         if self._content is not None and not self.restored:
-            self._content.put_into(self.memory)
+            for left_out in self._content.put_into(self.memory):
+                _log.warning("%s", left_out)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
         self._resources.callback(self.board.close)
         environment = self._environment()

@@ -36,7 +36,7 @@ class Gate:
 
     def __init__(self, policy: AccessPolicy) -> None:
         self.refused: Counter[str] = Counter()
-        """Changes that were refused, by replica id of the sender."""
+        """Changes that were refused, by agent of the sender: of those there are as many as have a certificate."""
         self._guards = policy.guards()
         self._trusted = {name for name, grant in policy.agents.items() if grant.trusted}
 
@@ -62,6 +62,11 @@ class Gate:
         screening = _Screening(self, rid, Delta(), elements)
         return list(screening.removable(dots, screening.could_have, alone=False))
 
+    def may_describe(self, rid: str, what: str, name: str) -> bool:
+        """See `dsr.graph.rights.Rights`."""
+        guard = self._guards.get(agent_of(rid))
+        return guard is not None and guard.includes(what, name)
+
     def objection(self, rid: str, key: Key, type: str, attributes: Iterable[str] = ()) -> str | None:
         """Why the agent of replica `rid` may not write these attributes of an element of `type`; None if it may."""
         guard = self._guards.get(agent_of(rid))
@@ -74,9 +79,10 @@ class Gate:
         return None
 
     def refuse(self, sender: str, reason: str) -> None:
-        """Count a refused change; the first of a sender is logged."""
-        self.refused[sender] += 1
-        if self.refused[sender] == 1:
+        """Count a refused change; the first of an agent is logged."""
+        agent = agent_of(sender)
+        self.refused[agent] += 1
+        if self.refused[agent] == 1:
             _log.warning("refused a change from %s: %s (further ones are only counted)", sender, reason)
 
 

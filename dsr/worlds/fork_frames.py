@@ -6,13 +6,12 @@ import threading
 from collections.abc import Callable, Sequence
 
 from dsr.frames.frame_chain import Link, Links, Newest
-from dsr.frames.pose_history import PoseHistory
+from dsr.frames.parents import Parents
 from dsr.frames.tree import FrameTree, Types
 from dsr.math3d.transforms import Pose
 
 _Key = tuple[str, str]
 """(edge type, child)"""
-_Histories = dict[str, PoseHistory]
 
 
 class ForkedFrames(FrameTree):
@@ -102,7 +101,7 @@ class _ReadThrough(Newest):
         return None
 
 
-class SharedHistories(dict[_Key, _Histories]):
+class SharedHistories(dict[_Key, Parents]):
     """Histories by (type, child): those taken over, and below them the source's."""
 
     def __init__(self, source: FrameTree, taken: set[_Key]) -> None:
@@ -110,7 +109,7 @@ class SharedHistories(dict[_Key, _Histories]):
         self._source = source
         self._taken = taken
 
-    def get(self, key: _Key, default: _Histories | None = None) -> _Histories | None:  # type: ignore[override]
+    def get(self, key: _Key, default: Parents | None = None) -> Parents | None:  # type: ignore[override]
         """See `dict`."""
         found = super().get(key)
         if found is None and key not in self._taken:
@@ -120,7 +119,7 @@ class SharedHistories(dict[_Key, _Histories]):
             found = super().get(key)
         return default if found is None else found
 
-    def copy(self) -> dict[_Key, _Histories]:
+    def copy(self) -> dict[_Key, Parents]:
         """Copy all histories into an ordinary dictionary."""
         theirs = self._source._histories.copy()
         return {key: histories for key, histories in theirs.items() if key not in self._taken} | dict(self)

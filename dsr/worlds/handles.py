@@ -177,6 +177,10 @@ class Layered:
         entries = () if self._parts is None else self._parts.said
         return frozenset(name for entry in entries for name in list(entry.registers))
 
+    def read(self) -> Entries:
+        """The entries of the parent and of the layer that were read last."""
+        return () if self._parts is None else (*self._parts.shown, *self._parts.said)
+
     def all_entries(self) -> Entries:
         """All incarnations of the element."""
         return self.refresh().all

@@ -8,7 +8,7 @@ patch or take it away, so they are as few as the writes that wait in other graph
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, Write
@@ -21,13 +21,6 @@ class LayerObserver(Observer):
     def hidden(self, dot: Dot) -> None:
         """Note that the parent's entry under `dot` is not shown any more."""
 
-    def replied(self) -> None:
-        """A synchronisation reply was joined: anything may be hidden now."""
-
-
-FEW = 1000
-"""Dots that are looked up one by one; instead of more, all that the parent shows is looked at."""
-
 
 class Layer(Store):
     """The replicated state of one overlay.
@@ -36,6 +29,7 @@ class Layer(Store):
         observer: told about changes.
         below: tells the entry of the parent under a creation dot.
         known_below: tells whether it is clear what became of such a dot.
+        between_below: tells the creation dots of the parent's elements of one replica, from a counter to another one.
     """
 
     bounds_gaps = False
@@ -48,12 +42,14 @@ class Layer(Store):
         observer: LayerObserver,
         below: Callable[[Dot], Incarnation | None],
         known_below: Callable[[Dot], bool],
+        between_below: Callable[[str, int, int], Iterable[Dot]],
     ) -> None:
         super().__init__(observer)
         self.patches: dict[Dot, Incarnation] = {}
         """What is said of elements of the parent, by creation dot."""
         self._below = below
         self._known_below = known_below
+        self._between_below = between_below
         self._early = 0
         """How much was written to what the parent does not know, since `count_early`."""
         self.is_trusted = False
@@ -61,15 +57,13 @@ class Layer(Store):
 
     def join(self, delta: Delta) -> None:
         """See `Store.join`."""
+        context, between = self.context, self._between_below
+        below = [dot for dots in delta.context for dot in between(*dots) if dot not in context]
         super().join(delta)
-        if delta.live is not None or sum([last - first + 1 for _, first, last in delta.context]) > FEW:
-            self._observer.replied()
-            return
-        removed = set(delta.removed)
-        for rid, first, last in delta.context:  # the end of an answer, or of a journal, may hide what nobody removes
-            for dot in [(rid, counter) for counter in range(first, last + 1)]:
-                if self._below(dot) is not None and dot not in removed:
-                    self._observer.hidden(dot)
+        removed = set(delta.removed) if below else ()
+        for dot in dict.fromkeys(below):  # an answer, or a journal, may hide what nobody removes
+            if dot in context and dot not in removed:
+                self._observer.hidden(dot)
 
     def find(self, dot: Dot) -> Incarnation | None:
         """See `Store.find`."""

@@ -48,7 +48,7 @@ class Overlay(Graph, LayerObserver):
         self._taken = taken
         self._types: dict[Key, str] = {}
         """Of what is taken and seen, the type under which it is listed."""
-        self.store = Layer(self, parent.element, parent.is_known)
+        self.store = Layer(self, parent.element, parent.is_known, parent.dots_between)
         self._nodes = self.nodes = Elements(taken, lambda: parent.nodes, LiveNode)
         self._edges = self.edges = Elements(taken, lambda: parent.edges, LiveEdge)
         self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, self._nodes)
@@ -103,6 +103,11 @@ class Overlay(Graph, LayerObserver):
     def is_known(self, dot: Dot) -> bool:
         """See `Graph.is_known`."""
         return self.store.is_known(dot)
+
+    def dots_between(self, rid: str, first: int, last: int) -> Iterator[Dot]:
+        """See `Graph.dots_between`; those of the parent, too, hidden or not."""
+        yield from self.parent.dots_between(rid, first, last)
+        yield from super().dots_between(rid, first, last)
 
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
         """See `Graph.newest_stamp`; the parent's counts, too, unless it is further ahead than the clock follows."""
@@ -173,11 +178,6 @@ class Overlay(Graph, LayerObserver):
         below = self.parent.element(dot)
         if below is not None:
             self._refresh_with_edges(below.key)
-
-    def replied(self) -> None:
-        """See `LayerObserver.replied`."""
-        self._look_below(self.parent.nodes)
-        self._look_below(self.parent.edges)
 
     def _look_below(self, elements: Any) -> None:
         """Look again at what is hidden, or has patches that came before it."""
@@ -264,9 +264,14 @@ class Overlay(Graph, LayerObserver):
     # ---- what is seen
 
     def _refresh_edges_at(self, name: str) -> None:
-        """Look again at edges that are seen, or not, because of this end."""
+        """Look again at edges that are seen, or not, because of this end.
+
+        Those of the parent alone are seen as there, unless something of this end is hidden here.
+        """
+        hides = any(entry.dot in self.store.context for entry in self.parent.live(name))
         for key in self.incident_keys(name):
-            if key in self._taken or key in self.store.by_key or not all(map(self._shows_ends, self.parent.live(key))):
+            is_own = key in self._taken or key in self.store.by_key
+            if is_own or (hides and not all(map(self._shows_ends, self.parent.live(key)))):
                 self._refresh(key)
         own = [entry for key in super().incident_keys(name) for entry in super(Overlay, self).live(key)]
         self._detach_or_bury(own)
@@ -280,12 +285,12 @@ class Overlay(Graph, LayerObserver):
             was_below: whether, if it is taken only now, it was seen before as the parent has it.
         """
         old = self._visible(key) if was_below or key in self._taken else None
-        before = dict(old) if old is not None else {}
         type = "" if old is None else self._types.get(key, old.type)
         below: Any = self.parent.nodes.get(key) if isinstance(key, str) else self.parent.edges.get(key)
         view: LayeredNode | LayeredEdge
         view = LayeredNode(key, below, self) if isinstance(key, str) else LayeredEdge(key, below, self)
         new = view if view._entries else None
+        before = _values_that_may_change(old, view) if told and old is not None else {}
         if isinstance(old, LayeredNode | LayeredEdge) and new is not None and type == new.type:
             old.outdate(below)
             new = old
@@ -340,8 +345,8 @@ class Overlay(Graph, LayerObserver):
             if isinstance(key, str):
                 self._refresh_edges_at(key)
             return
-        for attribute in sorted(before.keys() | set(new)):
-            if before.get(attribute) is not new.get(attribute):
+        for attribute in sorted(before):
+            if before[attribute] is not new.get(attribute):
                 self.watches.updated(new, attribute)
         self.watches.incarnations_changed(new)
 
@@ -376,8 +381,18 @@ class Overlay(Graph, LayerObserver):
         own = [entry for entry in self.store.entries.values() if not isinstance(entry.key, str)]
         for key in dict.fromkeys([*self._taken, *self.store.by_key]):
             self._refresh(key)
-        self.replied()
+        self._look_below(self.parent.nodes)
+        self._look_below(self.parent.edges)
         self._detach_or_bury(own)
+
+
+def _values_that_may_change(old: Node | Edge, new: LayeredNode | LayeredEdge) -> dict[str, Any]:
+    """The values of an element in what is not of both views of it: somebody else may have written any number more."""
+    seen = old.read() if isinstance(old, LayeredNode | LayeredEdge) else old._entries
+    entries = {id(entry): entry for entry in seen}
+    others = {id(entry): entry for entry in new.read()}
+    differing = [(entries | others)[each] for each in entries.keys() ^ others.keys()]
+    return {name: old.get(name) for entry in differing for name in list(entry.registers)}
 
 
 def _drop(groups: Any, name: str, key: Key) -> None:

@@ -29,7 +29,7 @@ class OverlayFrames(FrameTree):
             return
         theirs, link = self._source.histories(type, child), self._source.link(type, child)
         if theirs is not None:
-            self._histories[type, child] = {parent: history.copy() for parent, history in theirs.items()}
+            self._histories[type, child] = theirs.copied()
         if link is not None:
             self._links(type)[child] = link
         self._taken.add((type, child))

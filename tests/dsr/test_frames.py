@@ -464,16 +464,37 @@ def test_readers_never_see_a_torn_edge() -> None:
             reader.result()
 
 
+def test_parents_come_and_go_while_a_frame_is_asked_for() -> None:
+    tree = FrameTree()
+    tree.update("RT", "world", "cube", shift(1.0, stamp=5.0))
+    for number in range(50):
+        tree.update("RT", "world", f"p{number}", shift(0.5))
+
+    def read() -> None:
+        for _ in range(500):
+            assert tree.transform("world", "cube", at=5.0).t[0] == 1.0
+            assert tree.transform("world", "cube").t[0] == 1.0
+
+    with ThreadPoolExecutor() as pool:
+        reader = pool.submit(read)
+        for number in count():
+            tree.update("RT", f"p{number % 50}", "cube", shift(0.5, stamp=5.0))
+            tree.remove("RT", f"p{(number + 25) % 50}", "cube")
+            if reader.done():
+                break
+        reader.result()
+
+
 def test_the_newest_parent_is_the_same_as_if_all_were_looked_at_each_time() -> None:
     """Of few stamps, so that they are often equal; samples come late, are taken back, and edges go."""
     rng = np.random.default_rng(5)
     tree, edges = FrameTree(), dict[str, list[float]]()
     for _ in range(3000):
-        parent, stamp, what = f"p{rng.integers(4)}", float(rng.integers(1, 6)), rng.integers(5)
-        if what == 0:
+        parent, stamp, what = f"p{rng.integers(4)}", float(rng.integers(1, 6)), rng.integers(6)
+        if what < 2:
             tree.remove("RT", parent, "x")
             edges.pop(parent, None)
-        elif what < 3:
+        elif what < 4:
             tree.update("RT", parent, "x", shift(1.0, stamp=stamp))
             edges[parent] = sorted({*edges.get(parent, []), stamp})
         else:
@@ -486,7 +507,7 @@ def test_the_newest_parent_is_the_same_as_if_all_were_looked_at_each_time() -> N
 
 
 def test_who_hangs_a_frame_from_thousands_of_others_makes_no_write_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One message with ten thousand such edges kept all writers waiting for a minute."""
+    """One message with ten thousand such edges kept all writers waiting for a minute, and one that took them away."""
     looks = count()
     monkeypatch.setattr(PoseHistory, "newest", property(lambda self: next(looks) >= 0 and self._samples[-1]))
     tree = FrameTree()
@@ -494,4 +515,9 @@ def test_who_hangs_a_frame_from_thousands_of_others_makes_no_write_long(monkeypa
         tree.update("RT", f"p{number}", "x", shift(1.0, stamp=float(number)))
     for number in range(500):
         tree.update("RT", "p7", "x", shift(1.0, stamp=7.0 + number / 1e3))
-    assert next(looks) < 10_000 and tree.link("RT", "x").parent == "p499"  # type: ignore[union-attr]
+    assert tree.link("RT", "x").parent == "p499"  # type: ignore[union-attr]
+    for number in range(500):
+        tree.follow("RT", "p499", "x", shift(1.0, stamp=-float(number)))
+    for number in reversed(range(500)):
+        tree.remove("RT", f"p{number}", "x")
+    assert next(looks) < 20_000 and tree.link("RT", "x") is None

@@ -379,3 +379,19 @@ def test_what_others_write_to_an_element_stays_after_a_second_id(net: Net, hears
     assert victim.statistics.new_ids == 2
     assert victim.node("cup")["mass"] == 7.0 and [edge.key for edge in victim.edges("on")] == [("cup", "spoon", "on")]
     assert len(victim.node("cup").created) <= 2
+
+
+def test_what_was_to_be_told_under_the_id_before_is_not_told_under_the_next(
+    net: Net, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A thread may take another id between the making of a digest and its sending."""
+    victim, other = net.join("victim"), net.join("other")
+    victim.add_node("x", "cube")
+    net.pump(2.0)
+    now, replica = net.clock.monotonic() + 2.0, victim.replica
+    (digest,) = replica.synchroniser.speak(now, net.clock.now())
+    replica.take_id()
+    net.pump(0.1)
+    replica._perform(digest)
+    check_equal(net, victim, other)
+    assert not other.dropped and other.peers == [replica.graph.rid]

@@ -12,14 +12,17 @@ from dsr import Memory, Pose
 from dsr.crdt.context import CausalContext, DotRange, apart, without
 from dsr.crdt.delta import MAX_ENDS, Add, Delta, Write
 from dsr.crdt.dots import OrderedDots
-from dsr.crdt.store import MAX_MADE
+from dsr.crdt.store import MAX_MADE, Incarnation
+from dsr.crdt.summary import Summary
 from dsr.errors import WireError
+from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
 from dsr.replication.piece_wire import decode_request
 from dsr.replication.sync import Synchroniser
-from dsr.replication.wire import decode_delta, encode_delta
+from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
 from dsr.security.policy import Grant, checked
+from dsr.worlds.overlay import Overlay
 from tests.dsr.conftest import Net
 
 LIAR = "liar-1"
@@ -103,6 +106,27 @@ def test_one_edge_made_many_times_in_one_message(fair: float) -> None:
     assert not synchroniser.graph.edges and not synchroniser.graph.incident
 
 
+@pytest.mark.parametrize("taken", [False, True])
+def test_a_node_with_many_attributes_that_is_made_again(net: Net, fair: float, taken: bool) -> None:
+    """A message of 30 bytes kept all writers waiting for 0.6 s, and for 1.5 s where an overlay says something of it."""
+    memory: Memory = net.join("me")
+    overlay = memory.fork("dream", follow=True)
+    synchroniser, count = memory.replica.synchroniser, 10 * COUNT
+    writes = [Write((LIAR, 1), f"a{number}", 1, LIAR, (LIAR, number + 2), 0) for number in range(count)]
+    sent(synchroniser, Delta([Add((LIAR, 1), "n", "cube")], writes, context=[(LIAR, 1, count + 1)]))
+    if taken:
+        overlay.update_node("n", mass=1.0)
+
+    def again() -> None:
+        for rid in (f"{agent}-{number}" for agent in ("a", "z") for number in range(2 * MAX_MADE)):
+            delta = Delta([Add((rid, 1), "n", "cube")], [Write((rid, 1), "mass", 9, rid, (rid, 2), 2.0)])
+            sent(synchroniser, Delta(delta.adds, delta.writes, context=[(rid, 1, 2)]), rid)
+
+    assert cost(again) < FACTOR / 4 * fair
+    assert memory.node("n")["mass"] == 2.0 and overlay.node("n")["mass"] == (1.0 if taken else 2.0)
+    assert memory.node("n")["a0"] == overlay.node("n")["a0"] == 0
+
+
 def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
     synchroniser = Synchroniser(Graph("me-1"), joined=True)
     sent(synchroniser, additions(1))
@@ -118,6 +142,29 @@ def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
     assert len(synchroniser.graph.edges) == COUNT
     assert cost(lambda: again(50, 2 * COUNT)) < FACTOR / 4 * fair
     assert not synchroniser.graph.edges, "they hang from the oldest of too many"
+
+
+def test_digests_have_edges_whose_ends_never_come_looked_at_no_oftener_than_once_a_second() -> None:
+    """Of 30 bytes each cost 100 ms, with all writers waiting."""
+    synchroniser, looks = Synchroniser(Graph("me-1"), joined=True), 0
+    sent(synchroniser, additions(1))
+    nobody, ends = (("nobody-1", 7),), ((LIAR, 1),)
+    edges = [Add((LIAR, number), ("x", "n0", f"t{number}"), f"t{number}", nobody, ends) for number in range(2, 1002)]
+    sent(synchroniser, Delta(edges, context=[(LIAR, 2, 1001)]))
+    graph, settle = synchroniser.graph, synchroniser.graph._settle
+
+    def counted(entry: Incarnation) -> None:
+        nonlocal looks
+        looks += 1
+        settle(entry)
+
+    graph._settle = counted  # type: ignore[method-assign]
+    for number in range(20):
+        seen = Summary((), graph.store.context.hash)
+        digest = encode_digest(Digest(LIAR, 0.0, seen, 7 + number, ()))
+        synchroniser.receive_digest(LIAR, digest, number / 10, 0.0)
+        synchroniser.tick(number / 10 + 0.05, 0.0)
+    assert 1 <= looks <= 5 * len(edges)
 
 
 def test_edges_whose_ends_never_come_cost_others_nothing(alone: float) -> None:
@@ -208,7 +255,7 @@ def test_ends_of_edges_are_few() -> None:
 
 def test_edges_at_a_node_made_too_often_are_bound_to_the_newest() -> None:
     graph = Graph("me-1")
-    dots = [(f"liar-{MAX_ENDS + number}", 1) for number in range(2 * MAX_ENDS + 10)]
+    dots = [(f"liar{MAX_ENDS + number}-1", 1) for number in range(2 * MAX_ENDS + 10)]
     adds = [Add(dot, "n", "cube") for dot in sorted(dots)]
     graph.join(Delta(adds=adds, context=[(rid, 1, 1) for rid, _ in dots]), 0.0)
     made = graph.add_edge("n", "n", "on", {}, 0.0)
@@ -262,6 +309,58 @@ def test_an_overlay_looks_at_each_dot_once(net: Net, fair: float) -> None:
     assert not overlay.nodes("cube") and len(memory.nodes("cube")) == count + 1
     wide = Delta(context=[(LIAR, 10**6 * number, 10**6 * number + 998) for number in range(1, 900)])
     assert cost(lambda: sent(layer, wide)) < FACTOR * fair / 10
+
+
+def test_what_an_overlay_is_told_to_be_seen_costs_nothing_for_each_element_of_its_parent(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A message of 30 bytes had all that the parent shows looked at, 3 us each: 3 s in a graph of a building."""
+    memory: Memory = net.join("me")
+    overlay = memory.fork("dream", follow=True)
+    sent(memory.replica.synchroniser, additions(300))
+    looks, concerns = 0, Overlay._concerns
+
+    def counted(self: Overlay, element: Node | Edge) -> bool:
+        nonlocal looks
+        looks += 1
+        return concerns(self, element)
+
+    monkeypatch.setattr(Overlay, "_concerns", counted)
+    wide = Delta(context=[("other-1", 1, 10_000)])
+    sent(overlay.replica.synchroniser, wide, "other-1")
+    overlay.replica.graph.join(Delta(context=[("other-1", 1, 20_000)], live=frozenset(), examined=[]), 0.0)
+    assert looks == 0 and len(overlay.nodes()) == 300
+    overlay.replica.graph.join(Delta(context=[(LIAR, 11, 10_000)], live=frozenset(), examined=[]), 0.0)
+    assert len(overlay.nodes()) == 10, "an answer may hide what nobody removes"
+
+
+def test_an_overlay_that_hides_nothing_of_a_node_looks_at_no_edge_for_another_incarnation(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A message of 30 bytes cost 2.4 us for each edge at the node, in each overlay."""
+    memory: Memory = net.join("me")
+    memory.add_node("hub", "cube")
+    memory.add_node("other", "cube")
+    ends = [tuple(memory.node(name).created) for name in ("hub", "other")]
+    edges = [Add((LIAR, number + 1), ("hub", "other", f"t{number}"), f"t{number}", *ends) for number in range(300)]
+    sent(memory.replica.synchroniser, Delta(edges, context=[(LIAR, 1, 300)]))
+    overlay, looks = memory.fork("dream", follow=True), 0
+    shows_ends = Overlay._shows_ends
+
+    def counted(self: Overlay, entry: Incarnation) -> bool:
+        nonlocal looks
+        looks += 1
+        return shows_ends(self, entry)
+
+    monkeypatch.setattr(Overlay, "_shows_ends", counted)
+    for number in range(4):
+        sent(memory.replica.synchroniser, Delta([Add((f"b{number}-1", 1), "hub", "cube")]), f"b{number}-1")
+    sent(memory.replica.synchroniser, Delta(removed=[("b0-1", 1)], context=[("b0-1", 1, 2)]), "b0-1")
+    assert looks < 100 and len(overlay.edges()) == len(memory.edges()) == 300
+    overlay.remove_node("hub")
+    assert not overlay.edges() and len(memory.edges()) == 300
+    sent(memory.replica.synchroniser, Delta([Add(("c-1", 1), "hub", "cube")]), "c-1")
+    assert "hub" in overlay and not overlay.edges()
 
 
 def test_types_that_are_gone_leave_no_trace(net: Net) -> None:

@@ -8,15 +8,18 @@ from typing import Any
 
 import pytest
 
-from dsr import Memory
+from dsr import AttributeType, Memory
+from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import stamp_at
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
-from dsr.replication.wire import decode_delta, encode_delta
+from dsr.graph.schema import SCHEMA_RECORD
+from dsr.network.keys import agent_of
+from dsr.replication.wire import Digest, decode_delta, encode_delta, encode_digest
 from dsr.security.gate import Gate
 from dsr.security.policy import AccessPolicy, Grant, checked
-from tests.dsr.conftest import Net
+from tests.dsr.conftest import Net, reply_of
 from tests.dsr.security.conftest import GRANTS
 
 Join = Callable[..., Memory]
@@ -43,6 +46,35 @@ def refused(memory: Memory) -> int:
 
 def context(memory: Memory) -> Any:
     return memory._graph.store.context
+
+
+@pytest.mark.parametrize("how", ["digest", "reply"])
+@pytest.mark.parametrize("liar", ["scene-9", "launcher-9", "arm-9"])
+def test_who_speaks_for_itself_alone_makes_nobody_write_anew(net: Net, join: Join, how: str, liar: str) -> None:
+    """Nobody believes of it what it says to have seen of others. Before, its word cost a new id each ten seconds."""
+    arm, stranger = join("arm"), net.network.connect("stranger")
+    arm.add_node("gen3", "arm")
+    net.pump(2.0)
+    rid = arm.replica.graph.rid
+    seen = CausalContext([(rid, 1, 99) if how == "digest" else ("ghost-1", 1, 1)])
+    if how == "reply":
+        reply = reply_of(Delta(context=[(rid, 1, 99)]))
+        stranger.serve(arm.keys.sync(liar), lambda key, payload: reply)
+    for _ in range(3):
+        stranger.publish(arm.keys.digest(liar), encode_digest(Digest(liar, net.clock.now(), seen.summary(), 0, ())))
+        net.pump(1.0)
+    assert (arm.replica.graph.rid == rid) == (liar == "scene-9")
+
+
+def test_refusals_under_made_up_replica_ids_take_neither_memory_nor_lines_of_the_log(
+    net: Net, join: Join, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = join("arm")
+    for number in range(100):
+        delta = Delta([Add((f"scene-{number}", 1), "gen3", "arm")], context=[(f"scene-{number}", 1, 1)])
+        arm.replica.synchroniser.receive_delta(f"scene-{number}", encode_delta(delta), net.clock.now())
+    assert len(arm._replica.synchroniser.gate.refused) == 1 and refused(arm) == 100  # type: ignore[union-attr]
+    assert len([record for record in caplog.records if record.name == "dsr.security"]) == 1
 
 
 def test_what_is_granted_gets_through(net: Net, join: Join) -> None:
@@ -164,7 +196,7 @@ def test_readers_and_strangers_change_nothing(policy: AccessPolicy, sender: str)
     graph, gate = Graph("launcher-1"), Gate(policy)
     for name, type in (("cube", "cube"), ("gen3", "arm")):
         graph.join(gate.delta(sender, Graph(sender or "x").add_node(name, type, {}, 1.0), graph.store), 1.0)
-    assert graph.nodes == {} and gate.refused[sender] == 2
+    assert graph.nodes == {} and gate.refused == {agent_of(sender): 2}
 
 
 def forged_reply(graph: Graph) -> Delta:
@@ -342,3 +374,38 @@ def test_a_maker_goes_on_whatever_another_has_made_of_the_name(net: Net, ahead: 
     net.pump(1.0)
     assert {memory.node("cup")["status"] for memory in (arm, scene, launcher)} == {"anew"}
     assert content(arm) == content(scene) == content(launcher)
+
+
+def test_who_may_not_write_a_name_does_not_tell_others_what_it_means(net: Net) -> None:
+    """Else an agent with few rights takes each name that another one registers, which then fails whenever it starts."""
+    policy = checked(
+        {
+            "liar": Grant(("gadget",), (), ("own",)),
+            "heater": Grant(("heater", "cube"), (), ("temperature",)),
+            "launcher": Grant(trusted=True),
+        }
+    )
+    liar, reader = (net.join(name, gate=Gate(policy)) for name in ("liar", "launcher"))
+    net.pump(2.0)
+    liar.schema.register_node_type("gadget", "of its own")
+    liar.schema.register_attribute("temperature", AttributeType("str"))
+    liar.add_node("g", "gadget")
+    text = '{"what":"attribute","name":"temperature","attribute":{"kind":"str"}}'
+    for name in (".schema.attribute.temperature", ".schema.attribute.own"):
+        delta = liar._graph.copy(name, SCHEMA_RECORD, [Write(("", 1), "record", 0, "", None, text)], net.clock.now())
+        liar.replica.commit(delta)
+        net.pump(1.0)
+        heater = net.join("heater", gate=Gate(policy))
+        net.pump(2.0)
+        assert "temperature" not in {**reader.schema.attributes, **heater.schema.attributes}
+        assert "gadget" in reader.schema.node_types
+    heater.schema.register_attribute("temperature", AttributeType("float", "K"))
+    heater.add_node("h", "cube", temperature=300.0)
+    net.pump(2.0)
+    assert reader.schema.attribute("temperature").unit == "K" and reader.node("h")["temperature"] == 300.0
+    record = heater.node(".schema.attribute.temperature")
+    written = record.newest_write("record")
+    net.pump(2.0)
+    heater.update_node("h", temperature=301.0)
+    reader.poll()
+    assert record.newest_write("record") == written, "they come to rest"

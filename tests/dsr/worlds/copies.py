@@ -84,7 +84,7 @@ class World:
         it = Side(ForkedGraph(rid, self.it.graph, watches), watches)
         frames = FrameTree()
         for (type, child), histories in self.twin.watches.frames._histories.items():
-            frames._histories[type, child] = {parent: history.copy() for parent, history in histories.items()}
+            frames._histories[type, child] = histories.copied()
             frames._choose_newest(type, child, "")
         watches = Telling(frames)
         twin = Side(Graph(f"{rid}twin", SCHEMA, Watches({"RT"})), watches)

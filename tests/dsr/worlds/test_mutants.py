@@ -71,6 +71,11 @@ def whatever_it_looks_through_to(_: Any) -> Any:
     return property(lambda info: None)
 
 
+def none_below(_: Any) -> Any:
+    """What an answer tells to be gone is not hidden, if it is the parent's."""
+    return lambda graph, rid, first, last: ()
+
+
 MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (late_writer, opened, "to_attribute", one_channel),
     (networks, Memory, "drop", do_nothing),
@@ -83,7 +88,7 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (overlays, Overlay, "below_went", do_nothing),
     (overlays, Overlay, "below_changed", do_nothing),
     (overlays, Overlay, "hidden", do_nothing),
-    (overlays, Overlay, "replied", do_nothing),
+    (overlays, Sharing, "dots_between", none_below),
     (overlays, Overlay, "_outdate", do_nothing),
     (overlays, Layer, "bury", do_nothing),
     (overlays, OverlayFrames, "take_over", do_nothing),
