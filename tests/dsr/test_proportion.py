@@ -145,7 +145,7 @@ def test_a_node_with_many_edges_that_is_made_again(fair: float) -> None:
 
 
 def test_digests_have_edges_whose_ends_never_come_looked_at_no_oftener_than_once_a_second() -> None:
-    """Of 30 bytes each cost 100 ms, with all writers waiting."""
+    """Of 30 bytes each cost 25 ms, with all writers waiting."""
     synchroniser, looks = Synchroniser(Graph("me-1"), joined=True), 0
     sent(synchroniser, additions(1))
     nobody, ends = (("nobody-1", 7),), ((LIAR, 1),)
@@ -314,7 +314,7 @@ def test_an_overlay_looks_at_each_dot_once(net: Net, fair: float) -> None:
 def test_what_an_overlay_is_told_to_be_seen_costs_nothing_for_each_element_of_its_parent(
     net: Net, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A message of 30 bytes had all that the parent shows looked at, 3 us each: 3 s in a graph of a building."""
+    """A message of 30 bytes had all that the parent shows looked at."""
     memory: Memory = net.join("me")
     overlay = memory.fork("dream", follow=True)
     sent(memory.replica.synchroniser, additions(300))
