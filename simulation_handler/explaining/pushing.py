@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from dsr.perception.scales import SAME_OUTCOME
+from simulation_handler.contact.containment import shifted_along
 from simulation_handler.contact.placement import Placement, separate
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Situation
@@ -31,13 +32,9 @@ def pushed(situation: Situation, hypothesis: Hypothesis, placements: Mapping[str
         for name in (move.name, *move.moved_along):
             if name in situation.believed:
                 found |= _pushed_by(situation.believed[name], placements[name].solid, free | found)
-    loads = {load: base for base in sorted(found) for load in situation.chain_above(base)}
-    for load, base in loads.items():
-        if load in free.keys() - found.keys():
-            shift = found[base].pose.t, situation.believed[base].position
-            x, y, z = (at + to - was for at, to, was in zip(free[load].position, *shift, strict=True))
-            found[load] = free[load].moved((x, y, z))
-    return found
+    on_or_in = [*situation.beneath.items(), *situation.inside.items()]
+    relations = {(upper, lower) for upper, all_lower in on_or_in if upper in free for lower in all_lower}
+    return found | shifted_along(found, free, relations)
 
 
 def _pushed_by(before: Solid, after: Solid, free: Mapping[str, Solid]) -> dict[str, Solid]:

@@ -240,6 +240,19 @@ def test_an_unseen_cup_goes_along_before_what_pushes_it_with_what_is_in_it(speed
     assert world.belief.contents().keys() == {("ball", "cup")}
 
 
+def test_an_unseen_pile_goes_along_before_a_cube_that_pushes_it() -> None:
+    """Also by what is corrected between two explanations: it is shoved by a few mm then, all of it."""
+    pile = {"cube_2": standing(0.36, 0.0, CUBE), "cube_3": standing(0.36, 0.0, CUBE, on=CUBE[2])}
+    world = Occlusion({"cube_1": standing(0.3, 0.0, CUBE), **pile})
+    world.run(2.0)
+    world.seen = {"cube_1"}
+    world.run(1.0)
+    world.move("cube_1", standing(0.45, 0.0, CUBE), 0.1)
+    world.run(1.0)
+    assert world.pose("cube_2").t == pytest.approx((0.49, 0.0, 0.02), abs=0.005)
+    assert world.pose("cube_3").t == pytest.approx((0.49, 0.0, 0.06), abs=0.005)
+
+
 def ball_over_a_box(seed: int = 0) -> Occlusion:
     """A ball that somebody has lifted over an open box, in sight, for a second."""
     world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": Pose((0.1, 0.2, 0.03))}, seed)
