@@ -55,8 +55,8 @@ SEEN_THOUGH_HIDDEN = 2.0 * VERY_RARE
 """nats: an object is seen though another one should hide it."""
 MOST_MISSED = SEEN_THOUGH_HIDDEN + RARE
 """nats, at most, of all frames in which an object is missing."""
-LOST_SUPPORT = 0.5 * EXPECTED
-"""nats: an unseen object falls because what carried it is gone."""
+CONSEQUENCE = 0.5 * EXPECTED
+"""nats: an unseen object falls because what carried it is gone, or is pushed along by what moved against it."""
 MOST_MISFIT = MOST_MISSED + REMOVED
 """nats, at most, of a percept that is off: beyond, the object is elsewhere, was taken there, and is missing here."""
 AS_GOOD = EXPECTED

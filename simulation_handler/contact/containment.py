@@ -90,3 +90,23 @@ def with_contents(
             shift = moved[container].pose @ solids[container].pose.inverse() @ solids[name].pose
             there[name] = solids[name].at(shift.t, shift.q)
     return there
+
+
+def shifted_along(
+    moved: Mapping[str, Solid], solids: Mapping[str, Solid], relations: Collection[Relation]
+) -> dict[str, Solid]:
+    """Where all that is on or in objects comes to be, directly and indirectly, that are pushed aside.
+
+    Args:
+        moved: the objects where they are pushed.
+        solids: everything where it was until now.
+        relations: (carried, carrier); only what is in `solids` goes along.
+    """
+    there: dict[str, Solid] = {}
+    for base in sorted(moved):
+        pairs = zip(moved[base].position, solids[base].position, strict=True)
+        shift = [after - before for after, before in pairs]
+        for name in sorted(carried_by([base], relations) & solids.keys() - moved.keys()):
+            x, y, z = (a + b for a, b in zip(solids[name].position, shift, strict=True))
+            there[name] = solids[name].moved((x, y, z))
+    return there

@@ -16,6 +16,7 @@ from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.contact.stances import likeliest_stance
 from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
+from simulation_handler.explaining.pushing import pushed
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.perception.percepts import Array
 from simulation_handler.scales import UNSEEN_SLACK, UNSEEN_VARIANCE
@@ -37,24 +38,29 @@ class Draft:
     """Objects that do not fall: in a gripper, or held by something unknown."""
     motions: Mapping[str, Motion] = field(default_factory=dict)
     """Motions of the objects that do not begin at rest, by name."""
+    pushed: frozenset[str] = frozenset()
+    """Unseen objects that the moved ones pushed out of their way."""
 
 
 def draft(situation: Situation, hypothesis: Hypothesis) -> Draft:
     """Put everything where the hypothesis has it, from the lowest object up, and out of each other's way."""
     motions = {name: motion for name, fall in hypothesis.fallen if (motion := _motion(situation, name, fall))}
     wanted = _wanted(situation, hypothesis) | {name: motion.solid for name, motion in motions.items()}
-    for _ in range(2):  # the second time with what the heights say about the rest of the positions
-        placements = _placed(situation, hypothesis, wanted)
+    aside: dict[str, Solid] = {}
+    for _ in range(2):  # the second time with what the heights say about the rest of the positions, and what is aside
+        placements = _placed(situation, hypothesis, wanted, aside)
         wanted = _aligned(situation, hypothesis, wanted, placements)
+        aside = aside or pushed(situation, hypothesis, placements)
     gone = hypothesis.removed
     stay = {name: solid for name, solid in situation.believed.items() if name not in gone and name not in placements}
+    stay |= aside
     solids = stay | {name: placement.solid for name, placement in placements.items()}
     still = {name: solid for name, solid in solids.items() if name not in motions}
     hovering = {name for name, placement in placements.items() if not placement.rests}
     held_moves = {name for move in hypothesis.moves if move.held for name in (move.name, *move.moved_along)}
     held = situation.held | (hovering & held_moves)
     solids |= _separated(situation, still, frozenset(placements), held)
-    return Draft(solids, placements, frozenset(held), motions)
+    return Draft(solids, placements, frozenset(held), motions, frozenset(aside))
 
 
 def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
@@ -97,10 +103,13 @@ def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Soli
     return pile
 
 
-def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, Solid]) -> dict[str, Placement]:
-    """Onto contact, from the lowest up."""
+def _placed(
+    situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, Solid], aside: Mapping[str, Solid]
+) -> dict[str, Placement]:
+    """Onto contact, from the lowest up, among what stays and what was pushed `aside`."""
     scene = dict(situation.fixtures)
     scene |= {n: s for n, s in situation.believed.items() if n not in wanted and n not in hypothesis.removed}
+    scene |= aside
     placements: dict[str, Placement] = {}
     falls = dict(hypothesis.fallen)
     for name, solid in sorted(wanted.items(), key=lambda item: (item[0] in falls, item[1].bottom, item[0])):
@@ -143,8 +152,8 @@ def _separated(
 ) -> dict[str, Solid]:
     """Overlapping neighbours pushed apart; the unseen gives way to the seen, the moved to what stays."""
     softness = {name: _softness(situation, name, name in moved) for name in solids if name not in held}
-    pushed = separate([*situation.fixtures.values(), *solids.values()], softness)
-    return {name: solid.moved(pushed[name]) if name in pushed else solid for name, solid in solids.items()}
+    apart = separate([*situation.fixtures.values(), *solids.values()], softness)
+    return {name: solid.moved(apart[name]) if name in apart else solid for name, solid in solids.items()}
 
 
 def _softness(situation: Situation, name: str, moved: bool) -> float:

@@ -67,8 +67,8 @@ def _drifting(
 ) -> dict[str, float]:
     """Nats for each unseen object that ends elsewhere than the hypothesis says; of others it says that they stay.
 
-    What is pushed out of the way, by the draft or by physics, has been moved as if that had been assumed. What falls
-    because it has lost what carried it is a mere consequence.
+    What is shoved aside, by the draft or by physics, has been moved as if that had been assumed. What falls because it
+    has lost what carried it is a mere consequence, and so is what a moved object pushed along on its way.
     """
     said = {**situation.believed, **{name: placement.solid for name, placement in drafted.placements.items()}}
     unseen = settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys()
@@ -81,7 +81,9 @@ def _drifting(
         carriers = {*situation.beneath.get(name, ()), *situation.inside.get(name, ())}
         if name in drafted.placements:
             return nats.MOST_MISFIT
-        return nats.MOVED if carriers and carriers.isdisjoint(changed) else nats.LOST_SUPPORT
+        if name in drafted.pushed:
+            return nats.CONSEQUENCE
+        return nats.MOVED if carriers and carriers.isdisjoint(changed) else nats.CONSEQUENCE
 
     return {name: min(0.5 * (drift / UNSEEN_SLACK) ** 2, most(name)) for name, drift in drifts.items()}
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.scales import SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.containment import with_contents
+from simulation_handler.contact.containment import inside, shifted_along, with_contents
 from simulation_handler.contact.placement import Placement, place, placed_again, separate
 from simulation_handler.contact.relations import Relation, resting
 from simulation_handler.contact.stances import Stance, stances
@@ -268,11 +268,25 @@ class Correction:
         softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
         still = [solid for name, solid in scene.items() if name in items or name not in in_motion]
         pushed = separate(still, softness, around.placed | contents.keys() | set(moved))
-        for name in sorted(items.keys() | pushed.keys()):
-            solid = scene[name]
-            self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)
+        scene |= {name: scene[name].moved(position) for name, position in pushed.items()}
+        aside = {name: scene[name] for name in pushed.keys() - items.keys()}
+        loads = self._loads_of(aside, before, contents.keys(), now) if aside else {}
+        scene |= loads
+        for name in sorted(items.keys() | pushed.keys() | loads.keys()):
+            self._bodies.put(self._bodies.object(name), scene[name].position, scene[name].rotation)
         for item in items.values():
             self._bodies.set_static(item, item.strikes >= self._config.strikes or not item.is_carried())
+
+    def _loads_of(
+        self, pushed: Mapping[str, Solid], before: Mapping[str, Solid], stay: Collection[str], now: float
+    ) -> dict[str, Solid]:
+        """Where what nobody sees goes that is on or in objects which are pushed aside, but for what is to `stay`."""
+        items = [item for item in self._bodies.objects.values() if item.name in before and item.name not in stay]
+        free = {item.name for item in items if not (item.is_led or item.static or item.estimate_at(now))}
+        if free <= pushed.keys():
+            return {}
+        solids = {name: before[name] for name in sorted(free | pushed.keys())}
+        return shifted_along(pushed, solids, resting(self._bodies.sim.contacts()) | inside(solids.values()))
 
     def _softness(self, item: BelievedObject, now: float) -> float:
         """Sideways variance of a body's position, m^2: how easily it gives way to others."""

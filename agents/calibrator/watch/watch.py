@@ -36,7 +36,7 @@ from dsr.vocabulary.calibration import (
     pose_of,
     provisional,
 )
-from dsr.vocabulary.explained import CAMERA_MOVED, changes_of
+from dsr.vocabulary.explained import CAMERA_MOVED, PUT_ON, changes_of
 
 _FRESH = 1.0  # s for which a camera sees what it saw
 _ASTRAY = 0.006  # m that a belief has moved, from which seeing it where it was will be surprising
@@ -87,9 +87,7 @@ class MountWatch:
         """Go on at time `now` (s)."""
         self._memories.note(self._memory, now)
         for entry in self._surprises.explanations():
-            changes = changes_of(entry.details, entry.text)
-            is_camera = any(change.kind == CAMERA_MOVED for change in changes)
-            (self._begin if is_camera else self._note_displaced)(entry, now)
+            self._take_in(entry, now)
         self._displaced.update(now)
         self._refining.update(now)
         for node in list(self._memory.nodes("camera")):
@@ -171,6 +169,15 @@ class MountWatch:
 
     # ---- into doubt
 
+    def _take_in(self, entry: Entry, now: float) -> None:
+        """What was put on something stands as high as that: no camera that moved shows it just there."""
+        changes = changes_of(entry.details, entry.text)
+        if any(change.kind == CAMERA_MOVED for change in changes):
+            self._begin(entry, now)
+            return
+        put_on = {group[0] for change in changes if change.kind == PUT_ON for group in change.groups[:1] if group}
+        self._note_displaced(entry.begin, [name for name in entry.participants if name not in put_on], now)
+
     def _begin(self, entry: Entry, now: float) -> None:
         """Doubt the cameras that see what is displaced."""
         time = entry.begin - self._config.lookback
@@ -179,13 +186,15 @@ class MountWatch:
             if node.name not in self._stands and self._sees(node.name, entry.participants, now):
                 self._doubt(node.name, entry.participants, now, believed, self._depths.at(node.name, time))
 
-    def _note_displaced(self, entry: Entry, now: float) -> None:
-        """What is said to have moved: more and more of that may be the camera, also one that was found out just now."""
-        lately = self._memories.at(entry.begin - LOOKBACK)
+    def _note_displaced(self, begin: float, names: Sequence[str], now: float) -> None:
+        """What is said to have moved at `begin` (s): more and more of that may be the camera, also one that was found
+        out just now.
+        """
+        lately = self._memories.at(begin - LOOKBACK)
         for node in list(self._memory.nodes("camera")):
             stand = self._stands.get(node.name)
             before = lately if stand is None else stand.believed
-            for name in () if node.name in self._doubts else entry.participants:
+            for name in () if node.name in self._doubts else names:
                 if self._sees(node.name, (name,), now):
                     self._displaced.add(node.name, name, before.get(name), self._depths.of(node.name), now)
 

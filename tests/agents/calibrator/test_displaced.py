@@ -23,11 +23,11 @@ def stage() -> Iterator[Stage]:
     stage.lockstep.close()
 
 
-def come_back(stage: Stage, name: str, seconds: float = 1.2) -> None:
+def come_back(stage: Stage, name: str, seconds: float = 1.2, told: str = "moved_alone({})") -> None:
     """An object alone comes into view, seems displaced, and is believed to have moved there by itself."""
     everything, stage.objects = stage.objects, {name: stage.objects[name]}
     stage.look(0.3)
-    Chronicle(stage.memory, "simulation_handler").happened(EXPLAINED, (name,), text=f"moved_alone({name})")
+    Chronicle(stage.memory, "simulation_handler").happened(EXPLAINED, (name,), text=told.format(name))
     seen = stage.memory.edge("camera", name, "RT")["pose"]
     stage.memory.add_edge("world", name, "Virtual_RT", pose=(DOWN @ seen).with_covariance(None))
     stage.look(seconds)
@@ -54,6 +54,17 @@ def test_what_really_moved_one_by_one_does_not_add_up(stage: Stage) -> None:
         name = f"cube_{number}"
         put(stage, {name: Pose.from_rotvec((*way, 0.0), (0.0, 0.0, 0.2 * number))})
         come_back(stage, name)
+    stage.look(1.0)
+    assert stage.memory.nodes(CALIBRATION) == []
+    assert stage.error[0] == 0.0 and stage.memory.node("camera").get("mount", STEADY) == STEADY
+
+
+def test_what_is_put_alike_on_others_does_not_add_up(stage: Stage) -> None:
+    """Two cubes are put on their neighbours, which are as far from either and hidden from then on."""
+    way = Pose((-0.12, 0.0, 0.04))
+    for name, below in (("cube_1", "cube_3"), ("cube_2", "cube_4")):
+        put(stage, {name: way})
+        come_back(stage, name, told=f"put_on({{}}, {below})")
     stage.look(1.0)
     assert stage.memory.nodes(CALIBRATION) == []
     assert stage.error[0] == 0.0 and stage.memory.node("camera").get("mount", STEADY) == STEADY
