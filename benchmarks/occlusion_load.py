@@ -39,6 +39,7 @@ from dsr.runtime.system import AgentSpec
 from simulation_handler.agent import SimulationHandler
 from simulation_handler.belief import Belief
 from simulation_handler.hands.state import HandPercept
+from simulation_handler.perception.percepts import SeenObject
 
 TICK = 0.05
 """s between two steps, and the limit of a whole tick"""
@@ -241,10 +242,15 @@ def _timed(belief: Belief, truths: Truths, seconds: float, hands: Hands) -> list
     for tick in range(round((seconds + _SETTLING) / TICK)):
         now = tick * TICK
         if tick % 2 == 0:
-            there = truths(now)
-            for name, pose in there.items():
-                x, y, z = np.array(pose.t) + _NOISE * rng.normal(size=3)
-                belief.observe(name, Pose((x, y, z), pose.q, 1000.0 + now), 1000.0 + now, _CAMERA)
+            stamp = 1000.0 + now
+            belief.observe(
+                [
+                    SeenObject(
+                        name, Pose(np.array(pose.t) + _NOISE * rng.normal(size=3), pose.q, stamp), stamp, _CAMERA
+                    )
+                    for name, pose in truths(now).items()
+                ]
+            )
             belief.touch({f"hand_{k}": _percept(k, *hand, 1000.0 + now) for k, hand in enumerate(hands(now))})
         begin = time.process_time()
         belief.step(1000.0 + now)

@@ -9,6 +9,7 @@ the simulation where it differs from what is there (correction), or explained wh
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
 from dsr.math3d.quaternions import Vector3
@@ -33,7 +34,8 @@ from simulation_handler.motion.courses import Courses
 from simulation_handler.motion.driving import Driving
 from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
-from simulation_handler.perception.percepts import WeighedPercept, make_percept
+from simulation_handler.perception.percepts import SeenObject, WeighedPercept, flaws, weighed
+from simulation_handler.perception.tracking import Given, PerceptTrack
 from simulation_handler.physics.rollouts.scene import Placing, RolloutScene
 from simulation_handler.physics.simulator import MOST_STEPS, TIME_STEP
 from simulation_handler.shapes.geometry import Solid
@@ -170,23 +172,41 @@ class Belief:
         self._relations.forget(name)
         self._containment.forget(name)
 
-    def observe(
-        self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None, camera: str = ""
-    ) -> None:
-        """Take in a percept. What a camera in doubt says of an object that another one sees does not count.
+    def observe(self, sights: Sequence[SeenObject]) -> dict[str, str]:
+        """Take in what cameras see; return why something cannot be used, by the name of the object.
 
-        Args:
-            name: of a known object.
-            world_pose: world_from_object, with covariance if there is one.
-            stamp: s, when it was seen; one that is not newer than the last is ignored.
-            seen_from: (3,) of the camera in the world, m.
-            camera: its name.
+        What is not newer than the last of its object is ignored. What a camera in doubt says of an object that another
+        one sees does not count.
         """
-        item, doubted = self._bodies.object(name), self._explainer.cameras_in_doubt
-        if camera in doubted and not item.cameras_at(stamp) <= doubted:
-            return
-        percept = make_percept(world_pose, stamp, seen_from, self.config)
-        item.observe(percept, camera, is_expected=self._is_expected(item, percept))
+        problems, turns = dict[str, str](), list[list[SeenObject]]()
+        counts: Counter[str] = Counter()
+        for sight, flaw in zip(sights, flaws(sights), strict=True):
+            if flaw or sight.name not in self._bodies.objects:
+                problems[sight.name] = flaw or f"no object {sight.name!r} in the belief"
+                continue
+            if counts[sight.name] == len(turns):
+                turns.append([])
+            turns[counts[sight.name]].append(sight)
+            counts[sight.name] += 1
+        for turn in turns:
+            self._observe(turn)
+        return problems
+
+    def _observe(self, sights: Sequence[SeenObject]) -> None:
+        """Take in what cameras see of objects, of each at most once."""
+        doubted = self._explainer.cameras_in_doubt
+        seen = [(sight, self._bodies.objects[sight.name]) for sight in sights]
+        seen = [one for one in seen if one[0].camera not in doubted or one[1].cameras_at(one[0].stamp) <= doubted]
+        percepts = weighed([sight for sight, _ in seen], self.config)
+        told = [(item, percept, sight.camera) for (sight, item), percept in zip(seen, percepts, strict=True)]
+        PerceptTrack.add(
+            [
+                Given(item.track, percept, item.track.estimate is None and self._is_expected(item, percept))
+                for item, percept, _ in told
+            ]
+        )
+        for item, percept, camera in told:
+            item.note(percept, camera)
 
     def _is_expected(self, item: BelievedObject, percept: WeighedPercept) -> bool:
         """Whether a percept shows an object where its body is, and as that is turned, if it tells that."""

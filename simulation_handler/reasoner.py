@@ -16,6 +16,7 @@ from simulation_handler.explaining import Explanation, VisibilityQuery
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
+from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.model import Island
@@ -71,10 +72,8 @@ class Reasoner(Protocol):
     def remove(self, name: str) -> None:
         """Forget an object or a fixture."""
 
-    def observe(
-        self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None, camera: str = ""
-    ) -> None:
-        """Take in a percept."""
+    def observe(self, sights: Sequence[SeenObject]) -> Mapping[str, str]:
+        """Take in what cameras see; return why something cannot be used, by the name of the object."""
 
     def set_visibility(self, visibility: VisibilityQuery | None) -> None:
         """Use `visibility` from now on for the objects that cameras should see."""

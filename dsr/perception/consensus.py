@@ -13,7 +13,7 @@ SURE_OF_ROTATION = 0.75
 
 def tells_rotation(covariance: NDArray[np.float64]) -> bool:
     """Whether percepts with this covariance (3, 3) of their rotation, rad^2, tell how something is turned."""
-    return float(np.trace(covariance)) < SURE_OF_ROTATION
+    return bool(covariance[0, 0] + covariance[1, 1] + covariance[2, 2] < SURE_OF_ROTATION)
 
 
 def agree_beyond_chance(turnings: Iterable[bool]) -> bool:

@@ -41,20 +41,19 @@ class PerceptNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Covariance of a percept's position in the world frame.
 
         Args:
-            own: (3, 3) m^2, by the percept itself.
-            ray: (3,) unit vector of the viewing ray in the world frame; None leaves the noise of depth out.
+            own: (..., 3, 3) m^2, by the percept itself.
+            ray: (..., 3) unit vector of the viewing ray in the world frame; None leaves the noise of depth out.
 
         Returns:
-            (3, 3) m^2, without the systematic error.
+            (..., 3, 3) m^2, without the systematic error.
         """
         covariance = own + self.position_noise**2 * _EYE
-        return covariance if ray is None else covariance + self.depth_noise**2 * (ray[:, None] * ray)
+        return covariance if ray is None else covariance + self.depth_noise**2 * (ray[..., :, None] * ray[..., None, :])
 
-    def rotation_covariance(self, own: Array | None) -> Array:
-        """Covariance (3, 3) rad^2 of a percept's rotation in the world frame, z upwards.
+    def rotation_covariance(self, own: Array) -> Array:
+        """Covariance (..., 3, 3) rad^2 of a percept's rotation in the world frame, z upwards.
 
         Args:
-            own: (3, 3) rad^2, by the percept itself; None if it has none, and is as noisy as what is added.
+            own: (..., 3, 3) rad^2, by the percept itself.
         """
-        told = np.zeros((3, 3)) if own is None else own
-        return told + self.rotation_noise**2 * _EYE + self.tilt_noise**2 * _HORIZONTAL
+        return own + self.rotation_noise**2 * _EYE + self.tilt_noise**2 * _HORIZONTAL

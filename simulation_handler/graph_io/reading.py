@@ -6,7 +6,7 @@ import contextlib
 import logging
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,8 @@ from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
+from simulation_handler.perception.percepts import SeenObject
+from simulation_handler.perception.told_until import ToldUntil
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.scales import GAP
 from simulation_handler.shapes.meshes import Forms
@@ -57,6 +59,7 @@ class GraphReader:
         self._known: dict[str, Properties] = {}
         self._fixed: set[str] = set()
         self._percepts = PerceptReader(memory)
+        self._told_until = ToldUntil()
         self._recalling: Recalling | None = None
         self._recalled: dict[str, float] = {}  # object -> s, until when an earlier run has taken in its percepts
         self.skipped: Counter[str] = Counter()
@@ -64,8 +67,8 @@ class GraphReader:
         self.problems: dict[str, str] = {}
         """Why, in the last update."""
 
-    def update(self, now: float) -> None:
-        """Take in the content of the graph at time `now` (s)."""
+    def update(self, now: float) -> float:
+        """Take in the content of the graph at time `now` (s); return the time (s) up to which cameras have told it."""
         self.problems.clear()
         if self._recalling is None:
             self._recalling = Recalling(self._memory, self._belief, now)
@@ -80,11 +83,8 @@ class GraphReader:
         for name, node in present.items():
             with self._skipping(name):
                 self._note_object(node, now)
-        for percept in self._percepts.new(now, self._known):
-            with self._skipping(percept.name):
-                self._note_percept(percept)
-        for name, why in self._percepts.problems.items():
-            self._skip(name, why)
+        percepts = self._percepts.new(now, self._known)
+        self._note_percepts(percepts)
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
         mounts = {node.name: node.get("mount") for node in self._memory.nodes("camera")}
         in_doubt, standing = ({n for n, mount in mounts.items() if mount == word} for word in (IN_DOUBT, CONFIRMED))
@@ -92,6 +92,7 @@ class GraphReader:
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
         self._belief.touch(self._hands(now))
+        return self._told_until.look((percept.stamp for percept in percepts), now)
 
     def _planned(self) -> set[tuple[str, str]]:
         """(object, support) of what an arm is putting down now."""
@@ -171,13 +172,19 @@ class GraphReader:
         elif not known and self._recalling is not None:
             self._recalled[name] = self._recalling.recall(node, now)
 
-    def _note_percept(self, percept: Percept) -> None:
-        """Take in a percept, unless an earlier run has: then only the object and its camera are known by it."""
-        camera, name, stamp, _, _ = percept
-        if stamp <= self._recalled.get(name, -math.inf):
-            self._belief.recall_seen(name, percept.pose, stamp, camera)
-        else:
-            self._belief.observe(name, percept.pose, stamp, percept.eye, camera)
+    def _note_percepts(self, percepts: Iterable[Percept]) -> None:
+        """Take in percepts. Of those that an earlier run has taken in, only the objects and their cameras are known."""
+        sights = []
+        for percept in percepts:
+            camera, name, stamp, _, _ = percept
+            with self._skipping(name):
+                pose = percept.pose
+                if stamp <= self._recalled.get(name, -math.inf):
+                    self._belief.recall_seen(name, pose, stamp, camera)
+                else:
+                    sights.append(SeenObject(name, pose, stamp, percept.eye, camera))
+        for name, why in (*self._belief.observe(sights).items(), *self._percepts.problems.items()):
+            self._skip(name, why)
 
     def _forget(self, name: str) -> None:
         self._belief.remove(name)

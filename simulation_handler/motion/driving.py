@@ -200,7 +200,7 @@ class Driving:
         for name in self._drives:
             sim.wake(name)
         if not self._drives:
-            sim.step(count)
+            self._bodies.pass_time(count)
             return
         led = {name: drive for name, drive in self._drives.items() if not drive.runs}
         loads = self._supported.standing(led.keys())

@@ -1,7 +1,10 @@
-"""The pose of an object at rest, averaged over its percepts.
+"""The poses of objects at rest, averaged over their percepts, of all objects at once.
 
 An information filter averages the noise of the percepts, which changes from frame to frame. The systematic error
 along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`.
+
+Each of many objects has three numbers of place and three of rotation. What is worked out of them in one piece costs a
+fifth of what it costs object by object.
 """
 
 from __future__ import annotations
@@ -11,16 +14,18 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
-from dsr.math3d.quaternions import Quaternion
+from dsr.math3d.batches import matrix_inverses
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.perception.scales import LIKELY_SIGMAS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 
-Innovation = tuple[Array, Array]
-"""From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
+Innovation = Array
+"""(2, 3) from an estimate to a percept, in the world frame: shift, m, and rotation vector, rad"""
 Compared = tuple[WeighedPercept, Innovation]
 """A percept, and how far it was from the estimate when it came."""
 
@@ -47,65 +52,40 @@ class Estimate:
     def __init__(self, percept: WeighedPercept, config: BeliefConfig) -> None:
         self.position = percept.position
         self.rotation = percept.rotation
-        self.position_covariance = percept.position_covariance
-        self.rotation_covariance = percept.rotation_covariance
+        self.covariances = percept.covariances
+        """(2, 3, 3) of the remaining noise: of the position, m^2, and of the rotation, rad^2"""
         self.ray = percept.ray
         self.stamp = percept.stamp
         self.count = 1
-        self._config = config
+        self.config = config
 
-    def accepts(self, percept: WeighedPercept) -> bool:
-        """Whether the percept may be of an object that has not moved: within the gate in place and rotation."""
-        shift, rotation = self.innovation(percept)
-        limit = self._config.gate**2
-        is_near = _mahalanobis2(shift, self.position_covariance + percept.position_covariance) <= limit
-        return is_near and _mahalanobis2(rotation, self.rotation_covariance + percept.rotation_covariance) <= limit
+    @property
+    def position_covariance(self) -> Array:
+        """(3, 3) m^2 of the remaining noise"""
+        covariance: Array = self.covariances[0]
+        return covariance
 
-    def farthest(self, recent: Sequence[Compared], gate: float, fewest: int) -> int:
-        """Of how many of the last percepts, `fewest` or more, the mean is farthest beyond the gate; 0 if none is."""
-        if len(recent) < fewest:
-            return 0
-        counts = np.arange(1, len(recent) + 1)[:, None]
-        newest = recent[::-1]
-        means = np.cumsum(np.array([innovation for _, innovation in newest]), axis=0) / counts[:, None]
-        noises = np.array([(percept.position_covariance, percept.rotation_covariance) for percept, _ in newest])
-        noise = np.cumsum(noises, axis=0) / (counts**2)[..., None, None]
-        known = np.stack([self.position_covariance, self.rotation_covariance])
-        solved = np.linalg.solve(known + noise, means[..., None])[..., 0]
-        distances2 = (means * solved).sum(axis=-1).max(axis=1)[fewest - 1 :]
-        if not np.any(distances2 > gate**2):
-            return 0
-        return fewest + int(np.argmax(distances2))
-
-    def fuse(self, percept: WeighedPercept) -> None:
-        """Take in a percept; with more than the window's, the older ones count less and less (Kalman update)."""
-        self.count += 1
-        keep = 1.0 if self.count <= self._config.window else 1.0 - 1.0 / self._config.window
-        innovation, rotation = self.innovation(percept)
-        gain, self.position_covariance = _update(self.position_covariance / keep, percept.position_covariance)
-        self.position = self.position + gain @ innovation
-        gain, self.rotation_covariance = _update(self.rotation_covariance / keep, percept.rotation_covariance)
-        x, y, z = (gain @ rotation).tolist()
-        step = quaternions.from_rotvec((x, y, z))
-        self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
-        self.ray, self.stamp = percept.ray, percept.stamp
+    @property
+    def rotation_covariance(self) -> Array:
+        """(3, 3) rad^2 of the remaining noise"""
+        covariance: Array = self.covariances[1]
+        return covariance
 
     def loosen(self, recent: Sequence[Compared]) -> None:
         """Doubt the estimate in the direction in which some percepts agree that it is off, as surely as they tell."""
-        shift, rotation = np.mean([innovation for _, innovation in recent], axis=0)
-        noises = np.array([(percept.position_covariance, percept.rotation_covariance) for percept, _ in recent])
-        noise, turning = noises.sum(axis=0) / len(recent) ** 2
-        self.position_covariance = self.position_covariance + np.outer(shift, shift) + noise
-        self.rotation_covariance = self.rotation_covariance + np.outer(rotation, rotation) + turning
+        shifts = np.mean([innovation for _, innovation in recent], axis=0)
+        noise = np.sum([percept.covariances for percept, _ in recent], axis=0) / len(recent) ** 2
+        self.covariances = self.covariances + shifts[:, :, None] * shifts[:, None, :] + noise
 
     def inherit(self, old: Estimate) -> None:
         """Keep position and rotation of an older estimate, each if it has not changed beyond noise."""
-        shift, rotation = old.position - self.position, self._rotation_to(old.rotation)
-        limit = self._config.gate**2
-        if _mahalanobis2(shift, self.position_covariance + old.position_covariance) <= limit:
-            self.position, self.position_covariance, self.count = old.position, old.position_covariance, old.count
-        if _mahalanobis2(rotation, self.rotation_covariance + old.rotation_covariance) <= limit:
-            self.rotation, self.rotation_covariance = old.rotation, old.rotation_covariance
+        shifts = np.array([old.position - self.position, _turn(self.rotation, old.rotation)])
+        same = _distances2(shifts, self.covariances + old.covariances) <= self.config.gate**2
+        self.covariances = np.where(same[:, None, None], old.covariances, self.covariances)
+        if same[0]:
+            self.position, self.count = old.position, old.count
+        if same[1]:
+            self.rotation = old.rotation
 
     def corrected(self, error: float) -> Array:
         """(3,) m, the position without a systematic error of `error` m along the viewing ray."""
@@ -118,7 +98,7 @@ class Estimate:
         The error is Gaussian around 0, and heights are known but for `PLACE_FLOOR`. So the flatter the ray, the less a
         height tells (Bayes' theorem for Gaussians).
         """
-        prior, slope, off = self._config.depth_bias**2, float(self.ray[2]), float(self.position[2] - height)
+        prior, slope, off = self.config.depth_bias**2, float(self.ray[2]), float(self.position[2] - height)
         surprise = slope**2 * prior + PLACE_FLOOR**2
         if not abs(off) <= LIKELY_SIGMAS * math.sqrt(surprise):
             return None
@@ -139,31 +119,109 @@ class Estimate:
         position, rotation = self.position_covariance, self.rotation_covariance
         return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
 
-    def innovation(self, percept: WeighedPercept) -> Innovation:
-        """Measure the difference between a percept and the estimate."""
-        return percept.position - self.position, self._rotation_to(percept.rotation)
 
-    def _rotation_to(self, rotation: Quaternion) -> Array:
-        """(3,) rotation vector in the world frame from the estimate to another rotation, rad."""
-        return np.array(quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(self.rotation))))
+def innovations(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept]) -> Array:
+    """(n, 2, 3) the innovations of percepts, each of the estimate in its place."""
+    found = np.empty((len(estimates), 2, 3))
+    found[:, 0] = _stacked([percept.position for percept in percepts])
+    found[:, 0] -= _stacked([estimate.position for estimate in estimates])
+    found[:, 1] = [_turn(one.rotation, percept.rotation) for one, percept in zip(estimates, percepts, strict=True)]
+    return found
+
+
+def accepted(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shifts: Array) -> NDArray[np.bool_]:
+    """(n,) whether percepts with those innovations (n, 2, 3) may be of objects that have not moved.
+
+    They are within the gate in place and rotation.
+    """
+    noise = _covariances(estimates) + _covariances(percepts)
+    return np.asarray((_distances2(shifts, noise) <= estimates[0].config.gate**2).all(axis=1))
+
+
+def farthest(estimates: Sequence[Estimate], recents: Sequence[Sequence[Compared]]) -> list[int]:
+    """Of how many of the last percepts of each the mean is farthest beyond the gate; 0 if none is.
+
+    It is of three percepts or more that the mean counts. All have as many percepts.
+    """
+    config = estimates[0].config
+    count, fewest = len(recents[0]), config.confirm_frames
+    if count < fewest:
+        return [0] * len(recents)
+    newest = [compared for recent in recents for compared in reversed(recent)]
+    shifts = _stacked([innovation for _, innovation in newest]).reshape(-1, count, 2, 3)
+    noises = _covariances([percept for percept, _ in newest]).reshape(-1, count, 2, 3, 3)
+    counts = np.arange(fewest, count + 1)[:, None, None]
+    means = np.cumsum(shifts, axis=1)[:, fewest - 1 :] / counts
+    noise = np.cumsum(noises, axis=1)[:, fewest - 1 :] / (counts**2)[..., None]
+    distances2 = _distances2(means, _covariances(estimates)[:, None] + noise).max(axis=2)
+    most = distances2.argmax(axis=1)
+    is_beyond = np.take_along_axis(distances2, most[:, None], axis=1)[:, 0] > config.recent_gate**2
+    found: list[int] = np.where(is_beyond, fewest + most, 0).tolist()
+    return found
+
+
+def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shifts: Array) -> None:
+    """Take in percepts with those innovations (n, 2, 3), each in the estimate in its place (Kalman update).
+
+    Of more percepts than the window's, the older ones count less and less. No estimate may be there twice.
+    """
+    window = estimates[0].config.window
+    for estimate in estimates:
+        estimate.count += 1
+    keep = [1.0 if estimate.count <= window else 1.0 - 1.0 / window for estimate in estimates]
+    prior = _covariances(estimates) / np.array(keep)[:, None, None, None]
+    inverse = matrix_inverses((prior + _covariances(percepts)).reshape(-1, 3, 3)).reshape(prior.shape)
+    gain = prior @ inverse
+    posterior = (_EYE - gain) @ prior
+    posterior = 0.5 * (posterior + posterior.mT)
+    steps = (gain @ shifts[..., None])[..., 0]
+    told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
+    for place in np.flatnonzero(told).tolist():
+        estimate, percept = estimates[place], percepts[place]
+        estimate.covariances = posterior[place].copy()
+        estimate.position = estimate.position + steps[place, 0]
+        x, y, z = steps[place, 1].tolist()
+        step = quaternions.from_rotvec((x, y, z))
+        estimate.rotation = quaternions.normalised(quaternions.product(step, estimate.rotation))
+        estimate.ray, estimate.stamp = percept.ray, percept.stamp
 
 
 def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate | None:
     """Their average, or None if they are not all of one pose."""
     estimate = Estimate(percepts[0], config)
     for percept in percepts[1:]:
-        if not estimate.accepts(percept):
+        shifts = innovations([estimate], [percept])
+        if not accepted([estimate], [percept], shifts)[0]:
             return None
-        estimate.fuse(percept)
+        fuse([estimate], [percept], shifts)
     return estimate
 
 
-def _mahalanobis2(difference: Array, covariance: Array) -> float:
-    return float(difference @ np.linalg.solve(covariance, difference))
+def _turn(before: Quaternion, after: Quaternion) -> Vector3:
+    """(3,) rotation vector in the world frame from one rotation to another, rad."""
+    return quaternions.to_rotvec(quaternions.product(after, quaternions.conjugate(before)))
 
 
-def _update(prior: Array, noise: Array) -> tuple[Array, Array]:
-    """Kalman gain and posterior covariance of a direct measurement."""
-    gain = prior @ np.linalg.inv(prior + noise)
-    posterior = (_EYE - gain) @ prior
-    return gain, 0.5 * (posterior + posterior.T)
+def _stacked(arrays: Sequence[Array]) -> Array:
+    """Arrays of one shape as one (n, ...), at a fifth of the cost of `numpy.stack`."""
+    return np.concatenate(arrays).reshape(len(arrays), *arrays[0].shape)
+
+
+def _covariances(told: Sequence[Estimate] | Sequence[WeighedPercept]) -> Array:
+    """(n, 2, 3, 3)"""
+    return _stacked([one.covariances for one in told])
+
+
+def _distances2(differences: Array, covariances: Array) -> Array:
+    """(...) squared Mahalanobis distances of differences (..., 3) with covariances (..., 3, 3).
+
+    By cofactors, for of many small matrices those cost a tenth of a solver that is called for each. NaN for covariances
+    that cannot be inverted.
+    """
+    x, y, z = np.moveaxis(differences, -1, 0)
+    (a, b, c), (_, d, e), (_, _, f) = np.moveaxis(covariances, (-2, -1), (0, 1))
+    by_x, by_y, by_z = d * f - e * e, c * e - b * f, b * e - c * d
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        squares = by_x * x * x + (a * f - c * c) * y * y + (a * d - b * b) * z * z
+        mixed = by_y * x * y + by_z * x * z + (b * c - a * e) * y * z
+        return np.asarray((squares + 2.0 * mixed) / (a * by_x + b * by_y + c * by_z))

@@ -7,13 +7,34 @@ that shows in the mean of the newest, of as many as tell it best.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from dsr.perception.scales import RECENT_PERCEPTS
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.estimate import Compared, Estimate, fused
+from simulation_handler.perception.estimate import (
+    Compared,
+    Estimate,
+    accepted,
+    farthest,
+    fuse,
+    fused,
+    innovations,
+)
 from simulation_handler.perception.percepts import WeighedPercept
+
+
+class Given(NamedTuple):
+    """A percept for a track."""
+
+    track: PerceptTrack
+    percept: WeighedPercept
+    """Where the object is seen."""
+    is_expected: bool = False
+    """Whether it is believed there already, so that nothing need confirm that: it is asked without an estimate only."""
 
 
 class PerceptTrack:
@@ -38,24 +59,37 @@ class PerceptTrack:
         self.restarts = 0
         """How often the estimate was begun anew."""
 
-    def add(self, percept: WeighedPercept, *, is_expected: bool = False) -> None:
-        """Take in a percept; one that is not newer than the last is ignored.
+    @staticmethod
+    def add(given: Sequence[Given]) -> None:
+        """Let tracks take in percepts, each at most one; one that is not newer than the last is ignored."""
+        new = [one for one in given if one.track._note(one.percept)]
+        known = [(one, one.track.estimate) for one in new if one.track.estimate is not None]
+        agreeing: list[PerceptTrack] = []
+        if known:
+            estimates, percepts = [estimate for _, estimate in known], [one.percept for one, _ in known]
+            shifts = innovations(estimates, percepts)
+            agree = accepted(estimates, percepts, shifts).tolist()
+            for (one, _), shift in zip(known, shifts, strict=True):
+                one.track._recent.append((one.percept, shift.copy()))
+            agreeing = [one.track for (one, _), agrees in zip(known, agree, strict=True) if agrees]
+        fused_in = set(map(id, agreeing))
+        for one in new:
+            if id(one.track) not in fused_in:
+                one.track._set_aside(one.percept, is_expected=one.is_expected)
+        PerceptTrack._fuse(agreeing)
 
-        Args:
-            percept: where the object is seen.
-            is_expected: whether it is believed there already, so that nothing need confirm that.
-        """
+    def _note(self, percept: WeighedPercept) -> bool:
+        """Take note of a percept, if it is newer than the last."""
         if percept.stamp <= self.last_stamp:
-            return
+            return False
         if not self.is_fresh(percept.stamp):
             self._since = percept.stamp
         self.last_stamp = percept.stamp
         self._newest.append(percept)
-        if self.estimate is not None:
-            self._recent.append((percept, self.estimate.innovation(percept)))
-        if self.estimate is not None and self.estimate.accepts(percept):
-            self._fuse(self.estimate)
-            return
+        return True
+
+    def _set_aside(self, percept: WeighedPercept, *, is_expected: bool) -> None:
+        """Keep a percept that disagrees, until enough of them do."""
         self._pending.append(percept)
         if is_expected and self.estimate is None:
             self._restart([percept], None)
@@ -126,28 +160,48 @@ class PerceptTrack:
             return confirm_frames if self._believed else 1
         return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
 
-    def _fuse(self, estimate: Estimate) -> None:
-        """Take in a percept that agrees; if the recent ones together do not, weigh these anew."""
-        self._pending.clear()
-        self.moving = False
-        self.changed = True
-        newer = self._since_moved(estimate)
+    @staticmethod
+    def _fuse(tracks: Sequence[PerceptTrack]) -> None:
+        """Take in the newest percepts, which agree; if the recent ones of a track together do not, weigh these anew."""
+        alike: defaultdict[int, list[tuple[PerceptTrack, Estimate]]] = defaultdict(list)
+        for track in tracks:
+            track._pending.clear()
+            track.moving, track.changed = False, True
+            if track.estimate is not None:
+                alike[len(track._recent)].append((track, track.estimate))
+        for group in alike.values():
+            recents = [track._recent for track, _ in group]
+            counts = farthest([estimate for _, estimate in group], recents)
+            rest = [
+                one
+                for one, count in zip(group, counts, strict=True)
+                if not (count and one[0]._weigh_anew(one[1], count))
+            ]
+            if rest:
+                percepts, shifts = zip(*(track._recent[-1] for track, _ in rest), strict=True)
+                fuse([estimate for _, estimate in rest], percepts, np.array(shifts))
+
+    def _weigh_anew(self, estimate: Estimate, count: int) -> bool:
+        """Doubt the estimate by its last percepts, of which so many are beyond the gate; false if they do not agree."""
+        newer = self._since_moved(estimate, count)
         if newer:
             estimate.loosen(newer)
             self._recent.clear()
-        for recent, _ in newer or [self._recent[-1]]:
-            estimate.fuse(recent)
+            for percept, _ in newer:
+                fuse([estimate], [percept], innovations([estimate], [percept]))
+        return bool(newer)
 
-    def _since_moved(self, estimate: Estimate) -> list[Compared]:
+    def _since_moved(self, estimate: Estimate, count: int) -> list[Compared]:
         """The newest percepts that agree with each other, and together disagree most with the estimate; none if none
         do. Some of them may have been set aside: not each is beyond the gate, and one that is may be false.
         """
         recent = list(self._recent)
-        while count := estimate.farthest(recent, self._config.recent_gate, self._config.confirm_frames):
+        while count:
             newer = recent[-count:]
             if fused([percept for percept, _ in newer], self._config) is not None:
                 return newer
             recent = newer[1:]
+            count = farthest([estimate], [recent])[0]
         return []
 
     def _restart(self, percepts: Sequence[WeighedPercept], old: Estimate | None) -> None:

@@ -15,7 +15,8 @@ from dsr.perception.scales import RESOLUTION, SLOW
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import place
 from simulation_handler.perception.tracking import PerceptTrack
-from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
+from simulation_handler.physics.rest import STRIDE, Rest
+from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
 from simulation_handler.scales import UNSEEN_SLACK
 from simulation_handler.shapes.geometry import Solid
@@ -184,6 +185,21 @@ class Bodies:
     def in_motion(self) -> set[str]:
         """Objects that fall or roll."""
         return {name for name in self.objects if name in self.sim and self.sim.speed(name)[0] > SLOW}
+
+    def pass_time(self, count: int) -> None:
+        """Let so many steps of physics pass. Of many, the last ones are left out that would move nothing."""
+        if count >= 2 * STRIDE and not self.sim.fingers.bodies:
+            poses = self._placings()
+            rest = Rest(poses, {name: 0.5 * math.hypot(*self.objects[name].size) for name in poses})
+            while count >= 2 * STRIDE:
+                self.sim.step(STRIDE)
+                count -= STRIDE
+                if rest.look(self._placings()):
+                    return
+        self.sim.step(count)
+
+    def _placings(self) -> dict[str, Placing]:
+        return {name: self.sim.pose(name) for name in self.objects if name in self.sim}
 
     def unplaced(self) -> dict[str, Vector3]:
         """Edge lengths (m) of the boxes that exist and have no place, by name; those believed to be gone come last."""

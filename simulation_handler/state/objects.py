@@ -130,14 +130,14 @@ class BelievedObject:
         """Names of the cameras that have lately seen the object, at `now` (s)."""
         return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
 
-    def observe(self, percept: WeighedPercept, camera: str, *, is_expected: bool = False) -> None:
-        """Take in a percept from a camera; it is expected if the object is believed there, though it was not seen."""
-        self.track.add(percept, is_expected=is_expected)
+    def note(self, percept: WeighedPercept, camera: str) -> None:
+        """Take note of a percept from a camera, which its track has taken in."""
         self.seen_by[camera] = percept.stamp
         x, y, z = self.corrected(percept).tolist()
-        self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
+        place, turn = percept.covariances.tolist()
+        self.noise = math.sqrt(place[0][0] + place[1][1] + place[2][2])
         self.shows_rotation = tells_rotation(percept.rotation_covariance)
-        self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
+        self.shows_tilt = turn[0][0] + turn[1][1] < _SURE_OF_TILT
         rotation = percept.rotation if self.shows_stance else self.turned_by_hand or self.stance or percept.rotation
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 

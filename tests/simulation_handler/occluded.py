@@ -14,6 +14,7 @@ from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.state import HandPercept
+from simulation_handler.perception.percepts import SeenObject
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, TABLE, beaker, container
 
 BOX: Vector3 = (0.17, 0.17, 0.15)
@@ -90,7 +91,7 @@ class Occlusion:
         self.ticks += 1
         if self.ticks % 2:
             for name in sorted(self.seen):
-                self.belief.observe(name, self.percept(name), self.now, CAMERA)
+                self.belief.observe([SeenObject(name, self.percept(name), self.now, CAMERA)])
             self.see_hand()
         self.belief.flag(self.belief.names)
         self.belief.set_visibility(self.visibility)

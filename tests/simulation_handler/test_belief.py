@@ -11,6 +11,7 @@ import pytest
 from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.physics.simulator import SimulationError
 from simulation_handler.scales import TURN_FLOOR
 from tests.simulation_handler.worlds import CUBE, PERIOD, TABLE, World, cube_at
@@ -275,7 +276,7 @@ def test_a_belief_that_nobody_told_what_cameras_see_follows_percepts() -> None:
     belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
     belief.add_object("a", CUBE, mass=0.05)
     for tick in range(1, 41):
-        belief.observe("a", cube_at(0.4, 0.1 if tick < 20 else 0.2), PERIOD * tick)
+        belief.observe([SeenObject("a", cube_at(0.4, 0.1 if tick < 20 else 0.2), PERIOD * tick)])
         belief.flag(["a"])
         belief.step(PERIOD * tick)
     pose = belief.pose("a")
@@ -422,7 +423,7 @@ def test_what_cameras_see_flatly_tells_nothing_for_sure_of_what_is_seen_from_abo
             truth = cube_at(0.1 + 0.15 * number, 0.2)
             ray = np.subtract(truth.t, eye) / np.linalg.norm(np.subtract(truth.t, eye))
             seen = Pose(np.add(truth.t, -0.01 * ray), truth.q, now, np.diag([1e-3**2] * 3 + [1e-2**2] * 3))
-            belief.observe(f"cube_{number}", seen, now, eye)
+            belief.observe([SeenObject(f"cube_{number}", seen, now, eye)])
         for now in np.arange(0.1, 2.0, 0.1):
             belief.step(float(now) + 2.0 - 1.9)
         known = [item.known_error() for item in belief._bodies.objects.values()]
@@ -451,7 +452,7 @@ def test_what_rests_elsewhere_is_likeliest_there_before_it_is_explained() -> Non
     explained = []
     for tick in range(1, 40):
         there = cube_at(0.4, 0.1 if tick < 20 else 0.2)
-        belief.observe("a", there, PERIOD * tick)
+        belief.observe([SeenObject("a", there, PERIOD * tick)])
         belief.step(PERIOD * tick)
         explained += belief.explanations()
         if tick > 25 and not explained:
@@ -469,8 +470,8 @@ def test_removed_objects_are_gone_and_unknown_ones_an_error() -> None:
     assert "cube_1" in belief and belief.pose("cube_1") is None
     belief.remove("cube_1")
     assert belief.names == ()
-    with pytest.raises(SimulationError, match="no object 'cube_1'"):
-        belief.observe("cube_1", cube_at(0.4, 0.1), 1.0)
+    problems = belief.observe([SeenObject("cube_1", cube_at(0.4, 0.1), 1.0)])
+    assert problems == {"cube_1": "no object 'cube_1' in the belief"}
     belief.close()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.motion.courses import Courses
 from simulation_handler.motion.setting_out import starts_of
 from simulation_handler.perception.percepts import WeighedPercept
+from simulation_handler.perception.tracking import Given, PerceptTrack
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -26,11 +29,17 @@ def percepts(*places: float, y: float = 0.0) -> list[WeighedPercept]:
     """Of a ball that is seen along x, one a period."""
     return [
         WeighedPercept(
-            PERIOD * number, np.array((x, y, RADIUS)), (0.0, 0.0, 0.0, 1.0), NOISE**2 * np.eye(3),
-            4.0 * np.eye(3), np.array((0.0, 0.0, -1.0)),
+            PERIOD * number, np.array((x, y, RADIUS)), (0.0, 0.0, 0.0, 1.0),
+            np.array((NOISE**2 * np.eye(3), 4.0 * np.eye(3))), np.array((0.0, 0.0, -1.0)),
         )
         for number, x in enumerate(places)
     ]  # fmt: skip
+
+
+def see(ball: BelievedObject, percept: WeighedPercept) -> None:
+    """Let the record of a ball take in a percept."""
+    PerceptTrack.add([Given(ball.track, percept)])
+    ball.note(percept, "camera")
 
 
 def speeds(*places: float, count: int = 40) -> np.ndarray:
@@ -82,7 +91,7 @@ class Table:
         ball = self.bodies.add_object(name, size, 0.05, 0.5, (Part("sphere", size),), rolling_friction=0.002)
         self.bodies.put(ball, (places[0], y, RADIUS), (0.0, 0.0, 0.0, 1.0))
         for percept in percepts(*places, y=y):
-            ball.observe(percept, "camera")
+            see(ball, percept)
         return ball
 
     def run(self, seconds: float) -> np.ndarray:
@@ -124,7 +133,7 @@ def test_they_end(end: str) -> None:
     table = Table(*MOVES)
     table.run(0.5)
     if end == "seen":
-        table.ball.track.add(WeighedPercept(**{**vars(percepts(0.2)[0]), "stamp": table.now}))
+        PerceptTrack.add([Given(table.ball.track, replace(percepts(0.2)[0], stamp=table.now))])
     elif end == "held":
         table.ball.hand = "hand"
     else:
@@ -164,7 +173,7 @@ def test_what_is_glimpsed_once_after_it_was_carried_elsewhere_unseen_has_none() 
     table = Table(*(0.0,) * 9)
     table.now += 10.0  # s
     seen = percepts(0.3)[0]
-    table.ball.observe(WeighedPercept(**{**vars(seen), "stamp": table.now}), "camera")
+    see(table.ball, replace(seen, stamp=table.now))
     assert len(table.run(1.0)) == 0, "nobody knows how fast it came there, nor from where"
     table.close()
 
@@ -190,7 +199,7 @@ def test_its_way_since_a_gap_tells_how_fast_it_was() -> None:
     table.now += 10.0  # s
     for percept in percepts(0.3, 0.27, 0.24, 0.21):
         table.now += PERIOD
-        table.ball.observe(WeighedPercept(**{**vars(percept), "stamp": table.now}), "camera")
+        see(table.ball, replace(percept, stamp=table.now))
     assert table.run(0.5)[:, 0].max() < 0.21, "all go on the way that was seen"
     table.close()
 

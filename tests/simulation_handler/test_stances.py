@@ -16,6 +16,7 @@ from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.stances import is_sure, likeliest_stance, probabilities, stances
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.perception.paths import Path
+from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.weighted import ASLANT
 from tests.simulation_handler.worlds import BALL, CAMERA, PERIOD, ROUND, TABLE
@@ -58,7 +59,8 @@ class World:
                     x, y, z = np.add(place, self.rng.normal(0.0, 0.002, 3)).tolist()
                     turned = self.told.get(name, Pose()).q
                     covariance = np.diag([4e-6] * 3 + [0.02**2 if name in self.told else UNTOLD] * 3)
-                    self.belief.observe(name, Pose((x, y, z), turned, self.now, covariance), self.now, CAMERA, "camera")
+                    seen = Pose((x, y, z), turned, self.now, covariance)
+                    self.belief.observe([SeenObject(name, seen, self.now, CAMERA, "camera")])
             self.belief.step(self.now)
 
     def off(self, name: str) -> float:

@@ -7,14 +7,20 @@ import math
 import numpy as np
 import pytest
 
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.percepts import WeighedPercept, make_percept
-from simulation_handler.perception.tracking import PerceptTrack
+from simulation_handler.perception.percepts import SeenObject, WeighedPercept, flaws, weighed
+from simulation_handler.perception.tracking import Given, PerceptTrack
 from tests.simulation_handler.worlds import CAMERA, SyntheticCamera, cube_at
 
 CONFIG = BeliefConfig()
 HERE = cube_at(0.4, 0.1)
+
+
+def see(track: PerceptTrack, pose: Pose, now: float, eye: Vector3 = CAMERA, *, is_expected: bool = False) -> None:
+    """Let a track take in where a camera sees its object."""
+    track.add([Given(track, weighed([SeenObject("cube", pose, now, eye)], CONFIG)[0], is_expected)])
 
 
 class Watcher:
@@ -32,7 +38,7 @@ class Watcher:
         for _ in range(times):
             self.now += 0.1
             percept = self.camera.percept("cube", truth, self.now)
-            self.track.add(make_percept(percept, self.now, CAMERA, CONFIG))
+            see(self.track, percept, self.now)
 
     def error(self, truth: Pose) -> float:
         estimate = self.track.estimate
@@ -70,7 +76,7 @@ def test_heights_tell_of_the_error_of_depth_as_much_as_the_ray_is_steep(slope: f
     """The covariance of the posterior, by the information of a height that is known to 2 mm, and by the prior."""
     eye = (0.4 - math.sqrt(1.0 - slope**2), 0.1, 0.02 + slope)
     track, off = PerceptTrack(CONFIG), 0.003
-    track.add(make_percept(cube_at(0.4, 0.1), 1.0, eye, CONFIG))
+    see(track, cube_at(0.4, 0.1), 1.0, eye)
     assert track.estimate is not None
     error = track.estimate.error_given(0.02 - off)
     assert error is not None
@@ -130,7 +136,7 @@ class Coloured:
         self.now += 0.1
         covariance = np.diag([std**2] * 3 + [math.pi**2] * 3)
         position = np.array((x + off, 0.1, 0.02)) + self.rng.normal(0.0, std, 3)
-        self.track.add(make_percept(Pose(position, covariance=covariance), self.now, CAMERA, CONFIG))
+        see(self.track, Pose(position, covariance=covariance), self.now)
 
     def error(self, x: float) -> float:
         assert self.track.estimate is not None
@@ -241,10 +247,10 @@ def test_a_belief_is_not_replaced_by_a_single_frame() -> None:
 
 def test_a_belief_that_was_right_needs_no_second_frame() -> None:
     watcher = Watcher(believed=True)
-    watcher.track.add(make_percept(HERE, watcher.now, CAMERA, CONFIG), is_expected=True)
+    see(watcher.track, HERE, watcher.now, is_expected=True)
     assert watcher.track.estimate is not None and watcher.error(HERE) == 0.0
     watcher.see(HERE, 20)
-    watcher.track.add(make_percept(cube_at(0.3, 0.2), watcher.now + 0.1, CAMERA, CONFIG), is_expected=True)
+    see(watcher.track, cube_at(0.3, 0.2), watcher.now + 0.1, is_expected=True)
     assert watcher.error(HERE) < 0.002, "what is seen steadily is not believed by guessing"
 
 
@@ -266,7 +272,7 @@ def test_freshness_ages_out() -> None:
 
 
 def percept_of(pose: Pose) -> WeighedPercept:
-    return make_percept(pose, 1.0, CAMERA, CONFIG)
+    return weighed([SeenObject("cube", pose, 1.0, CAMERA)], CONFIG)[0]
 
 
 def added(percept: WeighedPercept) -> np.ndarray:
@@ -303,5 +309,5 @@ def test_without_covariance_the_default_is_longest_along_the_ray() -> None:
 def test_an_indefinite_covariance_is_refused() -> None:
     covariance = np.diag([1e-6] * 6)
     covariance[0, 1] = covariance[1, 0] = 1e-4
-    with pytest.raises(ValueError, match="eigenvalue"):
-        percept_of(Pose((0.4, 0.1, 0.02), covariance=covariance))
+    wrong, right = SeenObject("a", Pose((0.4, 0.1, 0.02), covariance=covariance), 1.0), SeenObject("b", HERE, 1.0)
+    assert [flaw[:26] for flaw in flaws([right, wrong, right])] == ["", "covariance with eigenvalue", ""]

@@ -14,6 +14,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.perception.visibility import CameraView, RayVisibility
 from simulation_handler.shapes.geometry import Solid
 
@@ -135,7 +136,7 @@ class World:
     def see(self, name: str, percept: Pose) -> None:
         """Let the belief perceive an object."""
         self.percepts[name] = percept
-        self.belief.observe(name, percept, percept.stamp, CAMERA, self.by.get(name, VIEW.camera))
+        self.belief.observe([SeenObject(name, percept, percept.stamp, CAMERA, self.by.get(name, VIEW.camera))])
 
     def pose(self, name: str) -> Pose:
         """Where an object is believed to be."""

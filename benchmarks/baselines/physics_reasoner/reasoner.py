@@ -21,6 +21,7 @@ from simulation_handler.explaining import Explanation, VisibilityQuery
 from simulation_handler.hands.letting_go import LetGo
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
+from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
 from simulation_handler.shapes.geometry import Solid
@@ -143,17 +144,16 @@ class PublishedReasoner:
         """Believe again that an object has been in another one since `since` (s)."""
         self._relations.recall_contents(relation, since)
 
-    def observe(
-        self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None, camera: str = ""
-    ) -> None:
-        """Take in a percept; one that is not newer than the last is ignored."""
-        item = self._object(name)
-        if stamp <= item.stamp:
-            return
-        before = item.seen
-        if before is not None:
-            item.moved = _sum(item.moved or (0.0, 0.0, 0.0), _difference(world_pose.t, before.t))
-        item.seen, item.stamp = world_pose, stamp
+    def observe(self, sights: Sequence[SeenObject]) -> dict[str, str]:
+        """Take in percepts; what is not newer than the last of its object is ignored."""
+        for sight in sights:
+            item = self._object(sight.name)
+            if sight.stamp <= item.stamp:
+                continue
+            if item.seen is not None:
+                item.moved = _sum(item.moved or (0.0, 0.0, 0.0), _difference(sight.pose.t, item.seen.t))
+            item.seen, item.stamp = sight.pose, sight.stamp
+        return {}
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
         """It knows nothing of hands."""

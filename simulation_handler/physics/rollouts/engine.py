@@ -14,14 +14,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
-from dsr.perception.scales import STEADY
+from simulation_handler.physics.rest import STRIDE, Rest
 from simulation_handler.physics.rollouts.scene import STILL, Placing, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP, Contact, SimulationError, Simulator
-from simulation_handler.scales import GAP
-
-_LOOK_STRIDE = 8  # steps from one look at what still moves to the next
-_STILL_STEP = GAP * _LOOK_STRIDE * TIME_STEP / STEADY
-"""m that a corner moves in those steps at most when its body is at rest: by `GAP` in `STEADY`"""
 
 
 class LateError(SimulationError):
@@ -78,17 +73,16 @@ class Engine:
         free = [body for body in scene.bodies if not _is_fixed(body)]
         left = steps = round(seconds / TIME_STEP)
         poses = {body.name: (body.position, body.rotation) for body in free}
-        motions = [math.inf] * len(free)
+        rest = Rest(poses, {body.name: 0.5 * math.hypot(*body.size) for body in free})
         at_rest = False
         while left and not at_rest:
             if is_late():
                 raise LateError(f"nobody waits for the other {left * TIME_STEP:.1f} s of a simulation")
-            count = min(left, _LOOK_STRIDE)
+            count = min(left, STRIDE)
             self._sim.step(count)
             left -= count
-            before, poses = poses, {body.name: self._sim.pose(body.name) for body in free}
-            earlier, motions = motions, [_motion(body, before, poses) for body in free]
-            at_rest = count == _LOOK_STRIDE and all(map(_is_at_rest, earlier, motions))
+            poses = {body.name: self._sim.pose(body.name) for body in free}
+            at_rest = count == STRIDE and rest.look(poses)
         return self._outcome(scene, poses, (steps - left) * TIME_STEP, at_rest)
 
     def _load(self, scene: RolloutScene) -> None:
@@ -132,20 +126,3 @@ def _what_stays(body: RolloutBody) -> RolloutBody:
     if _is_fixed(body):
         return body
     return body._replace(position=STILL, rotation=(0.0, 0.0, 0.0, 1.0), velocity=STILL, spin=STILL)
-
-
-def _is_at_rest(earlier: float, motion: float) -> bool:
-    """Whether a body that moved by `earlier` and then by `motion` m, in a stride each, will stay where it is.
-
-    Contacts settle: a motion that gets slower by the same share in each stride goes on by motion^2 / (earlier - motion)
-    in all. That must be `GAP` at most. What topples gets faster instead.
-    """
-    settles = motion < earlier <= GAP and motion**2 <= GAP * (earlier - motion)
-    return motion <= _STILL_STEP or settles
-
-
-def _motion(body: RolloutBody, before: Mapping[str, Placing], now: Mapping[str, Placing]) -> float:
-    """Upper bound of how far a corner has moved, m."""
-    (old_position, old_rotation), (position, rotation) = before[body.name], now[body.name]
-    turn = 2.0 * math.dist(old_rotation, rotation)
-    return math.dist(old_position, position) + 0.5 * math.hypot(*body.size) * turn

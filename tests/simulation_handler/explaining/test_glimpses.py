@@ -8,7 +8,7 @@ import pytest
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import DRAW_COUNT, Glimpse, glimpse_of
-from simulation_handler.perception.percepts import WeighedPercept, make_percept
+from simulation_handler.perception.percepts import SeenObject, WeighedPercept, weighed
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
@@ -17,7 +17,7 @@ ABOVE = (0.3, 0.0, 0.7)
 
 
 def percept(stamp: float, pose: Pose) -> WeighedPercept:
-    return make_percept(pose, stamp, ABOVE, CONFIG)
+    return weighed([SeenObject("cube", pose, stamp, ABOVE)], CONFIG)[0]
 
 
 def glimpse(*trail: WeighedPercept, bias: float = 0.0) -> Glimpse:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsr.math3d import quaternions
-from simulation_handler.physics.rollouts import engine as engine_module
+from simulation_handler.physics import rest
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError
@@ -31,7 +31,7 @@ def fresh(scene: RolloutScene, seconds: float) -> RolloutOutcome:
 
 
 def never_end_early(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine_module, "_is_at_rest", lambda *_: False)
+    monkeypatch.setattr(rest.Rest, "look", lambda *_: False)
 
 
 def test_outcomes_are_bit_identical_whatever_ran_before(engine: Engine, monkeypatch: pytest.MonkeyPatch):
@@ -47,7 +47,7 @@ def test_outcomes_are_bit_identical_whatever_ran_before(engine: Engine, monkeypa
 
 def test_when_it_ends_does_not_depend_on_what_ran_before(engine: Engine, monkeypatch: pytest.MonkeyPatch):
     """A run ends at once if nothing has moved since the scene's poses, whatever the last scene's were."""
-    monkeypatch.setattr(engine_module, "_STILL_STEP", 1.0)
+    monkeypatch.setattr(rest, "_STILL", 1.0)
     low, high = scene_of(cube("a", 0.0, 0.0, 0.1)), scene_of(cube("a", 0.0, 0.0, 5.0))
     assert [engine.run(scene, 0.5).seconds for scene in (low, high, low)] == [8 / 240] * 3
 

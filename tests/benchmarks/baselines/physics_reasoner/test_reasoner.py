@@ -13,6 +13,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import SeenObject
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
 
 TABLE = (1.2, 1.2, 0.04)
@@ -44,7 +45,7 @@ class Scene:
             if self.ticks % PERCEPTS == 0:
                 for name, where in see.items():
                     pose = where if isinstance(where, Pose) else where(tick * TICK)
-                    self.reasoner.observe(name, pose, now)
+                    self.reasoner.observe([SeenObject(name, pose, now)])
             self.reasoner.step(now)
 
     def at(self, name: str) -> tuple[float, float, float]:
