@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from dsr.crdt.context import CausalContext, Dot, to_ranges, without
 from dsr.crdt.delta import Add, Delta, Key, Write, rank
 from dsr.crdt.dots import OrderedDots
-from dsr.network.keys import agent_of, part_of
+from dsr.network.keys import agent_of
 
 MAX_WAITING = 10_000
 """Writes for unknown entries that are kept; one with a long value counts for several (see `weight_of`)."""
@@ -120,15 +120,12 @@ class Store:
             self._announce(added)
 
     def _crowded(self, added: list[Incarnation]) -> list[Dot]:
-        """The lowest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them.
-
-        Each part of a graph is counted for itself, for others may hold that part alone.
-        """
+        """The lowest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them."""
         crowded: list[Dot] = []
         for key in {entry.key: None for entry in added if len(self.by_key.get(entry.key, ())) > MAX_MADE}:
-            made: dict[tuple[str, str], list[Dot]] = {}
+            made: dict[str, list[Dot]] = {}
             for dot in self.by_key[key]:
-                made.setdefault((agent_of(dot[0]) or dot[0], part_of(dot[0])), []).append(dot)
+                made.setdefault(agent_of(dot[0]) or dot[0], []).append(dot)
             crowded += [dot for dots in made.values() for dot in sorted(dots)[:-MAX_MADE]]
         return crowded
 

@@ -18,7 +18,6 @@ from dsr import (
 )
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta
-from dsr.crdt.store import MAX_MADE
 from dsr.graph.elements import Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import PART_RECORD
@@ -77,21 +76,6 @@ def test_all_that_is_held_is_one_graph(net: Net) -> None:
     assert a.remove_node("cup") and a.edges() == []
     net.pump(1.0)
     assert b.edges() == [] and "cup" not in b and "ball" in b
-
-
-def test_what_one_agent_makes_in_a_part_takes_away_nothing_of_another_part(net: Net) -> None:
-    """Of what an agent makes again and again the lowest goes. Who holds that part alone would not know of it."""
-    a, b = house(net)
-    for rid, part in (("liar-1", ""), ("liar-kitchen.1", "kitchen")):
-        adds = [Add((rid, number), "vase", "cube") for number in range(1, MAX_MADE + 1)]
-        delta = encode_delta(Delta(adds, context=[(rid, 1, MAX_MADE)]))
-        for memory in (a, b) if part == "" else (a,):
-            replica = memory.part_replica(part) if part else memory.replica
-            replica.synchroniser.receive_delta(rid, delta, net.clock.now())
-    net.pump(3.0)
-    assert len(a.node("vase").created) == 2 * MAX_MADE and len(b.node("vase").created) == MAX_MADE
-    assert a.replica.graph.store.fingerprint == b.replica.graph.store.fingerprint
-    assert all(part_of(rid) == "kitchen" for rid, _, _ in a.part_replica("kitchen").graph.store.context.ranges())
 
 
 def test_who_names_no_part_is_as_ever(net: Net) -> None:
