@@ -19,13 +19,12 @@ from msgspec.structs import replace
 from dsr.crdt.context import CausalContext, Dot, to_ranges, without
 from dsr.crdt.delta import Add, Delta, Key, Write, rank
 from dsr.crdt.dots import OrderedDots
-from dsr.network.keys import agent_of
 
 MAX_WAITING = 10_000
 """Writes for unknown entries that are kept; one with a long value counts for several (see `weight_of`)."""
 MAX_MADE = 8
-"""Live incarnations of one element by one agent: each look at the element looks at all, and each write goes to all.
-An honest agent makes one only where it sees none; edges may wait for their ends unseen."""
+"""Live incarnations of one element by one replica: each look at the element looks at all, and each write goes to all.
+An honest replica makes one only where it sees none; edges may wait for their ends unseen."""
 _encoder = msgspec.msgpack.Encoder()
 
 
@@ -120,12 +119,12 @@ class Store:
             self._announce(added)
 
     def _crowded(self, added: list[Incarnation]) -> list[Dot]:
-        """The lowest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them."""
+        """The oldest incarnations by who has made more than `MAX_MADE` of one element: the others stand for them."""
         crowded: list[Dot] = []
         for key in {entry.key: None for entry in added if len(self.by_key.get(entry.key, ())) > MAX_MADE}:
             made: dict[str, list[Dot]] = {}
             for dot in self.by_key[key]:
-                made.setdefault(agent_of(dot[0]) or dot[0], []).append(dot)
+                made.setdefault(dot[0], []).append(dot)
             crowded += [dot for dots in made.values() for dot in sorted(dots)[:-MAX_MADE]]
         return crowded
 
