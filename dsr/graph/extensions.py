@@ -80,7 +80,7 @@ class Extensions:
         self._named: dict[str, Registered] = {}
         """Names by the nodes that hold their records."""
         self._lost: dict[str, None] = {}
-        """Nodes whose records were removed, or made unreadable, since the last were published."""
+        """Nodes of `_named` whose records were removed, or made unreadable, since the last were published."""
         self._warned: set[str] = set()
         self._watch = Watch(ChangeFilter(node_types=frozenset({SCHEMA_RECORD})), notify=self._learn)
         graph.watches.follow(self._watch, ())
@@ -96,9 +96,8 @@ class Extensions:
 
     def publish(self, write: WritesRecord) -> None:
         """Write the records that the graph lacks, with the graph locked; the cost follows those that it may lack."""
-        lost = [self._named[name] for name in self._lost if name in self._named]
-        names = dict.fromkeys([*self._schema.registered[self._published :], *lost])
-        self._published, self._lost = len(self._schema.registered), {}
+        names = dict.fromkeys([*self._schema.registered[self._published :], *map(self._named.__getitem__, self._lost)])
+        count = len(self._schema.registered)
         for record in _records(self._schema, names):
             name = record.node_name
             self._named[name] = record.what, record.name
@@ -107,13 +106,20 @@ class Extensions:
                 self._warn(name, f"{record.what} {record.name!r} stays here: node {name!r} is a {node.type!r}")
             elif self._may_describe(self._base.rid, record) and (node is None or not self._holds_record(node)):
                 write(name, _encoder.encode(record).decode())
+            self._lost.pop(name, None)
+        self._published = count
+
+    def _lose(self, name: str) -> None:
+        """Note that a node holds no valid record; of nodes that stand for no name here, nobody writes one."""
+        if name in self._named:
+            self._lost[name] = None
 
     def _learn(self) -> None:
         """Take over what records say; called with the graph locked, while a message is joined."""
         for change in self._watch.poll():
             node = self._base.nodes.get(change.name)
             if node is None or "record" not in node:
-                self._lost[change.name] = None
+                self._lose(change.name)
                 continue
             try:
                 record = _decode(node["record"])
@@ -122,11 +128,11 @@ class Extensions:
                 conflict = self._take(record)
                 self._named[record.node_name] = record.what, record.name
             except (WireError, SchemaError, TypeError) as error:
-                self._lost[change.name] = None
+                self._lose(change.name)
                 self._warn(change.name, f"{change.name}: no valid record of a registered name: {error}")
                 continue
             if not self._holds_record(node):
-                self._lost[change.name] = None
+                self._lose(change.name)
             if conflict:
                 self._warn(change.name, conflict)
 

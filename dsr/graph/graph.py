@@ -444,7 +444,8 @@ class Graph(Stamping):
     def _change_incarnations(self, element: Node | Edge, entries: tuple[Incarnation, ...]) -> None:
         """Another incarnation of a visible element came or went: values that it has may be others now."""
         old = element._entries
-        came_or_went = [entry for entry in (*old, *entries) if entry not in old or entry not in entries]
+        before_and_now = {id(entry): entry for entry in (*old, *entries)}
+        came_or_went = [before_and_now[each] for each in set(map(id, old)) ^ set(map(id, entries))]
         before = {name: element.get(name) for entry in came_or_went for name in list(entry.registers)}
         if old != entries:  # else it may be an element that a fork reads from its parent
             element._entries = entries
