@@ -392,12 +392,7 @@ def _values_that_may_change(old: Node | Edge, new: LayeredNode | LayeredEdge) ->
     entries = {id(entry): entry for entry in seen}
     others = {id(entry): entry for entry in new.read()}
     differing = [(entries | others)[each] for each in entries.keys() ^ others.keys()]
-    names = {name for entry in differing for name in list(entry.registers)}
-    below = new._below if differing else None
-    while isinstance(below, LayeredNode | LayeredEdge):  # of an overlay of an overlay, the one below says of both
-        names |= below.said()
-        below = below._below
-    return {name: old.get(name) for name in names}
+    return {name: old.get(name) for entry in differing for name in list(entry.registers)}
 
 
 def _drop(groups: Any, name: str, key: Key) -> None:

@@ -277,6 +277,7 @@ def test_nonsense_in_thousands_of_records_is_told_of_a_thousand(net: Net, caplog
         forge(liar, lambda graph, name=f".schema.node.n{number}": graph.write(graph.node(name), {"record": "?"}, 0.0))  # type: ignore[misc]
         liar.flush()
     net.pump(1.0)
+    assert not reader.extensions._lost, "nobody here registered these names"
     reader.add_node("x", "cube")
     assert len([record for record in caplog.records if "no valid record" in record.getMessage()]) == 2 * 1000
 

@@ -85,6 +85,17 @@ def test_one_node_made_many_times_in_one_message(fair: float) -> None:
     assert not synchroniser.graph.nodes and not synchroniser.graph.store.entries
 
 
+def test_one_node_made_by_many_in_a_message_each(fair: float) -> None:
+    graph, makers = Graph("me-1"), [f"liar{number}-1" for number in range(COUNT // 3)]
+
+    def make() -> None:
+        for maker in makers:
+            graph.join(Delta([Add((maker, 1), "n", "cube")], context=[(maker, 1, 1)]), 0.0)
+
+    assert cost(make) < FACTOR * fair
+    assert len(graph.nodes["n"].created) == len(makers)
+
+
 def test_many_nodes_made_under_dots_of_others_in_one_message(fair: float) -> None:
     synchroniser = Synchroniser(Graph("me-1"), joined=True)
     many = 4 * COUNT
