@@ -90,13 +90,13 @@ class SimulationHandler(Agent):
         return self._belief
 
     def tick(self, now: float) -> None:
-        """Bring the belief to what cameras have told by time `now` (s), and the graph into step with it."""
-        time = self._reading.update(now)
+        """Bring the belief to time `now` (s), and the graph into step with it."""
+        self._reading.update(now)
         self._belief.set_visibility(self._seeing.visibility)
-        self._belief.step(time)
-        self._writing.update(time)
+        self._belief.step(now)
+        self._writing.update(now)
         self._seeing.update(now)
-        self._what_if.offer(self._belief.scene(), self._writing.islands, time)
+        self._what_if.offer(self._belief.scene(), self._writing.islands, now)
         first, *others = self._reading.problems.values() or [""]
         self.degraded = f"{first}; and {len(others)} more" if others else first
 

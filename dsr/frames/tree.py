@@ -25,8 +25,6 @@ BELIEVED: Types = ("Virtual_RT", "RT")
 
 Types = tuple[str, ...]
 
-HISTORY = 10.0
-"""s, how far back the samples of an edge are kept: nobody can place what a moving camera saw before that"""
 _MOST_CHAINS = 4096
 _MOST_BATCHES = 64
 _MOST_STEPS = 64
@@ -59,7 +57,7 @@ class FrameTree:
         extrapolation: s, how long after its newest sample an edge may be asked; it is held constant.
     """
 
-    def __init__(self, *, history: float = HISTORY, samples: int = 512, extrapolation: float = 0.1) -> None:
+    def __init__(self, *, history: float = 10.0, samples: int = 512, extrapolation: float = 0.1) -> None:
         self._history = history
         self._samples = samples
         self._extrapolation = extrapolation

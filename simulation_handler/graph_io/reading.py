@@ -30,7 +30,6 @@ from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.perception.percepts import SeenObject
-from simulation_handler.perception.told_until import ToldUntil
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.scales import GAP
 from simulation_handler.shapes.meshes import Forms
@@ -59,7 +58,6 @@ class GraphReader:
         self._known: dict[str, Properties] = {}
         self._fixed: set[str] = set()
         self._percepts = PerceptReader(memory)
-        self._told_until = ToldUntil()
         self._recalling: Recalling | None = None
         self._recalled: dict[str, float] = {}  # object -> s, until when an earlier run has taken in its percepts
         self.skipped: Counter[str] = Counter()
@@ -67,8 +65,8 @@ class GraphReader:
         self.problems: dict[str, str] = {}
         """Why, in the last update."""
 
-    def update(self, now: float) -> float:
-        """Take in the content of the graph at time `now` (s); return the time (s) up to which cameras have told it."""
+    def update(self, now: float) -> None:
+        """Take in the content of the graph at time `now` (s)."""
         self.problems.clear()
         if self._recalling is None:
             self._recalling = Recalling(self._memory, self._belief, now)
@@ -83,8 +81,7 @@ class GraphReader:
         for name, node in present.items():
             with self._skipping(name):
                 self._note_object(node, now)
-        percepts = self._percepts.new(now, self._known)
-        self._note_percepts(percepts)
+        self._note_percepts(self._percepts.new(now, self._known))
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
         mounts = {node.name: node.get("mount") for node in self._memory.nodes("camera")}
         in_doubt, standing = ({n for n, mount in mounts.items() if mount == word} for word in (IN_DOUBT, CONFIRMED))
@@ -92,7 +89,6 @@ class GraphReader:
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
         self._belief.touch(self._hands(now))
-        return self._told_until.look((percept.stamp for percept in percepts), now)
 
     def _planned(self) -> set[tuple[str, str]]:
         """(object, support) of what an arm is putting down now."""
