@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 from dsr.perception.scales import SAME_OUTCOME
 from simulation_handler.contact.containment import shifted_along
@@ -12,6 +13,8 @@ from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.perception.paths import between
 from simulation_handler.shapes.geometry import Solid
+
+_MOST_PUSHES = 64  # that are remembered: about as many as an explanation tries
 
 
 def pushed(situation: Situation, hypothesis: Hypothesis, placements: Mapping[str, Placement]) -> dict[str, Solid]:
@@ -31,19 +34,26 @@ def pushed(situation: Situation, hypothesis: Hypothesis, placements: Mapping[str
     for move in hypothesis.moves:
         for name in (move.name, *move.moved_along):
             if name in situation.believed:
-                found |= _pushed_by(situation.believed[name], placements[name].solid, free | found)
+                there = tuple((free | found).values())
+                found |= _pushed_by(situation.believed[name], placements[name].solid, there)
     on_or_in = [*situation.beneath.items(), *situation.inside.items()]
     relations = {(upper, lower) for upper, all_lower in on_or_in if upper in free for lower in all_lower}
     return found | shifted_along(found, free, relations)
 
 
-def _pushed_by(before: Solid, after: Solid, free: Mapping[str, Solid]) -> dict[str, Solid]:
-    """Those of the free solids that a solid reaches into at the end of its way, pushed along on that way."""
-    met = _given_way(after, free)
-    if not met:
+@lru_cache(maxsize=_MOST_PUSHES)
+def _pushed_by(before: Solid, after: Solid, free: tuple[Solid, ...]) -> Mapping[str, Solid]:
+    """Those of the free solids that a solid reaches into at the end of its way, pushed along on that way.
+
+    Many hypotheses move a thing alike, and what it pushes among dozens of others may take seconds to work out.
+    """
+    met = _given_way(after, {solid.name: solid for solid in free})
+    found = {solid.name: solid for solid in free if solid.name in met}
+    if not found:
         return {}
-    steps = max(math.ceil(math.dist(before.position, after.position) / SAME_OUTCOME), 1)
-    found = {name: free[name] for name in met}
+    thinnest = min(min(part.size) for solid in (before, *found.values()) for part in solid.parts)
+    stride = max(0.5 * thinnest, SAME_OUTCOME)  # m; with longer ones the shortest way out might be that behind it
+    steps = max(math.ceil(math.dist(before.position, after.position) / stride), 1)
     for k in range(1, steps + 1):
         there = between(before.pose, after.pose, k / steps)
         found |= _given_way(after.at(there.t, there.q), found)

@@ -20,7 +20,17 @@ from simulation_handler.hands.contacts import Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.going_along import GoingAlong
 from simulation_handler.hands.letting_go import LetGo, LettingGo
-from simulation_handler.hands.relation import FREE, HIDING, LEFT_BEHIND, PINCHING, Sign, holds, is_told
+from simulation_handler.hands.relation import (
+    COVERING,
+    FREE,
+    HIDING,
+    LEFT_BEHIND,
+    PINCHING,
+    TOUCHING,
+    Sign,
+    holds,
+    is_told,
+)
 from simulation_handler.hands.state import (
     ELSEWHERE,
     FINGERS,
@@ -146,7 +156,8 @@ class Touching:
         touches or covered it.
         """
         for (hand, thing), grasp in self._grasps.items():
-            if thing == name and hand in self._hands and self._hands[hand].perceived:
+            is_at_it = grasp.state in (TOUCHING, COVERING) and hand in self._hands and self._hands[hand].perceived
+            if thing == name and is_at_it:
                 grasp.note(Sign.COVERED)  # what is missed where a hand is at it is hidden by that
                 if grasp.is_covered:
                     self._covering.recall((hand, thing), grasp.hand_from_object, now)

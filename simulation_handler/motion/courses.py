@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import SAME_PLACE
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import SupportedPose, resting
 from simulation_handler.explaining.glimpses import DRAW_COUNT
@@ -181,11 +182,14 @@ def _starts(item: BelievedObject) -> list[SettingOut]:
 
 
 def _is_on_its_way(item: BelievedObject) -> bool:
-    """Whether an object moved by itself when it was seen last, or was in the air and seen there only once."""
-    way = item.track.way
+    """Whether an object moved by itself when seen last, or was seen once, in the air, where it was not before."""
+    trail, way = item.track.trail, item.track.way
     if item.hand or item.holder or item.rides or not way:
         return False
-    return item.is_in_air if len(way) == 1 else item.driven or item.track.is_restless
+    if len(way) > 1:
+        return item.driven or item.track.is_restless
+    is_new = len(trail) < 2 or math.dist(trail[-2].position, trail[-1].position) > SAME_PLACE
+    return item.is_in_air and is_new
 
 
 def _add(sim: Simulator, name: str, body: RolloutBody, mass: float) -> None:

@@ -141,7 +141,7 @@ def accepted(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], 
 def farthest(estimates: Sequence[Estimate], recents: Sequence[Sequence[Compared]]) -> list[int]:
     """Of how many of the last percepts of each the mean is farthest beyond the gate; 0 if none is.
 
-    It is of three percepts or more that the mean counts. All have as many percepts.
+    The mean counts from `confirm_frames` percepts on. All have as many percepts.
     """
     config = estimates[0].config
     count, fewest = len(recents[0]), config.confirm_frames
@@ -154,6 +154,7 @@ def farthest(estimates: Sequence[Estimate], recents: Sequence[Sequence[Compared]
     means = np.cumsum(shifts, axis=1)[:, fewest - 1 :] / counts
     noise = np.cumsum(noises, axis=1)[:, fewest - 1 :] / (counts**2)[..., None]
     distances2 = _distances2(means, _covariances(estimates)[:, None] + noise).max(axis=2)
+    distances2 = np.where(np.isnan(distances2), -np.inf, distances2)
     most = distances2.argmax(axis=1)
     is_beyond = np.take_along_axis(distances2, most[:, None], axis=1)[:, 0] > config.recent_gate**2
     found: list[int] = np.where(is_beyond, fewest + most, 0).tolist()
@@ -216,7 +217,7 @@ def _distances2(differences: Array, covariances: Array) -> Array:
     """(...) squared Mahalanobis distances of differences (..., 3) with covariances (..., 3, 3).
 
     By cofactors, for of many small matrices those cost a tenth of a solver that is called for each. NaN for covariances
-    that cannot be inverted.
+    that cannot be inverted: by rounding they may seem to give a negative square.
     """
     x, y, z = np.moveaxis(differences, -1, 0)
     (a, b, c), (_, d, e), (_, _, f) = np.moveaxis(covariances, (-2, -1), (0, 1))
@@ -224,4 +225,5 @@ def _distances2(differences: Array, covariances: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         squares = by_x * x * x + (a * f - c * c) * y * y + (a * d - b * b) * z * z
         mixed = by_y * x * y + by_z * x * z + (b * c - a * e) * y * z
-        return np.asarray((squares + 2.0 * mixed) / (a * by_x + b * by_y + c * by_z))
+        distances2 = (squares + 2.0 * mixed) / (a * by_x + b * by_y + c * by_z)
+        return np.where(distances2 >= 0.0, distances2, np.nan)

@@ -146,14 +146,15 @@ class PublishedReasoner:
 
     def observe(self, sights: Sequence[SeenObject]) -> dict[str, str]:
         """Take in percepts; what is not newer than the last of its object is ignored."""
+        problems = {s.name: f"no object {s.name!r}" for s in sights if s.name not in self._objects}
         for sight in sights:
-            item = self._object(sight.name)
-            if sight.stamp <= item.stamp:
+            item = self._objects.get(sight.name)
+            if item is None or sight.stamp <= item.stamp:
                 continue
             if item.seen is not None:
                 item.moved = _sum(item.moved or (0.0, 0.0, 0.0), _difference(sight.pose.t, item.seen.t))
             item.seen, item.stamp = sight.pose, sight.stamp
-        return {}
+        return problems
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
         """It knows nothing of hands."""
