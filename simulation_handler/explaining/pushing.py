@@ -14,7 +14,7 @@ from simulation_handler.explaining.situation import Situation
 from simulation_handler.perception.paths import between
 from simulation_handler.shapes.geometry import Solid
 
-_MOST_PUSHES = 64  # that are remembered: about as many as an explanation tries
+_MOST_PUSHES = 64  # count of pushes that are remembered: about as many as one explanation tries
 
 
 def pushed(situation: Situation, hypothesis: Hypothesis, placements: Mapping[str, Placement]) -> dict[str, Solid]:
