@@ -18,7 +18,7 @@ SEEDS: dict[str, int] = {
     "forks show the writes of their parent": 2, "no digest shows that something is missing": 1,
     "nobody asks for what it lacks": 1, "nobody gives meshes": 1, "nobody is trusted": 1, "nothing is settled": 3,
     "old generations stay": 3, "only the newest journal is read or kept": 16,
-    "overlays do not hear of what comes below": 5, "removals are not kept": 32, "removals do not pass the gate": 1,
+    "overlays do not hear of what comes below": 9, "removals are not kept": 32, "removals do not pass the gate": 1,
     "replicas do not move to the winner's channel": 1, "samples are never made durable": 3,
     "the list is not followed": 1, "the old generation goes before the new one is there": 16,
     "what a peer removed stays": 1, "what cannot be judged counts as seen": 1,

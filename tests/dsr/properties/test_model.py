@@ -102,7 +102,7 @@ CODE: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
         Fetch, "rest", lambda right: lambda self: Delta(live=frozenset(), examined=[])),
     "answers remove nothing": (Store, "_remove_absent", lambda right: lambda self, delta: None),
     "who differs does not ask for all": (
-        Lacking, "_differs", lambda right: lambda self, digest: False),
+        Lacking, "_differs", lambda right: lambda self, digest, now: False),
     "a newcomer accounts for what it cannot judge": (
         sync, "accounted_for", lambda right: lambda sender, delta: delta.context),
     "a newcomer has joined whatever it was told": (
