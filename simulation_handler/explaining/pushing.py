@@ -14,8 +14,6 @@ from simulation_handler.explaining.situation import Situation
 from simulation_handler.perception.paths import between
 from simulation_handler.shapes.geometry import Solid
 
-_MOST_PUSHES = 64  # count of pushes that are remembered: about as many as one explanation tries
-
 
 def pushed(situation: Situation, hypothesis: Hypothesis, placements: Mapping[str, Placement]) -> dict[str, Solid]:
     """The unseen objects that a moved one would reach into, and what is on or in them, where they were pushed to.
@@ -41,7 +39,7 @@ def pushed(situation: Situation, hypothesis: Hypothesis, placements: Mapping[str
     return found | shifted_along(found, free, relations)
 
 
-@lru_cache(maxsize=_MOST_PUSHES)
+@lru_cache
 def _pushed_by(before: Solid, after: Solid, free: tuple[Solid, ...]) -> Mapping[str, Solid]:
     """Those of the free solids that a solid reaches into at the end of its way, pushed along on that way.
 
