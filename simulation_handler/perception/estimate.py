@@ -21,7 +21,7 @@ from dsr.math3d.batches import matrix_inverses
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.perception.scales import LIKELY_SIGMAS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.perception.percepts import Array, Covariances, WeighedPercept
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 
 Innovation = Array
@@ -46,7 +46,7 @@ class RayError(NamedTuple):
         return SURE_SIGMAS * self.std <= SAME_PLACE
 
 
-class Estimate:
+class Estimate(Covariances):
     """Average of the percepts of an object at rest."""
 
     def __init__(self, percept: WeighedPercept, config: BeliefConfig) -> None:
@@ -58,18 +58,6 @@ class Estimate:
         self.stamp = percept.stamp
         self.count = 1
         self.config = config
-
-    @property
-    def position_covariance(self) -> Array:
-        """(3, 3) m^2 of the remaining noise"""
-        covariance: Array = self.covariances[0]
-        return covariance
-
-    @property
-    def rotation_covariance(self) -> Array:
-        """(3, 3) rad^2 of the remaining noise"""
-        covariance: Array = self.covariances[1]
-        return covariance
 
     def loosen(self, recent: Sequence[Compared]) -> None:
         """Doubt the estimate in the direction in which some percepts agree that it is off, as surely as they tell."""

@@ -35,8 +35,27 @@ class SeenObject(NamedTuple):
     """Its name"""
 
 
+class Covariances:
+    """What is left of noise, of a position and of a rotation."""
+
+    covariances: Array
+    """(2, 3, 3) of the position, m^2, and of the rotation, rad^2"""
+
+    @property
+    def position_covariance(self) -> Array:
+        """(3, 3) m^2"""
+        covariance: Array = self.covariances[0]
+        return covariance
+
+    @property
+    def rotation_covariance(self) -> Array:
+        """(3, 3) rad^2"""
+        covariance: Array = self.covariances[1]
+        return covariance
+
+
 @dataclass(frozen=True)
-class WeighedPercept:
+class WeighedPercept(Covariances):
     """One observation of an object, in the world frame."""
 
     stamp: float
@@ -48,18 +67,6 @@ class WeighedPercept:
     """(2, 3, 3) of this percept alone: of the position, m^2, and of the rotation, rad^2"""
     ray: Array
     """(3,) unit vector, the direction away from the camera in which the systematic error is"""
-
-    @property
-    def position_covariance(self) -> Array:
-        """(3, 3) m^2, noise of this percept alone"""
-        covariance: Array = self.covariances[0]
-        return covariance
-
-    @property
-    def rotation_covariance(self) -> Array:
-        """Covariance (3, 3) of the rotation, rad^2."""
-        covariance: Array = self.covariances[1]
-        return covariance
 
 
 def flaws(sights: Sequence[SeenObject]) -> list[str]:
