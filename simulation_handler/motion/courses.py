@@ -94,6 +94,8 @@ class Courses:
         """Let the body of what rolls or falls go on at the typical velocity, unless it does already."""
         if item.driven or item.static or item.name not in self._bodies.sim:
             return
+        if len(item.track.way) == 1:  # which tells no velocity: a drawn one is no better than the one believed
+            return
         if coasts(item, self._bodies.solid(item.name)):
             item.leave_to_physics()
             self._bodies.put(item, typical.position, typical.rotation)

@@ -196,6 +196,17 @@ def test_what_is_seen_once_in_the_air_may_fall_anywhere_near_unless_it_hung_ther
     table.close()
 
 
+def test_one_percept_in_the_air_gives_the_simulated_body_no_velocity() -> None:
+    table = Table(0.0)
+    above = (0.0, 0.0, 0.3)
+    table.bodies.put(table.ball, above, (0.0, 0.0, 0.0, 1.0))
+    table.now = table.ball.hovering_since = 10.0
+    see(table.ball, WeighedPercept(**{**vars(percepts(0.0)[0]), "stamp": 10.0, "position": np.array(above)}))
+    assert len(table.run(0.6)) == DRAW_COUNT
+    assert np.abs(table.bodies.sim.position("ball")[:2]).max() < 0.001, "it falls straight down, as was believed"
+    table.close()
+
+
 def test_its_way_since_a_gap_tells_how_fast_it_was() -> None:
     table = Table(*(0.0,) * 9)
     table.now += 10.0  # s
