@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsr.math3d import quaternions
-from dsr.math3d.quaternions import Quaternion
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
@@ -26,6 +26,17 @@ class Stance(NamedTuple):
     """nats, up to a constant: minus the logarithm of how probable the percept is then"""
     solid: Solid
     """The body there"""
+
+
+class OtherStance(NamedTuple):
+    """How a body may rest instead of in its likeliest way."""
+
+    probability: float
+    """1"""
+    turn: Quaternion
+    """Rotation in the frame of the body, from the likeliest way to this one"""
+    shift: Vector3
+    """(3,) m in the world frame, from the likeliest place to this one: another side down is another height"""
 
 
 def stances(seen: PerceivedBody, others: Sequence[Solid], config: BeliefConfig) -> list[Stance]:
@@ -79,6 +90,19 @@ def probabilities(found: Sequence[Stance]) -> list[float]:
     likelihoods = [math.exp(found[0].cost - stance.cost) for stance in found]
     total = sum(likelihoods)
     return [likelihood / total for likelihood in likelihoods]
+
+
+def other_stances(found: Sequence[Stance]) -> tuple[OtherStance, ...]:
+    """All but the first of some ways to rest."""
+    if not found:
+        return ()
+    (_, first), *others = found
+    back, (x, y, z), chances = quaternions.conjugate(first.rotation), first.position, probabilities(found)[1:]
+    return tuple(
+        OtherStance(chance, quaternions.product(back, solid.rotation), (right - x, ahead - y, top - z))
+        for chance, (_, solid) in zip(chances, others, strict=True)
+        for right, ahead, top in [solid.position]
+    )
 
 
 def beside(solid: Solid, others: Sequence[Solid]) -> Solid:

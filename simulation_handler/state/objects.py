@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.tolerance import PoseTolerance
@@ -18,7 +17,7 @@ from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, STEADY
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement
-from simulation_handler.contact.stances import Stance, is_sure, probabilities
+from simulation_handler.contact.stances import OtherStance, Stance, is_sure, other_stances
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate, RayError
 from simulation_handler.perception.paths import Path
@@ -80,8 +79,8 @@ class BelievedObject:
     """Whether its placement is where an earlier run has left it."""
     aslant: tuple[float, PerceivedBody] | None = None
     """Probability that it leans, known how or not, and where it is perceived then; None if nothing says so."""
-    otherwise: tuple[tuple[float, Quaternion], ...] = ()
-    """How it may be turned instead of `stance`, as far as percepts tell: probability, and rotation from it to that."""
+    otherwise: tuple[OtherStance, ...] = ()
+    """How it may rest instead of in `stance`, as far as percepts tell"""
     hovering_since: float | None = None
     """Time (s) since when the object hovers; None if it does not."""
     prop: Solid | None = None
@@ -191,11 +190,7 @@ class BelievedObject:
             self.stance, self.is_sure_of_stance, self.otherwise = self.percept().rotation, True, ()
             return
         self.stance, self.is_sure_of_stance = found[0].solid.rotation, is_sure(found, config)
-        back, chances = quaternions.conjugate(self.stance), probabilities(found)
-        self.otherwise = tuple(
-            (chance, quaternions.product(back, stance.solid.rotation))
-            for chance, stance in zip(chances[1:], found[1:], strict=True)
-        )
+        self.otherwise = other_stances(found)
 
     def percept(self) -> Solid:
         """The object at its perceived pose, without the known systematic error; turned as it is believed to be, if

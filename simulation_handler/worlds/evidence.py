@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dsr.math3d import quaternions
-from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment, is_in
 from simulation_handler.contact.relations import ContactRelations, Relation, SupportedPose
+from simulation_handler.contact.stances import OtherStance
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.hands.touching import Touching
@@ -90,8 +91,8 @@ class ObjectEvidence:
     """Probability that it leans, and world_from_object as perceived then, with covariance.
 
     The systematic error of its percepts is that of other objects: its own is learned from how it is taken to rest."""
-    otherwise: tuple[tuple[float, Quaternion], ...] = ()
-    """How it may be turned instead, if its percepts do not tell: probability, and rotation from `believed` to that."""
+    otherwise: tuple[OtherStance, ...] = ()
+    """How it may rest instead of as `believed`, if its percepts do not tell"""
 
     courses: tuple[SupportedPose, ...] = ()
     """Where it is by each course on which it may be, if it vanished on its way; each is as probable"""
@@ -281,8 +282,8 @@ def _with_covariances(told: Mapping[str, tuple[Pose, Array, Array]]) -> dict[str
     return dict(zip(told, all_with_world_covariances(poses, np.array(places), np.array(turns)), strict=True))
 
 
-def _otherwise(item: BelievedObject, pose: Pose, config: BeliefConfig) -> tuple[tuple[float, Quaternion], ...]:
-    """How a thing at rest may be turned instead; none once it does not stand as percepts had it."""
+def _otherwise(item: BelievedObject, pose: Pose, config: BeliefConfig) -> tuple[OtherStance, ...]:
+    """How a thing at rest may rest instead; none once it does not stand as percepts had it."""
     if item.stance is None or item.shows_stance or item.is_led or item.hand:
         return ()
     down, before = (quaternions.rotate(quaternions.conjugate(q), (0.0, 0.0, 1.0)) for q in (pose.q, item.stance))

@@ -408,12 +408,12 @@ def _turned(world: _Weighted, thing: ObjectEvidence) -> Iterator[_Weighted]:
     if pose is None:
         yield world
         return
-    yield weight * (1.0 - sum(chance for chance, _ in thing.otherwise)), state, reason
-    for chance, turn in thing.otherwise:
-        turned = quaternions.product(pose.q, turn)
+    yield weight * (1.0 - sum(other.probability for other in thing.otherwise)), state, reason
+    for chance, turn, shift in thing.otherwise:
         if weight * chance > ROUNDING:
-            place, spread = pose.parent_covariances()
-            there = with_world_covariances(Pose.unchecked(pose.t, turned, pose.stamp), place, spread)
+            (x, y, z), (right, back, up) = pose.t, shift
+            there = Pose.unchecked((x + right, y + back, z + up), quaternions.product(pose.q, turn), pose.stamp)
+            there = with_world_covariances(there, *pose.parent_covariances())
             yield weight * chance, replace(state, pose=there), OTHER_SIDE
 
 

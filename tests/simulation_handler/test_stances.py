@@ -136,6 +136,22 @@ def test_a_can_that_is_as_high_as_wide_may_stand_or_lie(height: float, unsure: b
     assert sum(one.weight for one in island.worlds) == pytest.approx(1.0)
 
 
+def test_a_can_on_another_side_is_as_high_as_that_side_has_it() -> None:
+    """It is 80 mm high and 90 mm wide. Its height says nothing, for the error of depth is 10 mm."""
+    size = (0.09, 0.09, 0.08)
+    world = World()
+    world.add("can", size, (0.35, 0.1, 0.042), (Part("cylinder", size),))
+    world.run(2.0)
+    (island,) = world.belief.islands()
+    heights: dict[bool, list[float]] = {False: [], True: []}
+    for one in island.worlds:
+        pose = one.objects["can"].pose
+        if pose is not None and one.weight > 0.1:
+            heights[abs(float(pose.rotation_matrix[2, 2])) < 0.5].append(pose.t[2])
+    assert heights[False] == pytest.approx([0.04] * len(heights[False]), abs=0.001) and heights[False]
+    assert heights[True] == pytest.approx([0.045] * len(heights[True]), abs=0.001) and heights[True]
+
+
 @pytest.mark.parametrize("told", [False, True])
 def test_a_board_leans_on_the_box_that_stops_it_and_shoves_nothing(*, told: bool) -> None:
     world, angle = World(), 0.45
