@@ -15,12 +15,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import get_args
 
 from rich.console import Console
 from rich.progress import track
 
 from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED
 from agents.scenario.options import parse_seeds
+from agents.scenario.run.staging import Sensor
+from benchmarks.learning.constant import CONSTANT
 from benchmarks.learning.holding import HOLDING
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import VALUES, learn_parameters, learn_some, learn_to_recognise, load_episodes
@@ -39,7 +42,7 @@ def main() -> None:
     """Record or fit, as the command line asks."""
     options = _parser().parse_args()
     if options.command == "record":
-        record(options.folder, options.families, parse_seeds(options.seeds))
+        record(options.folder, options.families, parse_seeds(options.seeds), options.sensor)
     elif options.command == "judge":
         Console(width=_WIDTH).print(table_of(judge_episodes(load_episodes(options.folder), learned_parameters())))
     elif options.command == "recognise":
@@ -56,14 +59,14 @@ def main() -> None:
         options.output.write_text(text, encoding="utf-8")
 
 
-def record(folder: Path, families: list[str], seeds: list[int]) -> None:
+def record(folder: Path, families: list[str], seeds: list[int], sensor: Sensor = "poses") -> None:
     """Record the episodes that are not in the folder yet. Nobody looks at seeds for judging alone."""
     seeds = _for_tuning(seeds)
     folder.mkdir(parents=True, exist_ok=True)
     jobs = [(family, seed, folder / f"{family}-{seed}.pickle") for seed in seeds for family in families]
     todo = [job for job in jobs if not job[2].exists()]
     for family, seed, file in track(todo, "recording", console=Console(stderr=True)):
-        record_episode(family, seed, "poses", file)
+        record_episode(family, seed, sensor, file)
 
 
 def _for_tuning(seeds: list[int]) -> list[int]:
@@ -78,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     recording = commands.add_parser("record", help="play episodes and keep evidence and truth")
     recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
+    recording.add_argument("--sensor", choices=get_args(Sensor), default="poses", help="default: poses")
     recognising = commands.add_parser("recognise", help="learn how much cameras must see of a thing to recognise it")
     recognising.add_argument("--families", nargs="+", choices=TUNING, default=TUNING, help="default: all for tuning")
     recognising.add_argument("--seeds", default="100-149", help="of the episodes, below 1000 (default: 100-149)")
@@ -85,8 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     for command in (recognising, fitting):
         command.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     fitting.add_argument(
-        "--only", nargs="+", choices=(HOLDING, *sorted(VALUES), *CIRCUMSTANCES), metavar="WHAT",
-        help=f"learn {HOLDING}, absence, some rates, or the noise of circumstances, alone, and keep all else",
+        "--only", nargs="+", choices=(HOLDING, CONSTANT, *sorted(VALUES), *CIRCUMSTANCES), metavar="WHAT",
+        help=f"learn {HOLDING}, {CONSTANT} errors (by pixels), absence, some rates, or noise of circumstances, alone",
     )  # fmt: skip
     judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
     for command in (recording, fitting, judging):

@@ -1,7 +1,8 @@
 """The poses of objects at rest, averaged over their percepts, of all objects at once.
 
 An information filter averages the noise of the percepts, which changes from frame to frame. The systematic error
-along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`.
+along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`. So does
+whatever else of their stated covariance does not show in their scatter: see `Estimate.constancy`.
 
 Each of many objects has three numbers of place and three of rotation. What is worked out of them in one piece costs a
 fifth of what it costs object by object.
@@ -56,6 +57,16 @@ class Estimate(Covariances):
         """(2, 3, 3) of the remaining noise: of the position, m^2, and of the rotation, rad^2"""
         self.ray = percept.ray
         self.stamp = percept.stamp
+        self.stated = percept.covariances
+        """(2, 3, 3) of the newest percept, m^2 and rad^2: as it was stated, of all its errors"""
+        self.scatter = np.zeros((2, 3, 3))
+        """(2, 3, 3) m^2 and rad^2: mean squares of how far percepts were from the estimate before"""
+        self.constancy = np.zeros(2)
+        """(2,) how constant the errors of position and rotation are, 0 to 1
+
+        It is 1 if percepts do not scatter. It is 0 if they scatter in all directions together as much as is stated of
+        one: their errors are noise then, which averages take away.
+        """
         self.count = 1
         self.config = config
 
@@ -158,16 +169,22 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     for estimate in estimates:
         estimate.count += 1
     keep = [1.0 if estimate.count <= window else 1.0 - 1.0 / window for estimate in estimates]
-    prior = _covariances(estimates) / np.array(keep)[:, None, None, None]
-    inverse = matrix_inverses((prior + _covariances(percepts)).reshape(-1, 3, 3)).reshape(prior.shape)
+    prior, stated = _covariances(estimates) / np.array(keep)[:, None, None, None], _covariances(percepts)
+    inverse = matrix_inverses((prior + stated).reshape(-1, 3, 3)).reshape(prior.shape)
     gain = prior @ inverse
     posterior = (_EYE - gain) @ prior
     posterior = 0.5 * (posterior + posterior.mT)
     steps = (gain @ shifts[..., None])[..., 0]
+    scatter = _stacked([estimate.scatter for estimate in estimates])
+    squares = shifts[..., :, None] * shifts[..., None, :]
+    scatter += (squares - scatter) / np.array([min(one.count - 1, window) for one in estimates])[:, None, None, None]
+    shown = np.einsum("nkij,nkji->nk", matrix_inverses(stated.reshape(-1, 3, 3)).reshape(stated.shape), scatter)
+    constancy = np.nan_to_num(np.clip(1.0 - shown, 0.0, 1.0))
     told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
     for place in np.flatnonzero(told).tolist():
         estimate, percept = estimates[place], percepts[place]
-        estimate.covariances = posterior[place].copy()
+        estimate.covariances, estimate.stated = posterior[place].copy(), percept.covariances
+        estimate.scatter, estimate.constancy = scatter[place].copy(), constancy[place].copy()
         estimate.position = estimate.position + steps[place, 0]
         x, y, z = steps[place, 1].tolist()
         step = quaternions.from_rotvec((x, y, z))

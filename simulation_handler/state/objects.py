@@ -26,6 +26,7 @@ from simulation_handler.perception.systematic import ErrorOfAnother, KnownError
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.scales import TILTED
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.parameters import ConstantErrors
 
 _SURE_OF_TILT = 2.0 * (TILTED / LIKELY_SIGMAS) ** 2  # rad^2, likewise, about the two horizontal axes
 
@@ -213,6 +214,20 @@ class BelievedObject:
         """(3, 3) m^2 of the position of `percept`."""
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(self.error_std(config))
+
+    def constant_errors(self, shares: ConstantErrors) -> Array | None:
+        """(2, 3, 3) m^2 and rad^2, world: covariances of what is wrong in all percepts alike; None without an estimate.
+
+        What carries the object tells its height.
+        """
+        estimate = self.track.estimate
+        if estimate is None:
+            return None
+        share = (shares.tag, shares.tag) if self.shows_rotation else (shares.color, 0.0)
+        errors: Array = np.multiply(share, estimate.constancy)[:, None, None] * estimate.stated
+        if self.placement is not None and self.placement.rests and errors[0, 2, 2] > 0.0:
+            errors[0] -= np.outer(errors[0, 2], errors[0, 2]) / errors[0, 2, 2]
+        return errors
 
     def known_error(self) -> KnownError | None:
         """The systematic error of its percepts, if it rests on something as is believed for sure."""

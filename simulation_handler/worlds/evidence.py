@@ -26,6 +26,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
 from simulation_handler.worlds.model import innermost_first
+from simulation_handler.worlds.parameters import ConstantErrors, learned_parameters
 from simulation_handler.worlds.spread import all_with_world_covariances, with_world_covariances
 
 
@@ -91,6 +92,8 @@ class ObjectEvidence:
     """Probability that it leans, and world_from_object as perceived then, with covariance.
 
     The systematic error of its percepts is that of other objects: its own is learned from how it is taken to rest."""
+    constant: Array | None = None
+    """(2, 3, 3) m^2 and rad^2, world: covariances of what all percepts have wrong alike; None if nothing is known"""
     otherwise: tuple[OtherStance, ...] = ()
     """How it may rest instead of as `believed`, if its percepts do not tell"""
 
@@ -173,6 +176,7 @@ class EvidenceReader:
         config: how far percepts are trusted.
         courses: gives where an object may be by now that vanished on its way, by name.
         displaced: gives the names of the objects that are seen elsewhere than believed.
+        constant: how much all percepts have wrong alike.
     """
 
     def __init__(
@@ -186,6 +190,7 @@ class EvidenceReader:
         config: BeliefConfig,
         courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
         displaced: Callable[[], Collection[str]] = tuple,
+        constant: ConstantErrors | None = None,
     ) -> None:
         self._bodies = bodies
         self._courses = courses
@@ -196,6 +201,7 @@ class EvidenceReader:
         self._relations = relations
         self._containment = containment
         self._touching = touching
+        self._constant = constant or learned_parameters().constant
 
     def read(self, now: float) -> Evidence:
         """The evidence of time `now` (s), after a step of the belief."""
@@ -246,6 +252,7 @@ class EvidenceReader:
             let_go_at=item.let_go_at,
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
             courses=self._courses(name),
+            constant=item.constant_errors(self._constant),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 

@@ -99,6 +99,15 @@ class Within(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, standard deviation in each direction as a share of the container's edge lengths"""
 
 
+class ConstantErrors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What all percepts of an object have wrong alike, if they do not scatter as their covariances state."""
+
+    tag: Amount
+    """1, share of the stated covariance, of what is recognised by a tag"""
+    color: Amount
+    """1, likewise, by its colour"""
+
+
 class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of them."""
 
@@ -111,6 +120,7 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     recognition: Recognition
     elsewhere: Elsewhere
     within: Within
+    constant: ConstantErrors
 
 
 @cache

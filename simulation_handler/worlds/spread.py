@@ -81,21 +81,39 @@ def squared_distance(offsets: Array, covariances: Array) -> Array:
 
 
 def with_spread(
-    pose: Pose, noise: PlaceNoise, age: float, moved: float, velocity: Array, reach: float = math.inf
+    pose: Pose,
+    noise: PlaceNoise,
+    age: float,
+    moved: float,
+    velocity: Array,
+    reach: float = math.inf,
+    constant: Array | None = None,
 ) -> Pose:
-    """The pose with the covariance of its circumstance; arguments as of `position_covariance`, of one pose."""
-    return with_spreads([pose], noise, np.array([age]), np.array([moved]), velocity[None], np.array([reach]))[0]
+    """The pose with the covariance of its circumstance; arguments as of `with_spreads`, of one pose."""
+    told = np.array([age]), np.array([moved]), velocity[None], np.array([reach])
+    return with_spreads([pose], noise, *told, [constant])[0]
 
 
 def with_spreads(
-    poses: Sequence[Pose], noise: PlaceNoise, age: Array, moved: Array, velocity: Array, reach: Array
+    poses: Sequence[Pose],
+    noise: PlaceNoise,
+    age: Array,
+    moved: Array,
+    velocity: Array,
+    reach: Array,
+    constant: Sequence[Array | None],
 ) -> list[Pose]:
-    """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...)."""
+    """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...).
+
+    `constant` has covariances (2, 3, 3) m^2 and rad^2, world, of what all percepts of each have wrong alike; or None.
+    """
     own = np.array([pose.cov or _UNKNOWN for pose in poses]).reshape(-1, 6, 6)
     rotations = _rotations(poses)
     places, turns = (rotations @ block @ rotations.mT for block in (own[:, :3, :3], own[:, 3:, 3:]))
     places = position_covariance(noise, places, age, moved, velocity, reach)
-    return all_with_world_covariances(poses, places, rotation_covariance(noise, turns, moved))
+    alike = np.array([_NOTHING if one is None else one for one in constant])
+    turns = rotation_covariance(noise, turns, moved)
+    return all_with_world_covariances(poses, places + alike[:, 0], turns + alike[:, 1])
 
 
 def with_world_covariances(pose: Pose, place: Array, turn: Array) -> Pose:
@@ -124,4 +142,5 @@ def scaled(pose: Pose, factor: float) -> Pose:
     return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
 
 
+_NOTHING = np.zeros((2, 3, 3))
 _UNKNOWN = tuple(np.zeros(36).tolist())

@@ -115,6 +115,8 @@ class Followed:
     """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
     reach: float = math.inf
     """m, how far percepts that contradict the pose are away from it; infinite if none do"""
+    constant: NDArray[np.float64] | None = None
+    """(2, 3, 3) as of `ObjectEvidence`, when it was recognised last"""
 
 
 class WeightedWorlds:
@@ -256,12 +258,18 @@ class WeightedWorlds:
             reach = math.inf
             if watched.circumstance == RESTLESS and thing.percept is not None:
                 reach = thing.percept.distance(thing.believed)[0]
-            return Followed(watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, reach=reach)
+            return Followed(
+                watched.circumstance, thing.believed, watched.velocity,
+                seen=thing.seen, reach=reach, constant=thing.constant,
+            )  # fmt: skip
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
         circumstance = unseen(thing, evidence, alternatives.moved, alternatives.before)
-        return Followed(circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved)
+        return Followed(
+            circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved,
+            constant=watched.seen.constant,
+        )  # fmt: skip
 
     def leading(self, name: str) -> tuple[str, Mode] | None:
         """The mode of an unseen object that is more probable than all others together, by its kind; None without."""
@@ -291,7 +299,8 @@ class WeightedWorlds:
             ages, moved, reaches = np.array([(one.age, one.moved, one.reach) for one in known]).T
             velocities = np.array([one.velocity for one in known])
             noise = self._parameters.noise[circumstance]
-            spread = with_spreads([one.pose for one in known], noise, ages, moved, velocities, reaches)
+            constant = [one.constant for one in known]
+            spread = with_spreads([one.pose for one in known], noise, ages, moved, velocities, reaches, constant)
             found |= zip(names, spread, strict=True)
         return found
 
@@ -342,7 +351,8 @@ class WeightedWorlds:
                 found.append((weights[key], ObjectState(None), GONE))
             elif weights[key] > 0.0:
                 age = evidence.now - thing.seen_at
-                state = self._alternative(key, mode, alternatives.left, evidence, age)
+                constant = None if watched.seen is None else watched.seen.constant
+                state = self._alternative(key, mode, alternatives.left, evidence, age, constant)
                 if key.startswith(COURSE) and state.pose is not None:
                     there = state.supports, evidence.containers_at(name, state.pose.t)
                     courses.setdefault(there, []).append(WeightedPlace(weights[key], state.pose))
@@ -355,8 +365,13 @@ class WeightedWorlds:
             ]
         return found
 
-    def _alternative(self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float) -> ObjectState:
-        """The state of an object in a mode other than what the simulation says; it was `left` when it was seen last."""
+    def _alternative(
+        self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float, constant: NDArray[np.float64] | None
+    ) -> ObjectState:
+        """The state of an object in a mode other than what the simulation says; it was `left` when it was seen last.
+
+        `constant` is as of `Followed`.
+        """
         parameters, pose = self._parameters, mode.pose
         assert pose is not None
         if key == ELSEWHERE:
@@ -372,7 +387,7 @@ class WeightedWorlds:
             noise = parameters.noise[INSIDE]
         else:
             noise = parameters.noise[mode_circumstance(mode, evidence)]
-        placed = with_spread(pose, noise, age, moved, np.zeros(3))
+        placed = with_spread(pose, noise, age, moved, np.zeros(3), constant=constant)
         if mode.container and (solid := evidence.objects[mode.container].solid) is not None:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix
@@ -383,7 +398,9 @@ class WeightedWorlds:
 
 def _spread(followed: Followed, noise: PlaceNoise) -> Pose:
     """The pose with the covariance of its circumstance."""
-    return with_spread(followed.pose, noise, followed.age, followed.moved, followed.velocity, followed.reach)
+    return with_spread(
+        followed.pose, noise, followed.age, followed.moved, followed.velocity, followed.reach, followed.constant
+    )
 
 
 def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
@@ -398,6 +415,8 @@ def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[flo
     place = percept_covariance(noise, place, followed.velocity)
     apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
     odds = float(odds_of_percepts(noise, apart))
+    if followed.constant is not None:
+        place, turn = place + followed.constant[0], turn + followed.constant[1]
     return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
 
 

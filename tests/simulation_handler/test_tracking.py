@@ -59,6 +59,21 @@ def test_averaging_brings_the_estimate_closer() -> None:
     assert after < 0.0006
 
 
+@pytest.mark.parametrize(("scatter", "constancy"), [(0.0, 1.0), (0.3, 0.73), (1.0, 0.0)])
+def test_errors_are_constant_as_far_as_percepts_do_not_scatter(scatter: float, constancy: float) -> None:
+    """Percepts with stated deviations of 2 mm and 0.02 rad scatter by a part of these, in all directions."""
+    rng, track = np.random.default_rng(3), PerceptTrack(CONFIG)
+    covariance = np.diag([0.002**2] * 3 + [0.02**2] * 3)
+    (stated,) = weighed([SeenObject("cube", HERE.with_covariance(covariance), 0.0, CAMERA)], CONFIG)
+    roots = [np.linalg.cholesky(block) for block in stated.covariances]
+    for k in range(100):
+        shift, turn = (scatter * root @ rng.normal(size=3) for root in roots)
+        there = Pose(tuple(np.add(HERE.t, shift)), Pose.from_rotvec((0.0, 0.0, 0.0), tuple(turn)).q, 0.0, covariance)
+        see(track, there, 0.1 * (k + 1))
+    assert track.estimate is not None
+    assert track.estimate.constancy == pytest.approx([constancy, constancy], abs=0.1)
+
+
 def test_the_covariance_shrinks_with_the_noise_but_not_with_the_bias() -> None:
     watcher = Watcher()
     watcher.see(HERE, 1)

@@ -1,0 +1,96 @@
+"""Learns how much of their stated covariances percepts have wrong alike, by recordings of images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from benchmarks.learning.recorded import Recorded
+from simulation_handler.worlds.circumstances import RESTS
+from simulation_handler.worlds.parameters import ConstantErrors, WorldParameters
+from simulation_handler.worlds.spread import position_covariance, squared_distance
+from simulation_handler.worlds.weighted import WeightedWorlds
+
+CONSTANT = "constant"
+"""Name of these shares in the file, and for `fit --only`"""
+_WIDEST = 12.0  # 1, standard deviations, by which an error tells nothing of this: something else is wrong
+_RESAMPLINGS = 50  # of episodes, by which standard errors are found
+
+Array = NDArray[np.float64]
+
+
+class _Errors(NamedTuple):
+    """Errors of objects at rest in view, of one episode and of one way to recognise them."""
+
+    places: Array
+    """(n, 3) m, world, from the truth"""
+    noise: Array
+    """(n, 3, 3) m^2, what is told without constant errors"""
+    constant: Array
+    """(n, 3, 3) m^2, constant errors by the shares of the recording"""
+
+
+def learn_constant(
+    episodes: Sequence[tuple[Sequence[Recorded], WeightedWorlds]], known: WorldParameters
+) -> tuple[ConstantErrors, dict[str, float]]:
+    """The likeliest shares, and standard errors of their logarithms, by drawing episodes anew.
+
+    Each episode comes with worlds that have seen nothing yet. Where percepts scatter, they tell nothing.
+    """
+    found = [_errors_of(moments, worlds, known) for moments, worlds in episodes]
+    rng, shares, errors = np.random.default_rng(0), {}, {}
+    for kind in ConstantErrors.__struct_fields__:
+        told = [one[kind] for one in found if kind in one]
+        if not told:
+            continue
+        factor = _factor(told)
+        shares[kind] = getattr(known.constant, kind) * factor
+        draws = rng.integers(len(told), size=(_RESAMPLINGS, len(told))).tolist()
+        drawn = [_factor([told[index] for index in draw]) for draw in draws]
+        errors[kind] = float(np.std(np.log(drawn), ddof=1))
+    return msgspec.structs.replace(known.constant, **shares), errors
+
+
+def _factor(episodes: Sequence[_Errors]) -> float:
+    """By how much constant errors are larger than those of the recordings; each episode counts as much."""
+
+    def cost(logarithm: float) -> float:
+        return sum(_cost(one, float(np.exp(logarithm))) for one in episodes)
+
+    return float(np.exp(minimize_scalar(cost, bounds=(-5.0, 5.0), method="bounded").x))
+
+
+def _cost(errors: _Errors, factor: float) -> float:
+    """Nats of one error, on average."""
+    covariances = errors.noise + factor * errors.constant
+    distances = np.minimum(squared_distance(errors.places, covariances), _WIDEST**2)
+    return 0.5 * float(np.mean(distances + np.linalg.slogdet(covariances)[1]))
+
+
+def _errors_of(moments: Sequence[Recorded], worlds: WeightedWorlds, known: WorldParameters) -> dict[str, _Errors]:
+    found: dict[str, list[tuple[Array, Array, Array]]] = {}
+    for moment in moments:
+        worlds.update(moment.evidence)
+        for name, one in _at_rest(moment, worlds, known):
+            found.setdefault("tag" if name in moment.tagged else "color", []).append(one)
+    return {kind: _Errors(*map(np.array, zip(*rows, strict=True))) for kind, rows in found.items()}
+
+
+def _at_rest(
+    moment: Recorded, worlds: WeightedWorlds, known: WorldParameters
+) -> Iterator[tuple[str, tuple[Array, Array, Array]]]:
+    noise, nothing = known.noise[RESTS], np.zeros(())
+    for name in sorted(moment.truth.keys() & moment.evidence.objects.keys() & moment.in_view):
+        followed = worlds.followed(name)
+        if followed is None or followed.circumstance != RESTS or followed.pose.cov is None:
+            continue
+        if followed.constant is None or not followed.constant[0].any():
+            continue
+        own = followed.pose.parent_covariances()[0]
+        told = position_covariance(noise, own, nothing, nothing, np.zeros(3))
+        yield name, (np.subtract(followed.pose.t, moment.truth[name].t), told, followed.constant[0])
