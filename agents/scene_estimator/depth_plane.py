@@ -203,18 +203,21 @@ def _rows_of_pixels(
 
 
 def _spans(outlines: Array, v: Array) -> tuple[Array, Array]:
-    """Left and right ends (n, rows) px of convex outlines (n, 4, 2) in rows v (n, rows); right is less where none is."""
+    """Left and right ends (n, rows) px of convex outlines (n, 4, 2) in rows v (n, rows).
+
+    The right end is left of the left one where an outline has nothing in a row.
+    """
     along = np.roll(outlines, -1, axis=1) - outlines
     before = np.roll(along, 1, axis=1)
-    turned = np.sign((before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]).sum(axis=1))
-    x, y = outlines[..., None, 0], outlines[..., None, 1]
-    down = turned[:, None, None] * along[..., None, 1]
-    inside = turned[:, None, None] * along[..., None, 0] * (v[:, None] - y)
+    turned = np.sign((before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]).sum(axis=1))[:, None, None]
+    down, across = turned * along[..., 1:], turned * along[..., :1]
+    inwards = across * (v[:, None] - outlines[..., 1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        ends = x + inside / down
-    left = np.where(down < 0.0, ends, np.where((down == 0.0) & (inside < 0.0), np.inf, -np.inf)).max(axis=1)
+        ends = outlines[..., :1] + inwards / down
+    left = np.where(down < 0.0, ends, -np.inf).max(axis=1)
     right = np.where(down > 0.0, ends, np.inf).min(axis=1)
-    return left, right
+    beyond = ((down == 0.0) & (inwards < 0.0)).any(axis=1) | (turned[:, 0] == 0.0)
+    return left, np.where(beyond, -np.inf, right)
 
 
 def _robust_fit(pixels: _Pixels, noise_floor: float) -> tuple[Array, Array, Array]:

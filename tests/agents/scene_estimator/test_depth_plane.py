@@ -68,6 +68,11 @@ def test_a_tag_partly_outside_the_image_counts_inside(depth: Depth) -> None:
     assert not fit(depth, CORNERS - (300.0, 0.0)).exist.any()
 
 
+@pytest.mark.parametrize("corners", [np.outer(range(4), (20.0, 15.0)), CORNERS[[0, 2, 1, 3]]])
+def test_corners_that_enclose_nothing_have_no_plane(depth: Depth, corners: NDArray[np.float64]) -> None:
+    assert not fit(depth, 20.0 + corners).exist.any()
+
+
 def test_too_few_pixels_are_no_plane(depth: Depth) -> None:
     assert not fit(depth, 80.0 + 0.1 * (CORNERS - 80.0)).exist.any()
 
