@@ -20,7 +20,7 @@ from agents.scene_estimator.depth_plane import DepthPlanes, fit_depth_planes
 from agents.scene_estimator.detection import Tag, tag_corners
 from agents.scene_estimator.perspective import POSES, square_poses
 from dsr.math3d import quaternions
-from dsr.math3d.batches import Array, exps, inverses, logs, matrix_inverses, skew, solutions
+from dsr.math3d.batches import Array, exps, inverses, logs, matrix_inverses, solutions
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -42,7 +42,8 @@ _SETTLED = 1e-2  # standard deviations of the result, of the last step
 _SAME = 0.1  # standard deviations, between starts that end at one pose
 _STARTS, _BY_DEPTH = POSES + 1, POSES  # of each tag; the one from the plane of its depth
 _LATER, _EARLIER = np.tril_indices(_STARTS, -1)  # of the pairs of starts of one tag
-_ABOUT_NORMAL = skew(np.array([0.0, 0.0, 1.0]))
+_TILT = slice(2, 5)
+"""Of a twist: the shift along the normal of a tag and the turns about its x and y, which alone move its plane"""
 
 
 class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -272,11 +273,11 @@ class _TagProblem(NamedTuple):
 
     def _add_depth(self, tags: NDArray[np.int64], poses: Array, information: Array, gradient: Array) -> Array:
         """The costs (m,) of what depth tells of tags; its information and gradient are added in place."""
-        p, by_pose = _planes_of(poses)
+        p, by_tilt = _planes_of(poses)
         apart, told = (self.planes[tags] - p)[:, :, None], self.plane_information[tags]
-        weighted = by_pose.mT @ told
-        information[:, :6, :6] += weighted @ by_pose
-        gradient[:, :6] += (weighted @ apart)[..., 0]
+        weighted = by_tilt.mT @ told
+        information[:, _TILT, _TILT] += weighted @ by_tilt
+        gradient[:, _TILT] += (weighted @ apart)[..., 0]
         return np.asarray((apart.mT @ told @ apart)[:, 0, 0])
 
     def _add_size(self, tags: NDArray[np.int64], scales: Array, information: Array, gradient: Array) -> Array:
@@ -299,16 +300,13 @@ def _without_last(information: Array) -> Array:
 
 
 def _planes_of(poses: Array) -> tuple[Array, Array]:
-    """The p (n, 3) of tags' planes p . X = 1, and their derivatives (n, 3, 6) by right perturbations of poses."""
-    rotations, centres = poses[:, :3, :3], poses[:, :3, 3]
-    normals = rotations[:, :, 2]
+    """The p (n, 3) of tags' planes p . X = 1, and their derivatives (n, 3, 3) by `_TILT` of right perturbations."""
+    centres, normals = poses[:, :3, 3], poses[:, :3, 2]
     distances = (normals * centres).sum(axis=1)[:, None]
-    turned = np.zeros((len(poses), 3, 6))
-    turned[:, :, 3:] = -rotations @ _ABOUT_NORMAL
-    moved = (centres[:, None] @ turned)[:, 0]
-    moved[:, :3] += (normals[:, None] @ rotations)[:, 0]
-    by_pose = turned / distances[..., None] - normals[:, :, None] * (moved / distances**2)[:, None]
-    return normals / distances, np.asarray(by_pose)
+    p = normals / distances
+    turned = np.stack([-poses[:, :3, 1], poses[:, :3, 0]], axis=2)
+    by_turn = (turned - p[:, :, None] * (centres[:, None] @ turned)) / distances[..., None]
+    return p, np.concatenate([-(p / distances)[:, :, None], by_turn], axis=2)
 
 
 def _no_planes(count: int) -> DepthPlanes:
