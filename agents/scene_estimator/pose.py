@@ -245,17 +245,9 @@ class _TagProblem(NamedTuple):
 
         NaN where a corner is not before the camera, or nowhere in its image.
         """
-        square, rotations = np.exp(scales)[:, None, None] * self._squares(tags), poses[:, :3, :3]
-        points = square @ np.swapaxes(rotations, 1, 2) + poses[:, None, :3, 3]
-        points[~(points[..., 2].min(axis=1) > 0.0)] = np.nan
-        pixels, by_point = self.intrinsics.project_with_derivative(points)
-        by_shift = (by_point.reshape(-1, 8, 3) @ rotations).reshape(-1, 4, 2, 3)
-        x, y = square[..., :1], square[..., 1:2]
-        by_x, by_y, by_z = np.moveaxis(by_shift, 3, 0)
-        by_turn = [y * by_z, -x * by_z, x * by_y - y * by_x]
-        jacobian = np.concatenate([by_shift, np.stack([*by_turn, x * by_x + y * by_y], axis=3)], axis=3)
         stds = self.corner_stds[tags]
-        rows = jacobian.reshape(-1, 8, 7) / stds[:, None, None]
+        pixels, by_twist = self._seen(np.exp(scales)[:, None, None] * self._squares(tags), poses)
+        rows = by_twist.reshape(-1, 8, 7) / stds[:, None, None]
         residual = (self.corners[tags] - pixels) / stds[:, None, None]
         off = np.sqrt((residual**2).sum(axis=2))
         weights = np.repeat(np.minimum(1.0, _LONG_TAIL / np.maximum(off, 1e-12)), 2, axis=1)
@@ -266,6 +258,18 @@ class _TagProblem(NamedTuple):
         missed = cost * (stds / np.maximum(stds, _FINEST)) ** 2
         cost = cost + self._add_depth(tags, poses, information, gradient)
         return information, gradient, cost + self._add_size(tags, scales, information, gradient), missed
+
+    def _seen(self, square: Array, poses: Array) -> tuple[Array, Array]:
+        """Pixels (m, 4, 2) of corners (m, 4, 3) m at poses, and their derivatives (m, 4, 2, 7) by twists and scales."""
+        rotations = poses[:, :3, :3]
+        points = square @ rotations.mT + poses[:, None, :3, 3]
+        points[~(points[..., 2].min(axis=1) > 0.0)] = np.nan
+        pixels, by_point = self.intrinsics.project_with_derivative(points)
+        by_shift = (by_point.reshape(-1, 8, 3) @ rotations).reshape(-1, 4, 2, 3)
+        by_x, by_y, by_z = np.moveaxis(by_shift, 3, 0)
+        x, y = square[..., :1], square[..., 1:2]
+        others = [y * by_z, -x * by_z, x * by_y - y * by_x, x * by_x + y * by_y]
+        return pixels, np.concatenate([by_shift, np.stack(others, axis=3)], axis=3)
 
     def _squares(self, tags: NDArray[np.int64]) -> Array:
         """(m, 4, 3) m, corners in the frames of tags."""
