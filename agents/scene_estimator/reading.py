@@ -158,7 +158,7 @@ def homographies(corners: Array) -> Array:
 
     P. Heckbert, "Fundamentals of texture mapping and image warping", 1989.
     """
-    first, second, third, fourth = np.moveaxis(corners, 1, 0)
+    first, second, third, fourth = (corners[:, corner] for corner in range(4))
     skewed, one, other = first - second + third - fourth, second - third, fourth - third
     area = _cross(one, other)
     result = np.ones((len(corners), 3, 3))
