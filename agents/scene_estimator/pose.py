@@ -12,15 +12,15 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
-import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.depth_plane import DepthPlanes, fit_depth_planes
 from agents.scene_estimator.detection import Tag, tag_corners
+from agents.scene_estimator.perspective import POSES, square_poses
 from dsr.math3d import quaternions
-from dsr.math3d.batches import Array, exps, inverses, logs, matrix_inverses, skew
+from dsr.math3d.batches import Array, exps, inverses, logs, matrix_inverses, solutions
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -40,8 +40,10 @@ _CERTAIN = 50.0  # log odds
 _STEPS = 20  # of Gauss-Newton; four or five do
 _SETTLED = 1e-2  # standard deviations of the result, of the last step
 _SAME = 0.1  # standard deviations, between starts that end at one pose
-_STARTS, _BY_DEPTH = 3, 2  # of each tag; the one from the plane of its depth
-_ABOUT_NORMAL = skew(np.array([0.0, 0.0, 1.0]))
+_STARTS, _BY_DEPTH = POSES + 1, POSES  # of each tag; the one from the plane of its depth
+_LATER, _EARLIER = np.tril_indices(_STARTS, -1)  # of the pairs of starts of one tag
+_TILT = slice(2, 5)
+"""Of a twist: the shift along the normal of a tag and the turns about its x and y, which alone move its plane"""
 
 
 class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -130,7 +132,8 @@ def possible_tag_poses(
         return found
     corners, rays = corners[usable], rays[usable]
     sizes, stds = np.array(tag_sizes)[usable], np.array([tag.corner_std for tag in tags])[usable]
-    starts, scales = _perspective_starts(rays, sizes), np.zeros((len(usable), _STARTS))
+    starts, scales = np.full((len(usable), _STARTS, 4, 4), np.nan), np.zeros((len(usable), _STARTS))
+    starts[:, :POSES] = square_poses(rays, sizes)
     planes, size_stds = _no_planes(len(usable)), np.full(len(usable), noise.size_std)
     if depth is not None:
         planes = _planes(corners, rays, depth, intrinsics, sizes, noise)
@@ -168,8 +171,8 @@ class _Fits(NamedTuple):
 
     poses: Array
     """(n, starts, 4, 4)"""
-    covariances: Array
-    """(n, starts, 6, 6)"""
+    information: Array
+    """(n, starts, 6, 6) inverses of their covariances"""
     costs: Array
     """(n, starts); infinite where there is no pose before the camera, or none of a square"""
 
@@ -177,19 +180,22 @@ class _Fits(NamedTuple):
 def _different(fits: _Fits) -> list[list[TagFit]]:
     """Of each tag the fits without repetitions, the most likely one first."""
     order = np.argsort(fits.costs, axis=1, kind="stable")
-    poses, covariances, costs = (np.take_along_axis(values, _as_index(order, values), axis=1) for values in fits)
+    poses, information, costs = (np.take_along_axis(values, _as_index(order, values), axis=1) for values in fits)
     new = np.isfinite(costs)
-    inverse = inverses(poses)
-    for later in range(1, _STARTS):
-        for earlier in range(later):
-            both = np.flatnonzero(new[:, later] & new[:, earlier])
-            apart = logs(inverse[both, later] @ poses[both, earlier])
-            information = np.linalg.solve(covariances[both, later], apart[:, :, None])[..., 0]
-            new[both[(apart * information).sum(axis=1) <= _SAME**2], later] = False
-    return [
-        [TagFit(poses[tag, start], covariances[tag, start], float(costs[tag, start])) for start in np.flatnonzero(kept)]
-        for tag, kept in enumerate(new)
-    ]
+    tags, pairs = np.nonzero(new[:, _LATER] & new[:, _EARLIER])
+    later, earlier = _LATER[pairs], _EARLIER[pairs]
+    aparts = logs(inverses(poses[tags, later]) @ poses[tags, earlier])[:, :, None]
+    alike = np.zeros((len(new), len(_LATER)), bool)
+    alike[tags, pairs] = (aparts.mT @ information[tags, later] @ aparts)[:, 0, 0] <= _SAME**2
+    for pair, (later_one, earlier_one) in enumerate(zip(_LATER, _EARLIER, strict=True)):
+        new[:, later_one] &= ~(alike[:, pair] & new[:, earlier_one])
+    tags, starts = np.nonzero(new)
+    covariances = matrix_inverses(information[tags, starts])
+    even = 0.5 * (covariances + covariances.mT)  # they are symmetric but for rounding
+    found: list[list[TagFit]] = [[] for _ in new]
+    for tag, start, covariance in zip(tags.tolist(), starts.tolist(), even, strict=True):
+        found[tag].append(TagFit(poses[tag, start], covariance, float(costs[tag, start])))
+    return found
 
 
 def _as_index(order: NDArray[np.int64], values: Array) -> NDArray[np.int64]:
@@ -218,40 +224,33 @@ class _TagProblem(NamedTuple):
         shape = scales.shape
         poses, scales = starts.reshape(-1, 4, 4).copy(), scales.reshape(-1).copy()
         costs, missed = np.full(len(poses), np.inf), np.full(len(poses), np.inf)
-        covariances = np.full((len(poses), 7, 7), np.nan)
+        all_information = np.full((len(poses), 7, 7), np.nan)
         moving = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         for _ in range(_STEPS):
             if len(moving) == 0:
                 break
             information, gradient, cost, off = self._linear(moving // shape[1], poses[moving], scales[moving])
-            covariance = matrix_inverses(information)
-            costs[moving], missed[moving], covariances[moving] = cost, off, covariance
-            step = (covariance @ gradient[:, :, None])[..., 0]
+            costs[moving], missed[moving], all_information[moving] = cost, off, information
+            step = solutions(information, gradient[:, :, None])[..., 0]
             poses[moving] = poses[moving] @ exps(step[:, :6])
             scales[moving] += step[:, 6]
             moving = moving[(gradient * step).sum(axis=1) >= _SETTLED**2]  # without those that have no step
         failed = ~(missed < _NO_SQUARE) | ~np.isfinite(poses).all(axis=(1, 2))
         costs[failed] = np.inf
-        even = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))[:, :6, :6]  # they are symmetric but for rounding
-        return _Fits(poses.reshape(*shape, 4, 4), even.reshape(*shape, 6, 6), costs.reshape(shape))
+        of_pose = _without_last(all_information)
+        return _Fits(poses.reshape(*shape, 4, 4), of_pose.reshape(*shape, 6, 6), costs.reshape(shape))
 
     def _linear(self, tags: NDArray[np.int64], poses: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
         """Information (m, 7, 7), gradient (m, 7), costs (m,) and what corners miss (m,), at poses and scales of tags.
 
         NaN where a corner is not before the camera, or nowhere in its image.
         """
-        square, rotations = np.exp(scales)[:, None, None] * self._squares(tags), poses[:, :3, :3]
-        points = square @ np.swapaxes(rotations, 1, 2) + poses[:, None, :3, 3]
-        points[~(points[..., 2].min(axis=1) > 0.0)] = np.nan
-        pixels, by_point = self.intrinsics.project_with_derivative(points)
-        by_twist = np.zeros((*square.shape, 7))
-        by_twist[..., :3], by_twist[..., 3:6], by_twist[..., 6] = np.eye(3), -skew(square), square
         stds = self.corner_stds[tags]
-        jacobian = (by_point @ (rotations[:, None] @ by_twist)) / stds[:, None, None, None]
+        pixels, by_twist = self._seen(np.exp(scales)[:, None, None] * self._squares(tags), poses)
+        rows = by_twist.reshape(-1, 8, 7) / stds[:, None, None]
         residual = (self.corners[tags] - pixels) / stds[:, None, None]
         off = np.sqrt((residual**2).sum(axis=2))
         weights = np.repeat(np.minimum(1.0, _LONG_TAIL / np.maximum(off, 1e-12)), 2, axis=1)
-        rows = jacobian.reshape(-1, 8, 7)
         weighted = np.swapaxes(rows * weights[..., None], 1, 2)
         information = weighted @ rows
         gradient = (weighted @ residual.reshape(-1, 8, 1))[..., 0]
@@ -260,18 +259,30 @@ class _TagProblem(NamedTuple):
         cost = cost + self._add_depth(tags, poses, information, gradient)
         return information, gradient, cost + self._add_size(tags, scales, information, gradient), missed
 
+    def _seen(self, square: Array, poses: Array) -> tuple[Array, Array]:
+        """Pixels (m, 4, 2) of corners (m, 4, 3) m at poses, and their derivatives (m, 4, 2, 7) by twists and scales."""
+        rotations = poses[:, :3, :3]
+        points = square @ rotations.mT + poses[:, None, :3, 3]
+        points[~(points[..., 2].min(axis=1) > 0.0)] = np.nan
+        pixels, by_point = self.intrinsics.project_with_derivative(points)
+        by_shift = (by_point.reshape(-1, 8, 3) @ rotations).reshape(-1, 4, 2, 3)
+        by_x, by_y, by_z = np.moveaxis(by_shift, 3, 0)
+        x, y = square[..., :1], square[..., 1:2]
+        others = [y * by_z, -x * by_z, x * by_y - y * by_x, x * by_x + y * by_y]
+        return pixels, np.concatenate([by_shift, np.stack(others, axis=3)], axis=3)
+
     def _squares(self, tags: NDArray[np.int64]) -> Array:
         """(m, 4, 3) m, corners in the frames of tags."""
         return self.sizes[tags][:, None, None] * tag_corners(1.0)
 
     def _add_depth(self, tags: NDArray[np.int64], poses: Array, information: Array, gradient: Array) -> Array:
         """The costs (m,) of what depth tells of tags; its information and gradient are added in place."""
-        p, by_pose = _planes_of(poses)
-        apart = self.planes[tags] - p
-        weighted = np.swapaxes(by_pose, 1, 2) @ self.plane_information[tags]
-        information[:, :6, :6] += weighted @ by_pose
-        gradient[:, :6] += (weighted @ apart[:, :, None])[..., 0]
-        return np.asarray(np.einsum("ni,nij,nj->n", apart, self.plane_information[tags], apart))
+        p, by_tilt = _planes_of(poses)
+        apart, told = (self.planes[tags] - p)[:, :, None], self.plane_information[tags]
+        weighted = by_tilt.mT @ told
+        information[:, _TILT, _TILT] += weighted @ by_tilt
+        gradient[:, _TILT] += (weighted @ apart)[..., 0]
+        return np.asarray((apart.mT @ told @ apart)[:, 0, 0])
 
     def _add_size(self, tags: NDArray[np.int64], scales: Array, information: Array, gradient: Array) -> Array:
         """The costs (m,) of what sizes tell of tags; none if the size that was told is plainly wrong."""
@@ -286,39 +297,20 @@ class _TagProblem(NamedTuple):
         return np.where(is_told, -2.0 * np.log(right + wrong), 0.0)
 
 
+def _without_last(information: Array) -> Array:
+    """(n, 6, 6) what is told of the others of (n, 7, 7) if nothing is known of the last one: Schur complements."""
+    rest = information[:, :6, 6]
+    return np.asarray(information[:, :6, :6] - rest[:, :, None] * (rest / information[:, 6, 6:])[:, None])
+
+
 def _planes_of(poses: Array) -> tuple[Array, Array]:
-    """The p (n, 3) of tags' planes p . X = 1, and their derivatives (n, 3, 6) by right perturbations of poses."""
-    rotations, centres = poses[:, :3, :3], poses[:, :3, 3]
-    normals = rotations[:, :, 2]
+    """The p (n, 3) of tags' planes p . X = 1, and their derivatives (n, 3, 3) by `_TILT` of right perturbations."""
+    centres, normals = poses[:, :3, 3], poses[:, :3, 2]
     distances = (normals * centres).sum(axis=1)[:, None]
-    turned = np.zeros((len(poses), 3, 6))
-    turned[:, :, 3:] = -rotations @ _ABOUT_NORMAL
-    moved = (centres[:, None] @ turned)[:, 0]
-    moved[:, :3] += (normals[:, None] @ rotations)[:, 0]
-    by_pose = turned / distances[..., None] - normals[:, :, None] * (moved / distances**2)[:, None]
-    return normals / distances, np.asarray(by_pose)
-
-
-def _perspective_starts(rays: Array, sizes: Array) -> Array:
-    """(n, starts, 4, 4) the two poses from which squares look like that (IPPE, Collins and Bartoli 2014).
-
-    NaN where there are less, and for the start that depth gives.
-    """
-    twists = np.full((len(rays), _STARTS, 6), np.nan)
-    square, eye = tag_corners(1.0), np.eye(3)
-    for tag, (four, size) in enumerate(zip(rays, sizes, strict=True)):
-        try:
-            _, rotations, translations, _ = cv2.solvePnPGeneric(
-                size * square, np.ascontiguousarray(four[:, :2]), eye, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-            )
-        except cv2.error:
-            continue
-        twists[tag, : len(rotations), :3] = np.reshape(translations, (-1, 3))
-        twists[tag, : len(rotations), 3:] = np.reshape(rotations, (-1, 3))
-    twists[~(np.isfinite(twists).all(axis=2) & (twists[..., 2] > 0.0))] = np.nan
-    starts = exps(np.concatenate([np.zeros((len(rays) * _STARTS, 3)), twists[..., 3:].reshape(-1, 3)], axis=1))
-    starts[:, :3, 3] = twists[..., :3].reshape(-1, 3)
-    return starts.reshape(len(rays), _STARTS, 4, 4)
+    p = normals / distances
+    turned = np.stack([-poses[:, :3, 1], poses[:, :3, 0]], axis=2)
+    by_turn = (turned - p[:, :, None] * (centres[:, None] @ turned)) / distances[..., None]
+    return p, np.concatenate([-(p / distances)[:, :, None], by_turn], axis=2)
 
 
 def _no_planes(count: int) -> DepthPlanes:

@@ -147,17 +147,26 @@ def _shows(image: NDArray[np.float32], marker_ids: NDArray[np.int64], edges: _Ed
 
 
 def _cells(corners: Array) -> Array:
-    """(n, rows, columns, 2) px, centres of the cells of tags: squares seen in perspective (Heckbert 1989)."""
-    first, second, third, fourth = np.moveaxis(corners, 1, 0)
+    """(n, rows, columns, 2) px, centres of the cells of tags."""
+    column, row = np.meshgrid(_CENTRES, _CENTRES)
+    at = np.stack([column.ravel(), row.ravel(), np.ones(_CELLS**2)], axis=1) @ homographies(corners).mT
+    return np.asarray(at[..., :2] / at[..., 2:]).reshape(-1, _CELLS, _CELLS, 2)
+
+
+def homographies(corners: Array) -> Array:
+    """(n, 3, 3) from column, row and 1 in squares of side 1 to where they are seen, by corners (n, 4, 2).
+
+    P. Heckbert, "Fundamentals of texture mapping and image warping", 1989.
+    """
+    first, second, third, fourth = (corners[:, corner] for corner in range(4))
     skewed, one, other = first - second + third - fourth, second - third, fourth - third
     area = _cross(one, other)
-    g, h = _cross(skewed, other) / area, _cross(one, skewed) / area
-    by_column = second - first + g[:, None] * second
-    by_row = fourth - first + h[:, None] * fourth
-    row, column = _CENTRES[:, None, None], _CENTRES[None, :, None]
-    far = g[:, None, None, None] * column + h[:, None, None, None] * row + 1.0
-    at = first[:, None, None] + column * by_column[:, None, None] + row * by_row[:, None, None]
-    return np.asarray(at / far)
+    result = np.ones((len(corners), 3, 3))
+    result[:, 2, 0], result[:, 2, 1] = _cross(skewed, other) / area, _cross(one, skewed) / area
+    result[:, :2, 0] = second - first + result[:, 2, :1] * second
+    result[:, :2, 1] = fourth - first + result[:, 2, 1:2] * fourth
+    result[:, :2, 2] = first
+    return result
 
 
 def _sampled(image: NDArray[np.float32], places: Array) -> Array:

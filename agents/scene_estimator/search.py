@@ -72,7 +72,7 @@ class TagSearch:
         If it is None, all is searched but the tags that are read again.
         """
         around = _boxes(self._tags) // BLOCK
-        reached = np.array([changed is None or _part(changed, box).any() for box in around], bool)
+        reached = np.ones(len(around), bool) if changed is None else _reach(changed, around)
         touched = [tag for tag, is_touched in zip(self._tags, reached, strict=True) if is_touched]
         again = self._read(grey, touched, ago)
         kept = [tag for tag, is_touched in zip(self._tags, reached, strict=True) if not is_touched]
@@ -180,6 +180,14 @@ def _boxes(tags: list[Tag]) -> Boxes:
     margin = _MARGIN * (high - low)
     ends = np.hstack([np.floor((low - margin) / BLOCK), np.ceil((high + margin) / BLOCK)])
     return np.asarray(BLOCK * ends, np.int64)
+
+
+def _reach(blocks: NDArray[np.bool_], boxes: Boxes) -> NDArray[np.bool_]:
+    """(n,) in which boxes (n, 4), counted in blocks, there are some of the blocks (rows, columns): summed areas."""
+    before = cv2.integral(blocks.astype(np.uint8))
+    left, upper, right, lower = np.clip(boxes, 0, np.tile(blocks.shape[::-1], 2)).T
+    inside = before[lower, right] - before[upper, right] - before[lower, left] + before[upper, left]
+    return np.asarray(inside > 0)
 
 
 def _part(blocks: NDArray[T], box: NDArray[np.int64]) -> NDArray[T]:

@@ -27,7 +27,7 @@ from benchmarks.live.crowd import write_crowd
 from dsr.math3d.transforms import Pose
 from dsr.runtime.resources import keep_freed_memory
 
-COUNTS = (1, 4, 20, 50, 100)
+COUNTS = (1, 4, 10, 20, 50, 100)
 """Cubes on the table"""
 _STEPS = 24  # of physics, a tenth of a second
 _NUDGE = Pose((1e-5, 0.0, 0.0))  # m, of the camera

@@ -5,6 +5,8 @@ Transforms are matrices (n, 4, 4); twists (n, 6) are translation (m) and rotatio
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,10 +67,26 @@ def exps(twists: Array) -> Array:
 
 def matrix_inverses(matrices: Array) -> Array:
     """The inverses of any square matrices (n, k, k); NaN of those that have none."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        regular = np.isfinite(matrices).all(axis=(1, 2)) & (np.linalg.det(matrices) != 0.0)
-    result = np.full_like(matrices, np.nan)
-    result[regular] = np.linalg.inv(matrices[regular])
+    return solutions(matrices, np.eye(matrices.shape[-1]))
+
+
+def solutions(matrices: Array, known: Array) -> Array:
+    """(n, k, m) the x of `matrices @ x = known`, for square matrices (n, k, k); NaN where there is none.
+
+    Args:
+        matrices: (n, k, k)
+        known: (n, k, m), or (k, m) for all of them.
+    """
+    known = np.broadcast_to(known, (len(matrices), *known.shape[-2:]))
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    try:
+        result = np.asarray(np.linalg.solve(matrices, known))
+    except np.linalg.LinAlgError:  # of one of them
+        result = np.full(known.shape, np.nan)
+        for place in np.flatnonzero(finite).tolist():
+            with contextlib.suppress(np.linalg.LinAlgError):
+                result[place] = np.linalg.solve(matrices[place], known[place])
+    result[~finite] = np.nan
     return result
 
 

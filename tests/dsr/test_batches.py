@@ -91,6 +91,9 @@ def test_singular_matrices_spoil_no_others_inverses() -> None:
     given[1, 2] = given[1, 0]
     given[1, :, 2] = 0.0
     given[2, 0, 0] = np.nan
-    found = batches.matrix_inverses(given)
+    found, known = batches.matrix_inverses(given), np.arange(12.0).reshape(4, 3, 1)
     assert np.isnan(found[1:3]).all()
     assert found[[0, 3]] == pytest.approx(np.linalg.inv(given[[0, 3]]))
+    solved = batches.solutions(given, known)
+    assert np.isnan(solved[1:3]).all()
+    assert given[[0, 3]] @ solved[[0, 3]] == pytest.approx(known[[0, 3]])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.scene_estimator.depth_plane import DepthPlanes, _pixels_within, fit_depth_planes
+from agents.scene_estimator.depth_plane import DepthPlanes, _inset, _pixels_within, fit_depth_planes
 from dsr.vocabulary.intrinsics import Intrinsics
 
 Depth = NDArray[np.float32]
@@ -66,6 +66,11 @@ def test_unknown_depths_are_left_out_and_most_must_be_known(depth: Depth, unknow
 def test_a_tag_partly_outside_the_image_counts_inside(depth: Depth) -> None:
     assert angle(fit(depth, CORNERS - (80.0, 0.0))) < 1e-4
     assert not fit(depth, CORNERS - (300.0, 0.0)).exist.any()
+
+
+@pytest.mark.parametrize("corners", [np.outer(range(4), (20.0, 15.0)), CORNERS[[0, 2, 1, 3]]])
+def test_corners_that_enclose_nothing_have_no_plane(depth: Depth, corners: NDArray[np.float64]) -> None:
+    assert not fit(depth, 20.0 + corners).exist.any()
 
 
 def test_too_few_pixels_are_no_plane(depth: Depth) -> None:
@@ -129,19 +134,21 @@ def test_large_tags_cost_no_precision(rng: np.random.Generator) -> None:
     assert planes.p[0] == pytest.approx([0.0, 0.0, 2.0], abs=5e-3)
 
 
-def test_pixels_whose_errors_are_alike_are_left_out_at_no_loss(rng: np.random.Generator) -> None:
-    """A quarter of the pixels tell as much, and the covariance tells how much that is."""
+@pytest.mark.parametrize("extent", [1.0, 0.5])
+def test_pixels_whose_errors_are_alike_are_left_out_at_no_loss(extent: float, rng: np.random.Generator) -> None:
+    """A quarter of the pixels tell as much, of a tag of 20 px too, and the covariance tells how much that is."""
+    corners = 80.0 + extent * (CORNERS[None] - 80.0)
     errors: list[list[float]] = [[], []]
     squares = []
     for _ in range(150):
         noise = cv2.blur(rng.normal(0.0, 8e-3, INVERSE.shape), (4, 4))
         pixels = (1.0 / (INVERSE + noise)).astype(np.float32)
         for number, correlation in enumerate((1.0, 4.0)):
-            planes = fit_depth_planes(CORNERS[None], pixels, LENS, noise_floor=FLOOR, correlation=correlation)
+            planes = fit_depth_planes(corners, pixels, LENS, noise_floor=FLOOR, correlation=correlation)
             errors[number].append(float(np.linalg.norm(planes.p[0] - P)))
         squares.append((planes.p[0] - P) @ np.linalg.solve(planes.covariance[0], planes.p[0] - P))
     dense, thinned = np.sqrt(np.mean(np.square(errors), axis=1))
     assert thinned < 1.1 * dense
     assert 2.0 < np.mean(squares) < 4.5  # three on average
-    counts = [len(_pixels_within(CORNERS[None], (120, 160), correlation)[0]) for correlation in (1.0, 4.0)]
+    counts = [_pixels_within(_inset(corners), (120, 160), correlation)[2][0] for correlation in (1.0, 4.0)]
     assert counts[1] < 0.3 * counts[0]

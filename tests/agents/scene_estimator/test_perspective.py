@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 from agents.scene_estimator.detection import Tag, tag_corners
+from agents.scene_estimator.perspective import square_poses
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
 from benchmarks.tag_camera import facing
 from dsr import Pose
@@ -78,3 +80,25 @@ def test_where_two_poses_fit_the_covariance_spans_both(rng: np.random.Generator)
 def test_corners_of_no_square_are_no_pose(corners: np.ndarray) -> None:
     pose = from_corners(Tag(1, corners, STD))
     assert pose is None or np.isfinite(covariance(pose)).all()
+
+
+def test_both_poses_are_those_of_opencv(rng: np.random.Generator) -> None:
+    truths = [facing(0.6, rng.uniform(0.0, 1.3), rng) for _ in range(200)]
+    rays = LENS.rays(np.array([seen(truth, 0.5, rng).corners for truth in truths]))
+    found = square_poses(rays, np.full(len(rays), SIDE))
+    for four, (one, other) in zip(rays, found, strict=True):
+        flat = np.ascontiguousarray(four[:, :2])
+        solved = cv2.solvePnPGeneric(tag_corners(SIDE), flat, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+        peers = [np.hstack([cv2.Rodrigues(turn)[0], shift]) for turn, shift in zip(*solved[1:3], strict=True)]
+        apart = [[np.abs(own[:3] - peer).max() for peer in peers] for own in (one, other)]
+        assert min(max(apart[0][0], apart[1][1]), max(apart[0][1], apart[1][0])) < 1e-5
+
+
+def test_what_is_no_square_before_the_camera_has_no_pose(rng: np.random.Generator) -> None:
+    """And hinders no other."""
+    rays = LENS.rays(np.array([seen(facing(0.3, 0.5, rng)).corners, *np.zeros((2, 4, 2))]))
+    rays[1, :, :2] = np.outer(range(4), (0.1, 0.2))
+    with np.errstate(all="raise"):
+        found = square_poses(rays, np.full(3, SIDE))
+    assert np.isfinite(found[0]).all()
+    assert np.isnan(found[1:]).all()

@@ -179,15 +179,16 @@ def test_a_start_that_leads_nowhere_hinders_no_other(
     def fits() -> list[list[TagFit]]:
         return possible_tag_poses(tags, depth, intrinsics, [0.04] * len(tags), NoiseModel())
 
-    every, starts = fits(), fitting._perspective_starts
+    every, solve = fits(), fitting._TagProblem.solve
     for kept in range(3):
         others = [number for number in range(3) if number != kept]
 
-        def one_start(rays: Array, sizes: Array, others: list[int] = others) -> Array:
-            found = starts(rays, sizes)
-            found[:, others] = np.nan
-            return found
+        def from_one(
+            problem: fitting._TagProblem, starts: Array, scales: Array, others: list[int] = others
+        ) -> fitting._Fits:
+            starts[:, others] = np.nan
+            return solve(problem, starts, scales)
 
-        monkeypatch.setattr(fitting, "_perspective_starts", one_start)
+        monkeypatch.setattr(fitting._TagProblem, "solve", from_one)
         for some, alone in zip(every, fits(), strict=True):
             assert not alone or min(fit.cost for fit in some) < min(fit.cost for fit in alone) + 1e-6

@@ -214,3 +214,11 @@ def test_noise_alone_is_no_change_and_one_edge_is(rng: np.random.Generator, shap
     if min(shape) > 4 * BLOCK:
         other[3 * BLOCK : 4 * BLOCK, 3 * BLOCK] = 200
         assert np.argwhere(changed_blocks(one, other)).tolist() == [[3, 3]]
+
+
+def test_boxes_that_blocks_reach_into_are_told_at_once(rng: np.random.Generator) -> None:
+    """Boxes partly or wholly outside as well."""
+    blocks = rng.random((12, 16)) < 0.05
+    low = rng.integers(-6, 18, (300, 2))
+    boxes = np.hstack([low, low + rng.integers(0, 6, (300, 2))])
+    assert search._reach(blocks, boxes).tolist() == [bool(search._part(blocks, box).any()) for box in boxes]
