@@ -42,7 +42,7 @@ class Seen:
     moving: bool
     """The newest percepts contradict each other: it is on its way."""
     age: float = 0.0
-    """s since the newest percept"""
+    """s for which cameras could have told of it and have not"""
     unflattened: Solid | None = None
     """The percept with its tilt, where that was taken out."""
     shows_stance: bool = True
@@ -91,7 +91,7 @@ def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
         turning=item.turning(),
         count=estimate.count,
         moving=item.track.moving,
-        age=now - item.track.last_stamp,
+        age=item.track.age(now),
         unflattened=percept,
         shows_stance=item.shows_stance,
     )
