@@ -13,6 +13,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.placement import Pairs
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.perception.percepts import Array
@@ -155,6 +156,8 @@ class Situation:
     """Predicts the objects that cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()
     """Seen by a camera that is known not to have moved."""
+    pairs: Pairs = field(default_factory=Pairs, compare=False)
+    """What was worked out of pairs of solids: most of them are in the same places in each hypothesis."""
 
     def chain_beneath(self, name: str) -> tuple[str, ...]:
         """Names of the unseen objects that carry an object, directly and indirectly; the nearest first."""

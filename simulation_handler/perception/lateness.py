@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from statistics import median
 
-from dsr.perception.scales import PRESENT, RECENT_PERCEPTS
+from dsr.perception.scales import CONFIRM_FRAMES, PRESENT, RECENT_PERCEPTS
 
 
 class Lateness:
@@ -29,9 +29,8 @@ class Lateness:
         for camera, stamp in self._heard.items():
             before = self._newest.get(camera)
             if before is not None and stamp > before:
-                ages = self._ages.setdefault(camera, deque([0.0] * RECENT_PERCEPTS, maxlen=RECENT_PERCEPTS))
-                ages.append(now - before)
+                self._ages.setdefault(camera, deque(maxlen=RECENT_PERCEPTS)).append(now - before)
             self._newest[camera] = stamp if before is None else max(stamp, before)
         self._heard.clear()
-        usual = {camera: median(ages) for camera, ages in self._ages.items()}
+        usual = {camera: median(ages) for camera, ages in self._ages.items() if len(ages) >= CONFIRM_FRAMES}
         return {camera: age - PRESENT for camera, age in usual.items() if age > PRESENT}
