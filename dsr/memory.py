@@ -392,7 +392,7 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
             return None
 
     def poses_since(self, src: str, dst: str, time: float, *, type: str = "RT") -> list[Pose]:
-        """The poses that an edge has had with later stamps than `time` s, the oldest first; of the last seconds alone."""
+        """The poses that an edge has had in the last seconds, of later stamps than `time` s; the oldest first."""
         return self._frames.since(type, src, dst, time)
 
     def belief(self, name: str) -> Whereabouts | None:

@@ -48,8 +48,8 @@ class PerceptReader:
     """Gives each percept once: the pose of an RT edge to a thing, as soon as the place of its camera then is known.
 
     A pose is new if its stamp is later than that of the last one given of the same edge. Who looks seldom gets those in
-    between, too, but for the oldest of very many. A pose of stamp 0 holds at all times: such is a percept of each look. What cannot be used is counted. It is tried again at the next look, unless it
-    is too old or too far away.
+    between, too, but for the oldest of very many. A pose of stamp 0 holds at all times: such is a percept of each look.
+    What cannot be used is counted. It is tried again at the next look, unless it is too old or too far away.
 
     Args:
         memory: the graph.

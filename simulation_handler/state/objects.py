@@ -142,8 +142,7 @@ class BelievedObject:
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     def note_lateness(self, late: Mapping[str, float]) -> None:
-        """Take note of the seconds by which cameras are late, by their names: one that is quicker counts if it saw more.
-        """
+        """Take note of the seconds by which cameras are late, by their names; of those that see it, the best counts."""
         told = max((stamp + late.get(camera, 0.0) for camera, stamp in self.seen_by.items()), default=-math.inf)
         self.track.late = max(told - self.track.last_stamp, 0.0) if told > -math.inf else 0.0
 
