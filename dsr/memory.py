@@ -391,6 +391,10 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
         except TransformError:
             return None
 
+    def poses_since(self, src: str, dst: str, time: float, *, type: str = "RT") -> list[Pose]:
+        """The poses that an edge has had in the last seconds, of later stamps than `time` s; the oldest first."""
+        return self._frames.since(type, src, dst, time)
+
     def belief(self, name: str) -> Whereabouts | None:
         """Where a thing may be: alternatives with weights, poses with covariance, or that it is gone; see `samples`.
 

@@ -34,6 +34,7 @@ from simulation_handler.motion.courses import Courses
 from simulation_handler.motion.driving import Driving
 from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
+from simulation_handler.perception.lateness import Lateness
 from simulation_handler.perception.percepts import SeenObject, WeighedPercept, flaws, weighed
 from simulation_handler.perception.tracking import Given, PerceptTrack
 from simulation_handler.physics.rollouts.scene import Placing, RolloutScene
@@ -82,6 +83,7 @@ class Belief:
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
         self._places: dict[str, tuple[Placing, Pose]] = {}
         """Where the body of each object was at the last step, and world_from_object then"""
+        self._lateness = Lateness()
         self._now: float | None = None
 
     def close(self) -> None:
@@ -186,6 +188,7 @@ class Belief:
             if flaw or sight.name not in self._bodies.objects:
                 problems[sight.name] = flaw or f"no object {sight.name!r} in the belief"
                 continue
+            self._lateness.hear(sight.camera, sight.stamp)
             if counts[sight.name] == len(turns):
                 turns.append([])
             turns[counts[sight.name]].append(sight)
@@ -279,6 +282,9 @@ class Belief:
 
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
+        late = self._lateness.update(now)
+        for item in self._bodies.objects.values():
+            item.note_lateness(late)
         self._touching.update(now)
         self._correction.leave_to_physics(now, self._let_go(now))
         touched = {name for _, name in self._touching.grasps}

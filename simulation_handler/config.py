@@ -83,7 +83,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     explain_patience: float = STEADY
     """s of evidence after which the best hypothesis is taken, however small its lead."""
     explain_budget: float = 0.5 * explain_patience
-    """s of wall time for one explanation, on worker processes: two fit into the patience."""
+    """s of wall time for the simulations of one explanation, on worker processes: two fit into the patience."""
     workers: int = 0
     """Processes that simulate hypotheses, live; 0 for none but the agent's own. In lockstep there are none."""
 

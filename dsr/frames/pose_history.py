@@ -87,6 +87,11 @@ class PoseHistory:
         else:
             del samples[: bisect_left(samples, horizon, max(0, len(samples) - self._most), key=_stamp_of)]
 
+    def since(self, time: float) -> list[Pose]:
+        """The samples of later stamps than `time` s, the oldest first."""
+        samples = self._samples[:]
+        return samples[bisect_right(samples, time, key=_stamp_of) :]
+
     def at(self, time: float, hold: float) -> Pose | None:
         """The pose at `time` s, interpolated between samples; None where it is not known.
 

@@ -107,6 +107,12 @@ class FrameTree:
         else:
             self._choose_newest(type, child, parent)
 
+    def since(self, type: str, parent: str, child: str, time: float) -> list[Pose]:
+        """The kept samples of an edge with later stamps than `time` s, the oldest first."""
+        histories = self._histories.get((type, child))
+        history = None if histories is None else histories.get(parent)
+        return [] if history is None else history.since(time)
+
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""
         if self._owned is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from copy import copy
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.reach import FARTHEST
+from dsr.perception.scales import RECENT_PERCEPTS
 from dsr.vocabulary.perceived import MOST_AHEAD
 
 
@@ -46,9 +47,9 @@ class Percept(NamedTuple):
 class PerceptReader:
     """Gives each percept once: the pose of an RT edge to a thing, as soon as the place of its camera then is known.
 
-    A pose is new if its stamp is later than that of the last one given of the same edge. A pose of stamp 0 holds at all
-    times: such is a percept of each look. What cannot be used is counted. It is tried again at the next look, unless it
-    is too old or too far away.
+    A pose is new if its stamp is later than that of the last one given of the same edge. Who looks seldom gets those in
+    between, too, but for the oldest of very many. A pose of stamp 0 holds at all times: such is a percept of each look.
+    What cannot be used is counted. It is tried again at the next look, unless it is too old or too far away.
 
     Args:
         memory: the graph.
@@ -67,7 +68,7 @@ class PerceptReader:
         """Why, in the last look, by the name of the thing."""
 
     def new(self, now: float, names: Collection[str], cameras: Collection[str] | None = None) -> list[Percept]:
-        """Return the percepts that were not returned before, sorted by the name of the thing.
+        """Return the percepts that were not returned before, sorted by the name of the thing, and then by their stamps.
 
         Args:
             now: s, the time of the look.
@@ -80,17 +81,32 @@ class PerceptReader:
         self._given = {key: stamp for key, stamp in self._given.items() if edge_of(*key, "RT") is not None}
         found = []
         for name in sorted(names):
+            of_thing: list[Percept] = []
             for edge in self._memory.edges("RT", dst=name):
-                pose = edge.get("pose")
-                if pose is None or (cameras is not None and edge.src not in cameras):
-                    continue
-                stamp = pose.stamp or (now if self._timeless else -math.inf)
-                if stamp > self._given.get((edge.src, name), -math.inf):
-                    percept = self._percept(edge, pose, stamp, now, places)
-                    if percept is not None:
-                        self._given[edge.src, name] = stamp
-                        found.append(percept)
+                if cameras is None or edge.src in cameras:
+                    of_thing += self._new_of(edge, now, places)
+            found += sorted(of_thing, key=lambda percept: percept.stamp)
         return found
+
+    def _new_of(self, edge: Edge, now: float, places: _CameraPlaces) -> Iterator[Percept]:
+        """The percepts of an edge that were not given before, the oldest first."""
+        for pose in self._poses(edge):
+            stamp = pose.stamp or (now if self._timeless else -math.inf)
+            if stamp > self._given.get((edge.src, edge.dst), -math.inf):
+                percept = self._percept(edge, pose, stamp, now, places)
+                if percept is not None:
+                    self._given[edge.src, edge.dst] = stamp
+                    yield percept
+
+    def _poses(self, edge: Edge) -> list[Pose]:
+        """The newest pose, and before it those since the last one that was given."""
+        newest, given = edge.get("pose"), self._given.get((edge.src, edge.dst))
+        if newest is None:
+            return []
+        if given is None or newest.stamp <= given:
+            return [newest]
+        between = self._memory.poses_since(edge.src, edge.dst, given)
+        return [*(pose for pose in between if pose.stamp < newest.stamp), newest][-RECENT_PERCEPTS:]
 
     def _percept(self, edge: Edge, pose: Pose, stamp: float, now: float, places: _CameraPlaces) -> Percept | None:
         """None if it cannot be used, or not yet."""

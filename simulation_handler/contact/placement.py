@@ -23,7 +23,8 @@ _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not 
 _ASKEW = 0.003  # rad, from which something leans; the floor of a container seems to be beside what lies on it then
 _SWEEPS = 25  # count of passes over all pairs: piles of ten have come apart by then
 
-_Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side
+_Parts = list[tuple[int, int]]  # which parts of two solids are side by side
+_Pair = tuple[str, str, _Parts]  # two names, and which parts of the two are side by side
 
 
 @dataclass(frozen=True)
@@ -169,8 +170,37 @@ def covariance_given_height(covariance: Array) -> Array:
     return rest
 
 
+class Pairs:
+    """What was worked out of pairs of solids, for as long as the same solids are asked about again and again."""
+
+    def __init__(self) -> None:
+        self._parts: dict[tuple[int, int], tuple[Solid, Solid, _Parts]] = {}
+        self._overlaps: dict[tuple[int, int], tuple[Solid, Solid, tuple[float, Point]]] = {}
+
+    def side_by_side(self, a: Solid, b: Solid) -> _Parts:
+        """Which parts of two solids share a height, so that they are or could be in each other's way."""
+        known = self._parts.get((id(a), id(b)))
+        if known is None:
+            parts = _side_by_side_parts(a, b)
+            is_upright = not parts or max(a.face_down()[1], b.face_down()[1]) <= _ASKEW
+            known = self._parts[id(a), id(b)] = a, b, parts if is_upright else []
+        return known[2]
+
+    def overlap(self, a: Solid, b: Solid, parts: _Parts) -> tuple[float, Point]:
+        """How deep (m) the parts overlap that do so most, and in which direction `a` gets out; 0 if none do."""
+        known = self._overlaps.get((id(a), id(b)))
+        if known is None:
+            outlines = ((a.parts[i].footprint, b.parts[j].footprint) for i, j in parts)
+            overlaps = [overlap(*both) for both in outlines if not are_apart(*both)]
+            known = self._overlaps[id(a), id(b)] = a, b, max(overlaps, default=(0.0, (0.0, 0.0)))
+        return known[2]
+
+
 def separate(
-    solids: Sequence[Solid], weights: Mapping[str, float], around: Collection[str] | None = None
+    solids: Sequence[Solid],
+    weights: Mapping[str, float],
+    around: Collection[str] | None = None,
+    known: Pairs | None = None,
 ) -> dict[str, Vector3]:
     """Push overlapping solids apart sideways, and return the new positions of the solids that had to give way.
 
@@ -178,7 +208,9 @@ def separate(
         solids: at their desired poses.
         weights: how easily each gives way, by name, relative to the others; 0 for never.
         around: names of those that may overlap with others, or push them into others; None if all may.
+        known: what was worked out of some of the same solids before.
     """
+    known = known or Pairs()
     placed, order = {solid.name: solid for solid in solids}, {solid.name: k for k, solid in enumerate(solids)}
     pairs: dict[tuple[int, int], _Pair] = {}
     left, moved = list(solids), set[str]()
@@ -186,9 +218,9 @@ def separate(
     for _ in range(_SWEEPS):
         for solid in [solid for solid in left if solid.name in reached]:
             left.remove(solid)
-            for pair in _neighbours(solid, left, weights, order):
+            for pair in _neighbours(solid, left, weights, order, known):
                 pairs[order[pair[0]], order[pair[1]]] = pair
-        pushed = [pairs[key] for key in sorted(pairs) if _push_apart(placed, pairs[key], weights)]
+        pushed = [pairs[key] for key in sorted(pairs) if _push_apart(placed, pairs[key], weights, known)]
         if not pushed:
             break
         reached = {name for a, b, _ in pushed for name in (a, b)}
@@ -197,14 +229,14 @@ def separate(
 
 
 def _neighbours(
-    solid: Solid, others: Iterable[Solid], weights: Mapping[str, float], order: Mapping[str, int]
+    solid: Solid, others: Iterable[Solid], weights: Mapping[str, float], order: Mapping[str, int], known: Pairs
 ) -> Iterator[_Pair]:
     """Pairs with a solid of which parts share a height and are, or could soon be, in each other's way; in `order`."""
     for other in near(solid, others):
-        a, b = sorted((solid, other), key=lambda one: order[one.name])
+        a, b = (solid, other) if order[solid.name] < order[other.name] else (other, solid)
         if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) <= 0.0:
             continue
-        if (parts := _side_by_side_parts(a, b)) and max(a.face_down()[1], b.face_down()[1]) <= _ASKEW:
+        if parts := known.side_by_side(a, b):
             yield a.name, b.name, parts
 
 
@@ -233,12 +265,10 @@ def are_side_by_side(a: Solid, b: Solid) -> bool:
     return common > _SIDE_BY_SIDE * 2.0 * min(a.half_height, b.half_height)
 
 
-def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float]) -> bool:
+def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float], known: Pairs) -> bool:
     """Move the two so that the parts that overlap most do not; false if none did."""
     a, b = placed[pair[0]], placed[pair[1]]
-    outlines = ((a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
-    overlaps = [overlap(*both) for both in outlines if not are_apart(*both)]
-    depth, (x, y) = max(overlaps, default=(0.0, (0.0, 0.0)))
+    depth, (x, y) = known.overlap(a, b, pair[2])
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))

@@ -66,7 +66,7 @@ class ByHypotheses:
     def __init__(self, pool: Pool, clock: Clock) -> None:
         self._pool = pool
         self._clock = clock
-        self._deadline = math.inf
+        self._deadline: float | None = None  # s, of what is simulated with workers
         self._is_complete = True  # whether all was simulated that had to be
         self._last: Hypothesis | None = None
 
@@ -77,8 +77,7 @@ class ByHypotheses:
     def explain(self, situation: Situation) -> Explanation | None:
         """The best hypothesis, if it leads clearly or waiting will not help."""
         self._pool.start()
-        self._deadline = self._clock.monotonic() + situation.config.explain_budget
-        self._is_complete = True
+        self._deadline, self._is_complete = None, True
         first = self._last if self._last and self._fits(self._last, situation) else None
         found = search(situation, self._simulate, situation.config.most_rollouts, first)
         ranking = with_typical_fall(with_least_change(situation, found))
@@ -161,7 +160,10 @@ class ByHypotheses:
 
     def _simulate(self, situation: Situation, drafts: Sequence[Draft]) -> list[Mapping[str, Solid] | None]:
         scenes = [scene_of(situation, drafted) for drafted in drafts]
-        left = max(self._deadline - self._clock.monotonic(), 0.0) if self._pool.pids else None
+        left, now = None, self._clock.monotonic()
+        if self._pool.pids:  # the first of an explanation have all of the budget, however long it took to draft them
+            self._deadline = now + situation.config.explain_budget if self._deadline is None else self._deadline
+            left = max(self._deadline - now, 0.0)
         outcomes = self._pool.run(scenes, situation.config.rollout_seconds, left)
         self._is_complete = self._is_complete and None not in outcomes
         return [

@@ -103,7 +103,7 @@ def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, 
             return frozenset()
         tried.add(agreeing)
         rotation, shift = _motion(situation, sorted(agreeing))
-        agreeing = frozenset(n for n in names if _misfit(situation, n, rotation, shift) < nats.SURPRISING)
+        agreeing = frozenset(n for n in names if _agrees(situation, n, rotation, shift))
     return agreeing
 
 
@@ -134,18 +134,22 @@ def _tells_rotation(situation: Situation, name: str) -> bool:
 
 def _may_agree(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:
     """Whether an object is about where a motion that was guessed from a single object would have it."""
-    if _misfit(situation, name, rotation, shift) < nats.SURPRISING:
-        return True
     shown, believed = situation.seen[name].shown, situation.believed[name]
     position, turned = _moved(shown, rotation, shift)
-    if math.dist(position, believed.position) > _NEARLY:
+    if math.dist(position, believed.position) <= _NEARLY:
+        turn = quaternions.to_rotvec(quaternions.product(turned, quaternions.conjugate(believed.rotation)))
+        if math.hypot(*turn) < _TURNED or not _tells_rotation(situation, name):
+            return True
+    return _agrees(situation, name, rotation, shift)
+
+
+def _agrees(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:
+    """Whether an object is where a motion would have it, but for noise."""
+    seen, believed = situation.seen[name], situation.believed[name]
+    apart = math.dist(_moved(seen.shown, rotation, shift)[0], believed.position)
+    if 0.5 * apart**2 >= nats.SURPRISING * seen.covariance.trace():  # no direction is less certain than all together
         return False
-    turn = quaternions.to_rotvec(quaternions.product(turned, quaternions.conjugate(believed.rotation)))
-    return not _tells_rotation(situation, name) or math.hypot(*turn) < _TURNED
-
-
-def _misfit(situation: Situation, name: str, rotation: Array, shift: Array) -> float:
-    return _carried(situation.seen[name], situation, rotation, shift).misfit(situation.believed[name])
+    return _carried(seen, situation, rotation, shift).misfit(believed) < nats.SURPRISING
 
 
 def _carried(seen: Seen, situation: Situation, rotation: Array, shift: Array) -> Seen:

@@ -47,19 +47,20 @@ class Discrepancies:
         self._expected_since = {name: since.get(name, now) for name in sorted(self._expected_by)}
 
     def missing_for(self, now: float) -> dict[str, float]:
-        """Time (s) for which each object that should be seen has been missing."""
+        """Time (s) for which each object that should be seen has been missing, as far as cameras have told."""
         objects = self._bodies.objects
         return {
-            name: now - max(since, objects[name].track.last_stamp)
+            name: told - max(since, objects[name].track.last_stamp)
             for name, since in self._expected_since.items()
-            if name in objects and objects[name].estimate_at(now) is None and now > since
+            if name in objects and objects[name].estimate_at(now) is None
+            if (told := now - objects[name].track.late) > since
         }
 
     def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
         """Objects that only some of these cameras see or, if none does, should see."""
         if not cameras:
             return frozenset()
-        by = {name: item.cameras_at(now) for name, item in self._bodies.objects.items()}
+        by = {name: item.cameras_at(now - item.track.late) for name, item in self._bodies.objects.items()}
         by = {name: seeing or frozenset(self._expected_by.get(name, ())) for name, seeing in by.items()}
         return frozenset(name for name, telling in by.items() if telling and telling <= cameras)
 

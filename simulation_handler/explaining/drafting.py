@@ -152,7 +152,7 @@ def _separated(
 ) -> dict[str, Solid]:
     """Overlapping neighbours pushed apart; the unseen gives way to the seen, the moved to what stays."""
     softness = {name: _softness(situation, name, name in moved) for name in solids if name not in held}
-    apart = separate([*situation.fixtures.values(), *solids.values()], softness)
+    apart = separate([*situation.fixtures.values(), *solids.values()], softness, known=situation.pairs)
     return {name: solid.moved(apart[name]) if name in apart else solid for name, solid in solids.items()}
 
 

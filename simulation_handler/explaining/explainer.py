@@ -109,7 +109,7 @@ class Explainer:
     def sure(self, now: float) -> frozenset[str]:
         """Objects that a camera sees that is known not to have moved."""
         items, standing = self._bodies.objects.items(), self.cameras_standing
-        return frozenset(name for name, item in items if standing and item.cameras_at(now) & standing)
+        return frozenset(name for name, item in items if standing and item.cameras_at(now - item.track.late) & standing)
 
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
@@ -118,7 +118,7 @@ class Explainer:
         if self.waiting or self.missing(now):
             self._policy.prepare()
         for name, item in self._bodies.objects.items():
-            is_seen = now - item.track.last_stamp < PRESENT and item.track.estimate is not None
+            is_seen = item.track.age(now) < PRESENT and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
                 item.confirmed = self._bodies.solid(name)
 

@@ -13,6 +13,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.placement import Pairs
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.perception.percepts import Array
@@ -42,7 +43,7 @@ class Seen:
     moving: bool
     """The newest percepts contradict each other: it is on its way."""
     age: float = 0.0
-    """s since the newest percept"""
+    """s for which cameras could have told of it and have not"""
     unflattened: Solid | None = None
     """The percept with its tilt, where that was taken out."""
     shows_stance: bool = True
@@ -91,7 +92,7 @@ def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
         turning=item.turning(),
         count=estimate.count,
         moving=item.track.moving,
-        age=now - item.track.last_stamp,
+        age=item.track.age(now),
         unflattened=percept,
         shows_stance=item.shows_stance,
     )
@@ -155,6 +156,8 @@ class Situation:
     """Predicts the objects that cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()
     """Seen by a camera that is known not to have moved."""
+    pairs: Pairs = field(default_factory=Pairs, compare=False)
+    """What was worked out of pairs of solids: most of them are in the same places in each hypothesis."""
 
     def chain_beneath(self, name: str) -> tuple[str, ...]:
         """Names of the unseen objects that carry an object, directly and indirectly; the nearest first."""

@@ -52,6 +52,8 @@ class PerceptTrack:
         """s, of the first percept after the last gap"""
         self.last_stamp = -math.inf
         """s, of the newest percept."""
+        self.late = 0.0
+        """s by which the cameras that see it are late: what they saw so long ago is the newest that they can tell"""
         self.moving = False
         """The newest percepts contradict each other: it is on its way."""
         self.changed = False
@@ -82,7 +84,7 @@ class PerceptTrack:
         """Take note of a percept, if it is newer than the last."""
         if percept.stamp <= self.last_stamp:
             return False
-        if not self.is_fresh(percept.stamp):
+        if not self.is_recent(self.last_stamp, percept.stamp):
             self._since = percept.stamp
         self.last_stamp = percept.stamp
         self._newest.append(percept)
@@ -146,8 +148,12 @@ class PerceptTrack:
         self._recent.clear()
 
     def is_fresh(self, now: float) -> bool:
-        """Whether the object was seen lately."""
-        return self.is_recent(self.last_stamp, now)
+        """Whether the object was seen lately, as far as its cameras have told by time `now` (s)."""
+        return self.age(now) <= self._config.perceived_max_age
+
+    def age(self, now: float) -> float:
+        """Seconds for which cameras have told nothing of the object at time `now` (s), though they could have."""
+        return now - self.last_stamp - self.late
 
     def is_recent(self, stamp: float, now: float) -> bool:
         """Whether a percept of time `stamp` (s) still counts at time `now`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -140,6 +140,11 @@ class BelievedObject:
         self.shows_tilt = turn[0][0] + turn[1][1] < _SURE_OF_TILT
         rotation = percept.rotation if self.shows_stance else self.turned_by_hand or self.stance or percept.rotation
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
+
+    def note_lateness(self, late: Mapping[str, float]) -> None:
+        """Take note of the seconds by which cameras are late, by their names; of those that see it, the best counts."""
+        told = max((stamp + late.get(camera, 0.0) for camera, stamp in self.seen_by.items()), default=-math.inf)
+        self.track.late = max(told - self.track.last_stamp, 0.0) if told > -math.inf else 0.0
 
     def recall_seen(self, world_pose: Pose, stamp: float, camera: str) -> None:
         """Know where and when (s) a camera last saw it on its way; for where it is now that counts no more."""

@@ -97,13 +97,15 @@ class ObjectEvidence:
     otherwise: tuple[OtherStance, ...] = ()
     """How it may rest instead of as `believed`, if its percepts do not tell"""
 
+    late: float = 0.0
+    """s by which the cameras that see it are late"""
     courses: tuple[SupportedPose, ...] = ()
     """Where it is by each course on which it may be, if it vanished on its way; each is as probable"""
 
     @property
     def seen_at(self) -> float:
-        """Stamp (s) of the newest percept; -inf if there is none."""
-        return -np.inf if self.percept is None else self.percept.stamp
+        """s, when it was seen last, as far as cameras have told; -inf if it never was."""
+        return -np.inf if self.percept is None else self.percept.stamp + self.late
 
     @property
     def container(self) -> str:
@@ -251,6 +253,7 @@ class EvidenceReader:
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
+            late=item.track.late,
             courses=self._courses(name),
             constant=item.constant_errors(self._constant),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),

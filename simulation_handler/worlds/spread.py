@@ -139,6 +139,8 @@ def _rotations(poses: Sequence[Pose]) -> Array:
 def scaled(pose: Pose, factor: float) -> Pose:
     """The pose with all standard deviations times `factor`."""
     assert pose.cov is not None
+    if factor == 1.0:
+        return pose
     return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
 
 

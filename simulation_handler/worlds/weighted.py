@@ -140,11 +140,12 @@ class WeightedWorlds:
         self._blackouts = Blackouts(parameters.rates.work)
         self._returned: dict[str, tuple[_Places, _Places]] = {}
         self._ratios: dict[str, float] = {}
+        self._poses: dict[str, Pose] | None = None
 
     def update(self, evidence: Evidence, names: Collection[str] | None = None) -> None:
         """Take in the evidence of a moment that is not before the last one, of the objects `names`, or of all."""
         self._note_returned(evidence)
-        before, self._evidence = self._evidence, evidence
+        before, self._evidence, self._poses = self._evidence, evidence, None
         self._watched = {name: self._watched.get(name, _Watched()) for name in evidence.objects}
         if self._blackouts.begins(evidence):
             self._returned.clear()
@@ -281,14 +282,15 @@ class WeightedWorlds:
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object as the simulation has it, with the covariance of its circumstance; None if unknown."""
-        followed = self.followed(name) if name in self._watched else None
-        if followed is None:
-            return None
-        noise = self._parameters.noise[followed.circumstance]
-        return _spread(followed, noise)
+        return self.poses().get(name)
 
     def poses(self) -> dict[str, Pose]:
         """As `pose`, of all objects at once; those of which nothing is known are left out."""
+        if self._poses is None:
+            self._poses = self._all_poses()
+        return self._poses
+
+    def _all_poses(self) -> dict[str, Pose]:
         groups: dict[str, list[tuple[str, Followed]]] = {}
         for name in self._watched:
             if (followed := self.followed(name)) is not None:
@@ -310,7 +312,7 @@ class WeightedWorlds:
         if followed is None:
             return []
         noise = self._parameters.noise[followed.circumstance]
-        placed = _spread(followed, noise)
+        placed = self.poses()[name]
         x, y, z = followed.velocity.tolist()
         alternatives = self._watched[name].alternatives
         supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
@@ -394,13 +396,6 @@ class WeightedWorlds:
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         containers = (mode.container,) if mode.container else ()
         return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
-
-
-def _spread(followed: Followed, noise: PlaceNoise) -> Pose:
-    """The pose with the covariance of its circumstance."""
-    return with_spread(
-        followed.pose, noise, followed.age, followed.moved, followed.velocity, followed.reach, followed.constant
-    )
 
 
 def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsr.math3d.polygons import overlap
+from dsr.math3d.polygons import Polygon, are_apart, overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.contact.placement import find_support, place, separate
+from simulation_handler.contact import placement
+from simulation_handler.contact.placement import Pairs, find_support, place, separate
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, ROUND, WALL, container
 
@@ -143,3 +144,22 @@ def test_what_lies_a_little_in_the_floor_of_a_box_is_not_pushed_out_beneath_its_
     assert separate([box, ball], {"box": 1.0, "ball": 1.0}) == {}
     through = ball.moved((0.07, 0.0, ball.position[2]))
     assert separate([box, through], {"ball": 1.0})["ball"][0] < 0.5 * size[0] - WALL - 0.5 * BALL[0] + 0.001
+
+
+def test_of_pairs_of_the_same_solids_nothing_is_worked_out_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def counted(a: Polygon, b: Polygon) -> bool:
+        asked.append(a)
+        return are_apart(a, b)
+
+    monkeypatch.setattr(placement, "are_apart", counted)
+    solids = [cube(str(k), 0.05 * (k % 5), 0.05 * (k // 5)) for k in range(25)]
+    weights, known = dict.fromkeys(map(str, range(25)), 1.0), Pairs()
+    assert separate(solids, weights, known=known) == {}
+    first = len(asked)
+    moved = [*solids[:-1], solids[-1].moved((0.18, 0.2, 0.02))]
+    pushed = separate(moved, weights, known=known)
+    again = len(asked) - first
+    assert pushed.keys() == {"23", "24"} and pushed == separate(moved, weights)
+    assert again < 0.5 * first, "only pairs with what has moved"

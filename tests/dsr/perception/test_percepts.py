@@ -10,6 +10,7 @@ from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
+from dsr.perception.scales import RECENT_PERCEPTS
 from dsr.vocabulary.perceived import MOST_AHEAD
 
 
@@ -133,3 +134,35 @@ def test_that_nobody_knows_where_a_camera_was_is_told_once(asked: list[object]) 
     assert percepts.new(10.05, set(SIX)) == []
     assert percepts.skipped == {"camera's place not known then": len(SIX)}
     assert len(asked) == 1
+
+
+def test_who_looks_seldom_gets_the_percepts_in_between_in_the_order_of_their_stamps(scene: SurpriseScene) -> None:
+    scene.memory.add_node("other", "camera")
+    scene.memory.add_edge("world", "other", "RT", pose=Pose((0.35, 0.0, 0.65)))
+    percepts = PerceptReader(scene.memory)
+    see(scene, 10.0)
+    see(scene, 10.05, "other")
+    assert [percept.stamp for percept in percepts.new(10.1, {"cube_0"})] == [10.0, 10.05]
+    for stamp in (10.1, 10.2, 10.3):
+        see(scene, stamp)
+        see(scene, stamp + 0.05, "other")
+    found = percepts.new(10.4, {"cube_0"})
+    assert [percept.stamp for percept in found] == pytest.approx([10.1, 10.15, 10.2, 10.25, 10.3, 10.35])
+    assert [percept.camera for percept in found] == [CAMERA, "other"] * 3
+    assert percepts.new(10.5, {"cube_0"}) == []
+
+
+def test_of_what_was_seen_before_the_first_look_the_newest_is_given(scene: SurpriseScene) -> None:
+    for stamp in (10.0, 10.1, 10.2):
+        see(scene, stamp)
+    assert [percept.stamp for percept in PerceptReader(scene.memory).new(10.3, {"cube_0"})] == [10.2]
+
+
+def test_of_very_many_percepts_the_newest_are_given(scene: SurpriseScene) -> None:
+    percepts = PerceptReader(scene.memory)
+    see(scene, 10.0)
+    percepts.new(10.0, {"cube_0"})
+    for count in range(1, 101):
+        see(scene, 10.0 + 0.001 * count)
+    found = [percept.stamp for percept in percepts.new(10.2, {"cube_0"})]
+    assert len(found) == RECENT_PERCEPTS and found[-1] == pytest.approx(10.1)
