@@ -171,6 +171,8 @@ _SHOWN = 100
 """Characters of a long text that an error shows around the place."""
 _MOST_COMPARED = 500
 """Names that are worth a search for the closest: with 10000, an error would cost 0.1 s."""
+_LONGER = 3
+"""Times the length of the longest valid name, from which a name is a misspelling of none: too little of it is alike."""
 _NUMBER = re.compile(r"[0-9]+")
 
 
@@ -180,7 +182,7 @@ def closest(name: str, valid: Iterable[str]) -> str:
     A number is no misspelling of another number: `cube_99` is not `cube_9`, nor are `cube_3` and `cube_4` alike.
     """
     names = sorted(valid)
-    if len(names) > _MOST_COMPARED:
+    if len(names) > _MOST_COMPARED or len(name) > _LONGER * max(map(len, names), default=0):
         return ""
     numbers, wording = _numbers(name), _wording(name)
     alike = [other for other in names if _wording(other) == wording]  # only the numbers may be wrong

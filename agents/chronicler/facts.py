@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import is_name
 from dsr.memory import Memory
 from dsr.timeline import ACTION, FORBIDDEN, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
 from dsr.vocabulary.halting import HALT_NODE, order_of
@@ -110,9 +111,9 @@ def _doings(memory: Memory, now: float) -> Iterator[ChronicledFact]:
 
 
 def participants_of(node: Node) -> tuple[str, ...]:
-    """An intention or an action, and what an action is about."""
-    about = (str(node.get(name, "")) for name in ("target", "destination"))
-    return (node.name, *(name for name in about if name))
+    """An intention or an action, and what an action is about; a text that names nothing is left out."""
+    about = (node.get(name) for name in ("target", "destination"))
+    return (node.name, *(name for name in about if is_name(name)))
 
 
 def task_of(node: Node) -> str:

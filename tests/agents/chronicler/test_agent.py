@@ -10,6 +10,7 @@ import pytest
 from agents.chronicler import Chronicler
 from dsr import ConfigError
 from dsr.agent import Access, Agent
+from dsr.graph.schema import MAX_LENGTH
 from dsr.network.keys import agent_of
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
@@ -322,3 +323,17 @@ def test_what_is_over_goes_into_summaries_by_the_one_that_keeps_the_timeline() -
         told = [item for stored in summaries for item in stored.summary.items if item.kind == "on"]
         assert [item.participants for item in told] == [entry.participants] == [("a", "table")]
         assert told[0].begin == pytest.approx(stage.start - 2.0, abs=0.06)
+
+
+def test_a_text_of_the_greatest_length_keeps_nothing_from_being_told(stage: Stage) -> None:
+    """What is told of it is longer than what it is made of."""
+    memory, longest = stage.memory, "x" * MAX_LENGTH
+    memory.add_node("a", "cube", surprising=True, surprise=longest)
+    memory.add_edge("a", "table", "on", source=longest)
+    memory.add_node("intention_0", "intention", goal=longest, status=longest, explanation=longest)
+    memory.add_node("action_0", "action", skill="pick", target=longest, destination="table", status="running")
+    stage.run(2.0)
+    told = query(memory)
+    assert {entry.kind for entry in told} >= {"on", "surprising", "intention", "action", "present"}
+    assert {entry.participants for entry in stage.entries("action")} == {("action_0", "table")}
+    assert max(len(entry.text) for entry in told) == MAX_LENGTH
