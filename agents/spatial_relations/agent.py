@@ -34,7 +34,6 @@ from dsr.spatial.scene import check_no_view
 from dsr.timeline.entries import split_names
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS, nodes_by_name
 
-
 _MOST_WISHES = 64
 """Requests that are answered at a time, as many of each agent as of the others: whoever asks could ask any number."""
 _MOST_NAMES = 256
