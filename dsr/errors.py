@@ -34,6 +34,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from heapq import nsmallest
 
 
 class DsrError(Exception):
@@ -194,12 +195,18 @@ def closest(name: str, valid: Iterable[str]) -> str:
 
 
 def suggest(name: str, valid: Iterable[str], most: int = 12) -> str:
-    """End of an error message: the closest valid name, or the valid ones (at most `most`), first those alike."""
-    wording = _wording(name)
-    names = sorted(valid, key=lambda other: (_wording(other) != wording, other))
-    if found := closest(name, names):
+    """End of an error message: the closest valid name, or the valid ones (at most `most`), first those alike.
+
+    Of very many names, the first ones are listed.
+    """
+    names, wording = list(valid), _wording(name)
+    if len(names) > _MOST_COMPARED:
+        shown = nsmallest(most, names)
+    elif found := closest(name, names):
         return f"did you mean {found!r}?"
-    listed = ", ".join(names[:most])
+    else:
+        shown = nsmallest(most, names, key=lambda other: (_wording(other) != wording, other))
+    listed = ", ".join(shown)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"valid: {listed}{more}" if names else "none is known"
 

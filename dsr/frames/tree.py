@@ -37,6 +37,14 @@ _Steps = list[tuple[str, Link]]
 """The part of a chain that a transform is made of."""
 
 
+class _ApartError(Exception):
+    """The ways up from two frames do not meet."""
+
+    def __init__(self, up: Path, down: Path) -> None:
+        super().__init__()
+        self.up, self.down = up, down
+
+
 class FrameFork(Protocol):
     """A tree that began as another one and still reads from it."""
 
@@ -219,6 +227,19 @@ class FrameTree:
             ExtrapolationError: if an edge on the way is not known at that time.
             CycleError: if they do not meet because edges form a cycle.
         """
+        try:
+            return self._transform(target, source, at, types)
+        except _ApartError as apart:
+            raise self._no_path(apart.up, apart.down, types) from None
+
+    def find(self, target: str, source: str, at: float | None = None, types: Types = ("RT",)) -> Pose | None:
+        """As `transform`; None where that raises, at the cost of the way alone: to say why looks at all frames."""
+        try:
+            return self._transform(target, source, at, types)
+        except (_ApartError, TransformError):
+            return None
+
+    def _transform(self, target: str, source: str, at: float | None, types: Types) -> Pose:
         if at is not None:
             up, down = self._path(target, source, types, lambda frame: self._link_at(frame, at, types))
             return self._product(up, down, at).with_stamp(at)
@@ -305,7 +326,7 @@ class FrameTree:
         down = climb(target, find, until=up)
         meeting = next(reversed(down))
         if meeting not in up:
-            raise self._no_path(up, down, types)
+            raise _ApartError(up, down)
         return _steps_below(meeting, up), _steps_below(meeting, down)
 
     def _product(self, up: _Steps, down: _Steps, at: float | None) -> Pose:
@@ -353,9 +374,9 @@ class FrameTree:
         if first != last:
             return f"the chain of {first!r} ends at {last!r}"
         histories = self._histories.copy()
-        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by.copy()}
-        if first in frames:
+        if any(first == child for _, child in histories) or any(first in by for by in histories.values()):
             return f"{first!r} has no such edge to a parent"
+        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by.copy()}
         return f"no geometric edge touches {first!r} ({suggest(first, frames)})"
 
 
