@@ -13,7 +13,7 @@ from typing import Protocol
 
 from dsr.errors import CycleError, ExtrapolationError, NoPathError, TransformError, suggest
 from dsr.frames.frame_batch import Batch
-from dsr.frames.frame_chain import Chain, Dependency, Find, Link, Links, Newest, Path, climb
+from dsr.frames.frame_chain import MOST_STEPS, Chain, Dependency, Find, Link, Links, Newest, Path, climb
 from dsr.frames.parents import Parents
 from dsr.frames.pose_history import PoseHistory
 from dsr.math3d.transforms import Array, Pose
@@ -325,9 +325,10 @@ class FrameTree:
         up = climb(source, find, until=(target,))
         down = climb(target, find, until=up)
         meeting = next(reversed(down))
-        if meeting not in up:
+        steps = (_steps_below(meeting, up), _steps_below(meeting, down)) if meeting in up else None
+        if steps is None or len(steps[0]) + len(steps[1]) > MOST_STEPS:
             raise _ApartError(up, down)
-        return _steps_below(meeting, up), _steps_below(meeting, down)
+        return steps
 
     def _product(self, up: _Steps, down: _Steps, at: float | None) -> Pose:
         """target_from_source of the steps from the source and from the target to where they meet."""
@@ -360,6 +361,8 @@ class FrameTree:
     def _no_path(self, up: Path, down: Path, types: Types) -> TransformError:
         source, target = next(iter(up)), next(iter(down))
         problem = f"no path from {source!r} to {target!r} over {' or '.join(types)} edges"
+        if len(up) + len(down) > MOST_STEPS:
+            return NoPathError(f"{problem}: more than {MOST_STEPS} edges are above them, or between them")
         for chain in (up, down):
             link = chain[next(reversed(chain))]
             if link is not None:
