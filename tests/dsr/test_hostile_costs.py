@@ -91,7 +91,7 @@ def test_who_hangs_a_camera_from_thousands_of_frames_makes_no_look_long() -> Non
     for number in range(5000):
         tree.update("RT", f"f{number + 1}", f"f{number}", Pose((1.0, 0.0, 0.0)))
     looks = count()
-    found = frame_chain.climb("f0", lambda frame: next(looks) >= 0 and tree.link("RT", frame) or None, ("f5000",))
+    found = frame_chain.climb("f0", lambda frame: (next(looks) >= 0 and tree.link("RT", frame)) or None, ("f5000",))
     assert len(found) == next(looks) + 1 == frame_chain.MOST_STEPS + 1
     assert tree.find("f5000", "f0") is None and np.isnan(tree.transforms("f5000", ["f0", "f4990"])[0, 0, 0])
     assert tree.transforms("f5000", ["f0", "f4990"])[1, 0, 3] == 10.0
