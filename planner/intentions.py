@@ -10,10 +10,8 @@ from dsr.errors import GraphError
 from dsr.graph.elements import Node
 from dsr.graph.shares import makers, shared_by
 from dsr.memory import Memory
-from dsr.vocabulary.intentions import PREFIX, WANTED
+from dsr.vocabulary.intentions import MOST_INTENTIONS, PREFIX, WANTED
 
-MOST_INTENTIONS = 256
-"""Intentions that are looked at: whoever may make their nodes could make any number."""
 _AFTER_ALL = sys.maxsize  # count, as which a name without a number counts
 _MOST_REPLANS = sys.maxsize // 2  # count, with room for more of them; what a node tells may be any number
 _MOST_DIGITS = len(str(_AFTER_ALL))  # count of digits from which the number in a name is not read as one

@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from dsr.vocabulary.halting import HaltOrder, write_order
-from planner.intentions import MOST_INTENTIONS, read_intentions
+from dsr.vocabulary.intentions import MOST_INTENTIONS
+from planner.intentions import read_intentions
 from tests.planner.table import PLACES, TOWERS, Run, add_cube, move, supports
 
 BUILT = {"cube_3": "cube_4", "cube_6": "cube_5", "cube_4": "table", "cube_5": "table"}
