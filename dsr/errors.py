@@ -34,6 +34,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from heapq import nsmallest
 
 
 class DsrError(Exception):
@@ -171,6 +172,8 @@ _SHOWN = 100
 """Characters of a long text that an error shows around the place."""
 _MOST_COMPARED = 500
 """Names that are worth a search for the closest: with 10000, an error would cost 0.1 s."""
+_LONGER = 3
+"""Times the length of the longest valid name, from which a name is a misspelling of none: too little of it is alike."""
 _NUMBER = re.compile(r"[0-9]+")
 
 
@@ -180,7 +183,7 @@ def closest(name: str, valid: Iterable[str]) -> str:
     A number is no misspelling of another number: `cube_99` is not `cube_9`, nor are `cube_3` and `cube_4` alike.
     """
     names = sorted(valid)
-    if len(names) > _MOST_COMPARED:
+    if len(names) > _MOST_COMPARED or len(name) > _LONGER * max(map(len, names), default=0):
         return ""
     numbers, wording = _numbers(name), _wording(name)
     alike = [other for other in names if _wording(other) == wording]  # only the numbers may be wrong
@@ -192,12 +195,18 @@ def closest(name: str, valid: Iterable[str]) -> str:
 
 
 def suggest(name: str, valid: Iterable[str], most: int = 12) -> str:
-    """End of an error message: the closest valid name, or the valid ones (at most `most`), first those alike."""
-    wording = _wording(name)
-    names = sorted(valid, key=lambda other: (_wording(other) != wording, other))
-    if found := closest(name, names):
+    """End of an error message: the closest valid name, or the valid ones (at most `most`), first those alike.
+
+    Of very many names, the first ones are listed.
+    """
+    names, wording = list(valid), _wording(name)
+    if len(names) > _MOST_COMPARED:
+        shown = nsmallest(most, names)
+    elif found := closest(name, names):
         return f"did you mean {found!r}?"
-    listed = ", ".join(names[:most])
+    else:
+        shown = nsmallest(most, names, key=lambda other: (_wording(other) != wording, other))
+    listed = ", ".join(shown)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"valid: {listed}{more}" if names else "none is known"
 

@@ -18,7 +18,7 @@ from typing import Any
 from dsr.believing.distribution import Whereabouts, whereabouts_of
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
-from dsr.errors import AgentError, ClockDriftError, NoPathError, SchemaError, TransformError, TransportError
+from dsr.errors import AgentError, ClockDriftError, NoPathError, SchemaError, TransportError
 from dsr.forking import leave_to_parent
 from dsr.frames.tree import WORLD, Types
 from dsr.geometry.exchange import MeshExchange
@@ -385,11 +385,11 @@ class Memory(StampAccess, PartAccess, WorldAccess["Memory"], BlobAccess):
     def get_transform(
         self, target: str, source: str, *, at: float | None = None, types: Types = ("RT",)
     ) -> Pose | None:
-        """As `transform`; None where that raises, because the frame is nowhere in the other, or was not then."""
-        try:
-            return self._frames.transform(target, source, at, types)
-        except TransformError:
-            return None
+        """As `transform`; None where that raises, because the frame is nowhere in the other, or was not then.
+
+        That costs no more than a way would; `transform` looks at all frames to say why there is none.
+        """
+        return self._frames.find(target, source, at, types)
 
     def poses_since(self, src: str, dst: str, time: float, *, type: str = "RT") -> list[Pose]:
         """The poses that an edge has had in the last seconds, of later stamps than `time` s; the oldest first."""

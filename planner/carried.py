@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from dsr.memory import Memory
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.relations import nodes_by_name
+from dsr.vocabulary.perceived import camera_nodes
 from planner.arms import Arms, PlannedArm
 
 
@@ -24,7 +24,7 @@ def carried_cameras(memory: Memory, arms: Arms) -> list[CarriedCamera]:
     """All of them, by name. What hangs on a gripper that no arm tells is carried by the first arm."""
     grippers, carriers = {node.name for node in memory.nodes("gripper")}, arms.all()
     found = []
-    for camera in nodes_by_name(memory, "camera"):
+    for camera in camera_nodes(memory):
         on = grippers & {edge.src for edge in memory.edges("RT", dst=camera.name)}
         intrinsics = read_intrinsics(camera)
         if intrinsics is not None and on:

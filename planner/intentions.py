@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from dsr.errors import GraphError
 from dsr.graph.elements import Node
+from dsr.graph.shares import makers, shared_by
 from dsr.memory import Memory
-from dsr.vocabulary.intentions import PREFIX, WANTED
+from dsr.vocabulary.intentions import MOST_INTENTIONS, PREFIX, WANTED
 
 _AFTER_ALL = sys.maxsize  # count, as which a name without a number counts
 _MOST_REPLANS = sys.maxsize // 2  # count, with room for more of them; what a node tells may be any number
@@ -46,8 +47,9 @@ def read_number(name: str, prefix: str) -> int | None:
 
 
 def read_intentions(memory: Memory) -> list[Intention]:
-    """Read all intentions, the most urgent first."""
-    return sorted(map(_read, memory.nodes("intention")), key=lambda intention: intention.urgency)
+    """Read all intentions, the most urgent first; of too many, the most urgent of each agent."""
+    found = sorted([(_read(node), node) for node in memory.nodes("intention")], key=lambda pair: pair[0].urgency)
+    return [intention for intention, _ in shared_by(found, MOST_INTENTIONS, lambda pair: makers(pair[1]))]
 
 
 def _read(node: Node) -> Intention:

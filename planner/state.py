@@ -17,7 +17,8 @@ from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.vocabulary.arms import ARM, CONTROLLER, gripper_of
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.relations import Relations, nodes_by_name
+from dsr.vocabulary.perceived import camera_nodes
+from dsr.vocabulary.relations import Relations
 from planner.arms import Arms, Place, PlannedArm
 from planner.config import PlannerConfig
 from planner.likely_places import likely_places
@@ -150,7 +151,7 @@ def _fits(solid: KnownSolid, config: PlannerConfig) -> bool:
 def _views(memory: Memory) -> tuple[TableCamera, ...]:
     """The cameras that hang from the world by one edge."""
     views = []
-    for camera in nodes_by_name(memory, "camera"):
+    for camera in camera_nodes(memory):
         pose, intrinsics = memory.get_pose(WORLD, camera.name, "RT"), read_intrinsics(camera)
         if pose is not None and intrinsics is not None:
             views.append(TableCamera(camera.name, pose.inverse(), intrinsics))

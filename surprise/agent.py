@@ -16,6 +16,7 @@ from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.perception.scales import TICK_RATE
 from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
+from dsr.vocabulary.perceived import camera_nodes
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs, PastWhereabouts
 from surprise.config import SurpriseConfig
@@ -98,7 +99,8 @@ class SurpriseDetector(Agent):
         held = self._note_held(now)
         jumped = self._beliefs.update(now, objects, held)
         names = {node.name for node in objects}
-        new = self._percepts.new(now, names, {camera.name for camera in self.memory.nodes("camera")})
+        cameras = camera_nodes(self.memory)
+        new = self._percepts.new(now, names, {camera.name for camera in cameras})
         self._reconsider(now, names, jumped, held)
         self._take_in(new)
         self._expectations.update(now, new, jumped | held)
@@ -112,7 +114,7 @@ class SurpriseDetector(Agent):
                 node.name: self._judge_object(node, now, held, tracks.get(node.name, []), in_full=is_due)
                 for node in objects
             }
-            nats |= {camera.name: self._judge_camera(camera, now) for camera in self.memory.nodes("camera")}
+            nats |= {camera.name: self._judge_camera(camera, now) for camera in cameras}
             nats |= {hand.name: self._judge_hand(hand, now) for hand in self.memory.nodes("hand")}
             if is_due:
                 self._nats.update((name, known) for name, known in nats.items() if known is not None)

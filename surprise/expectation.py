@@ -15,6 +15,7 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept
 from dsr.vocabulary.nats import AGAIN, DECIDE, SEEN_THOUGH_HIDDEN, SURPRISING
+from dsr.vocabulary.perceived import camera_nodes
 from dsr.vocabulary.relations import THINGS
 from surprise.beliefs import LATENCY
 from surprise.config import SurpriseConfig
@@ -107,7 +108,7 @@ class Expectations:
         edges = {(edge.src, edge.dst): edge for edge in self._memory.edges("sees")}
         tagged = {node.name: "marker_id" in node for node in self._memory.nodes(THINGS)}
         names = tagged.keys()
-        self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in self._memory.nodes("camera")}
+        self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in camera_nodes(self._memory)}
         self._last_percept = {name: stamp for name, stamp in self._last_percept.items() if name in names}
         new = self._new_frames(percepts)
         elapsed = None if self._now is None else now - self._now

@@ -13,6 +13,7 @@ from agents.inbox import Inbox
 from dsr.agent import Access, Agent
 from dsr.errors import WireError
 from dsr.graph.elements import Node
+from dsr.graph.shares import shared_out
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
 from dsr.runtime.status import SILENT_AFTER, State, Status, decode_status
@@ -231,6 +232,7 @@ class Chronicler(Agent):
         memory, config = self.memory, self.config
         self._chronicle = Chronicle(memory, self.name, keep=Retention(config.count, config.age))
         self._consolidator = Consolidator(memory)
+        self._most = max(1, config.count // 2)
         self._company = Company()
         kinds = {*config.relations, PRESENT, SURPRISING, FORBIDDEN, INTENTION, ACTION}
         self._states = Keeper(memory, self._chronicle, kinds, lambda entry, now: ending(memory, entry, now))
@@ -260,7 +262,8 @@ class Chronicler(Agent):
             return
         self._looked = now
         with self.memory.batch():
-            self._states.update(read_facts(self.memory, self.config.relations, self._surprising, now), now)
+            facts = read_facts(self.memory, self.config.relations, self._surprising, now, self._most)
+            self._states.update(facts, now)
             self._agents.update(self._company.facts(now), now)
             self._note_statuses(now)
             self._chronicle.claim()
@@ -311,14 +314,15 @@ class Chronicler(Agent):
         if self._told is None:
             self._told = newest_status(self._chronicle.query(type=EVENT, kind=(INTENTION, ACTION)))
         told: dict[str, str] = {}
-        steps = {node.name: node for kind in (INTENTION, ACTION) for node in self.memory.nodes(kind)}
+        nodes = [node for kind in (INTENTION, ACTION) for node in self.memory.nodes(kind)]
+        steps = {node.name: node for node in shared_out(nodes, self._most)}
         for name, node in steps.items():
             status = told[name] = str(node.get("status", ""))
             if self._told.get(name) != status:
                 time = min(node.written_at("status") or now, now)
                 text = f"{name} ({task_of(node)}) {describe_status(node)}"
                 self._tell(node, time, text, status, f"{status} {time!r}")
-        for name in sorted(self._steps.keys() - steps.keys()):
+        for name in sorted(name for name in self._steps.keys() - steps.keys() if name not in self.memory):
             node = self._steps[name]
             self._tell(node, now, f"{name} removed", "removed", f"removed {node.created}")
         self._told, self._steps = told, steps

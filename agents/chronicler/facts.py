@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import is_name
+from dsr.graph.shares import makers, shared_by
 from dsr.memory import Memory
 from dsr.timeline import ACTION, FORBIDDEN, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
 from dsr.vocabulary.halting import HALT_NODE, order_of
@@ -28,20 +30,32 @@ class ChronicledFact(NamedTuple):
     source: str = ""
 
 
-def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float) -> list[ChronicledFact]:
-    """Read all facts that hold at time `now` (s).
+_Read = Callable[[Any, float], ChronicledFact | None]
+"""What an element tells at a time (s)."""
+
+
+def read_facts(
+    memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float, most: int
+) -> list[ChronicledFact]:
+    """Read the facts that hold at time `now` (s); of more than `most`, as many by each agent as by others.
 
     Args:
         memory: the graph.
         relations: edge types to tell of.
         surprising: names of nodes that may be surprising.
         now: s.
+        most: count of facts.
     """
-    found = [_relation(edge, now) for kind in relations for edge in memory.edges(kind)]
-    found += [_presence(node, now) for node in memory.nodes(OBJECTS) if is_present(node)]
-    nodes = (memory.get_node(name) for name in sorted(surprising))
-    found += [_surprise(node, now) for node in nodes if node is not None and node.get("surprising") is True]
-    return [*found, *_halts(memory, now), *_doings(memory, now)]
+    nodes = [node for name in sorted(surprising) if (node := memory.get_node(name)) is not None]
+    about: list[tuple[_Read, Node | Edge]] = [
+        *((_relation, edge) for kind in relations for edge in memory.edges(kind)),
+        *((_presence, node) for node in memory.nodes(OBJECTS) if is_present(node)),
+        *((_surprise, node) for node in nodes if node.get("surprising") is True),
+        *((_halt, node) for node in memory.nodes(HALT_NODE)),
+        *((_doing, node) for kind in (INTENTION, ACTION) for node in memory.nodes(kind)),
+    ]
+    chosen = shared_by(about, most, lambda pair: makers(pair[1]))
+    return [fact for read, element in chosen if (fact := read(element, now)) is not None]
 
 
 def ending(memory: Memory, entry: Entry, now: float) -> tuple[float, str]:
@@ -91,28 +105,27 @@ def _surprise(node: Node, now: float) -> ChronicledFact:
     return ChronicledFact(SURPRISING, (node.name,), begin, repr(begin), False, text)
 
 
-def _halts(memory: Memory, now: float) -> Iterator[ChronicledFact]:
-    """The emergency stops, while they forbid motion."""
-    for node in memory.nodes(HALT_NODE):
-        order = order_of(node)
-        if order is not None and order.halted:
-            begin = min(order.stamp or now, now)
-            yield ChronicledFact(FORBIDDEN, (node.name,), begin, order.id, True, order.reason, order.by)
+def _halt(node: Node, now: float) -> ChronicledFact | None:
+    """An emergency stop, while it forbids motion."""
+    order = order_of(node)
+    if order is None or not order.halted:
+        return None
+    begin = min(order.stamp or now, now)
+    return ChronicledFact(FORBIDDEN, (node.name,), begin, order.id, True, order.reason, order.by)
 
 
-def _doings(memory: Memory, now: float) -> Iterator[ChronicledFact]:
-    """Intentions that are pursued and actions that run."""
-    for kind, statuses in ((INTENTION, ACTIVE), (ACTION, (RUNNING,))):
-        for node in memory.nodes(kind):
-            if node.get("status") in statuses:
-                begin = _written(node, "status", now)
-                yield ChronicledFact(kind, participants_of(node), begin, repr(begin), False, task_of(node))
+def _doing(node: Node, now: float) -> ChronicledFact | None:
+    """An intention that is pursued, or an action that runs."""
+    if node.get("status") not in (ACTIVE if node.type == INTENTION else (RUNNING,)):
+        return None
+    begin = _written(node, "status", now)
+    return ChronicledFact(node.type, participants_of(node), begin, repr(begin), False, task_of(node))
 
 
 def participants_of(node: Node) -> tuple[str, ...]:
-    """An intention or an action, and what an action is about."""
-    about = (str(node.get(name, "")) for name in ("target", "destination"))
-    return (node.name, *(name for name in about if name))
+    """An intention or an action, and what an action is about; a text that names nothing is left out."""
+    about = (node.get(name) for name in ("target", "destination"))
+    return (node.name, *(name for name in about if is_name(name)))
 
 
 def task_of(node: Node) -> str:

@@ -227,7 +227,9 @@ class PersonalView:
     # ---- what is around
 
     def _furnish(self, now: float) -> None:
-        """Tables are known to everybody, and so is where one is oneself."""
+        """Tables are known to everybody, and so is where one is oneself. The root may have been taken away."""
+        if WORLD not in self.world:
+            self.world.add_node(WORLD, WORLD)
         for kind in SURFACES:
             for node in self._source.nodes(kind):
                 self._place(node, now, {})

@@ -11,6 +11,8 @@ import msgspec
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.graph.elements import Node
+from dsr.graph.schema import is_name
+from dsr.graph.shares import shared_out
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.spatial import (
     EDGE_TYPES,
@@ -32,6 +34,13 @@ from dsr.spatial.scene import check_no_view
 from dsr.timeline.entries import split_names
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS, nodes_by_name
 
+_MOST_WISHES = 64
+"""Requests that are answered at a time, as many of each agent as of the others: whoever asks could ask any number."""
+_MOST_NAMES = 256
+"""Things that one request names, on each side: of more all are meant."""
+_MOST_TOLD = 4
+"""Things that are told to be waited for, each with what may be meant."""
+
 
 class Wish(NamedTuple):
     """Edges that somebody wants."""
@@ -48,12 +57,13 @@ class Wish(NamedTuple):
 
 def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
     """Make a wish from these lists of names, comma-separated. Raises `ConfigError`."""
-    names = checked_relations(split_names(relations))
+    names = checked_relations(_names(relations))
     if not names:
         raise ConfigError(f"no relation is named; some of {', '.join(SPATIAL)} are expected")
     if not viewpoint:
         check_no_view(names, "name a viewpoint")
-    return Wish(names, _names(things), _names(others), viewpoint)
+    sources, destinations = (frozenset(_names(text)) or None for text in (things, others))
+    return Wish(names, sources, destinations, "".join(_names(viewpoint)))
 
 
 def read_wish(node: Node) -> Wish:
@@ -64,8 +74,14 @@ def read_wish(node: Node) -> Wish:
     return make_wish(relations, things, others, viewpoint)
 
 
-def _names(text: str) -> frozenset[str] | None:
-    return frozenset(split_names(text)) or None
+def _names(text: str) -> tuple[str, ...]:
+    """The names in a list. Raises `ConfigError` for what is no name, and for a list that is too long."""
+    if text.count(",") >= _MOST_NAMES:
+        raise ConfigError(f"{text.count(',') + 1} names; expected at most {_MOST_NAMES}, or none for all")
+    for name in (names := split_names(text)):
+        if not is_name(name):
+            raise ConfigError(f"{name!r:.100} is no name")
+    return names
 
 
 Seen = tuple[Fact, str]
@@ -137,8 +153,10 @@ class SpatialRelations(Agent):
     def tick(self, now: float) -> None:
         """Bring the edges into step with the scene."""
         wishes = dict(self._own)
-        problems: dict[str, str] = {}
-        for node in nodes_by_name(self.memory, QUERY):
+        requests = nodes_by_name(self.memory, QUERY)
+        problems = {node.name: f"{_MOST_WISHES} others are answered already" for node in requests}
+        for node in shared_out(requests, _MOST_WISHES):
+            del problems[node.name]
             try:
                 wishes[node.name] = read_wish(node)
             except ConfigError as error:
@@ -198,8 +216,9 @@ class SpatialRelations(Agent):
         for name, wish in wishes.items():
             missing = {*(wish.things or ()), *(wish.others or ())} - self._boxes.keys()
             if missing:
-                told = ", ".join(self._missing(thing) for thing in sorted(missing))
-                problems.setdefault(name, f"waits for {told}")
+                told = [self._missing(thing) for thing in sorted(missing)[:_MOST_TOLD]]
+                more = f" and {len(missing) - _MOST_TOLD} more" if len(missing) > _MOST_TOLD else ""
+                problems.setdefault(name, f"waits for {', '.join(told)}{more}")
 
     def _missing(self, name: str) -> str:
         why = "no thing that is somewhere, with a size" if name in self.memory else suggest(name, self._boxes)

@@ -56,6 +56,10 @@ class Write(msgspec.Struct, frozen=True, gc=False):
     value: Any
 
 
+_ORDERED = (bool, int, float, str, bytes, tuple)
+"""Classes of values that have an order, those that may be long among them."""
+
+
 def precedence(write: Write) -> tuple[int, str, Dot]:
     """Orders the writes of one register: the greatest wins.
 
@@ -64,9 +68,12 @@ def precedence(write: Write) -> tuple[int, str, Dot]:
     return write.stamp, write.writer, write.dot or ("", 0)
 
 
-def rank(value: Any) -> tuple[str, str]:
-    """Orders values of any kinds, in every process alike: liars give one dot two of them."""
-    return type(value).__name__, repr(value)
+def rank(value: Any) -> tuple[str, Any]:
+    """Orders values of any kinds, in every process alike: liars give one dot two of them.
+
+    A comparison costs by the shorter value. Nobody must pay for a long one again and again, once for each short one.
+    """
+    return type(value).__name__, value if isinstance(value, _ORDERED) else repr(value)
 
 
 def beats(write: Write, other: Write) -> bool:

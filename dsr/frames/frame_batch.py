@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dsr.frames.frame_chain import Dependency, Find, Link, climb, factor
+from dsr.frames.frame_chain import MOST_STEPS, Dependency, Find, Link, climb, factor
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
 
@@ -48,6 +48,8 @@ class _Frames:
         end = path[last]
         top = last if end is None else end.parent
         self._add(target, None, Pose.identity())
+        if len(path) > MOST_STEPS:
+            del path[last]  # what is above it does not matter
         for frame, link in path.items():
             number = None
             if link is not None and top not in self.numbers:
@@ -55,11 +57,20 @@ class _Frames:
             self.steps.append((frame, link, number))
 
     def _climb(self, source: str) -> None:
-        """Add the frames from a source up to one that is there already, to the last, or to where they repeat."""
-        for frame, link in reversed(climb(source, self._find, until=self.numbers).items()):
+        """Add the frames from a source up to one that is there already, to the last, or to where they repeat.
+
+        Of a source that is too far away, only itself is added: the frames above may be near enough.
+        """
+        path = climb(source, self._find, until=self.numbers)
+        if len(path) > MOST_STEPS and next(reversed(path)) not in self.numbers:
+            self._add(source, None, None)
+            self.steps += [(frame, link, None) for frame, link in path.items() if link is not None]
+            return
+        for frame, link in reversed(path.items()):
             if frame in self.numbers:
                 continue
-            if link is None or link.parent not in self.numbers:
+            above = None if link is None else self.numbers.get(link.parent)
+            if link is None or above is None or self.depths[above] >= MOST_STEPS:
                 self._add(frame, None, None)
                 self.steps.append((frame, link, None))
             else:

@@ -27,11 +27,19 @@ Path = dict[str, Link | None]
 """Frames from the bottom up, each with the link to the next."""
 
 
+MOST_STEPS = 256
+"""Edges on the way between two frames; beyond, they are nowhere to one another. Robots and models in files have fewer.
+Somebody may hang a camera below any number of frames, and each look at what it sees would go through all of them."""
+
+
 def climb(frame: str, find: Find, until: Container[str]) -> Path:
-    """The frames from this one up to one in `until`, or to the last, or to where they would repeat."""
+    """The frames from this one up to one in `until`, or to the last, or to where they would repeat.
+
+    It ends after `MOST_STEPS`, too, as if nothing were above.
+    """
     chain: Path = {}
     while frame not in chain:
-        link = chain[frame] = None if frame in until else find(frame)
+        link = chain[frame] = None if frame in until or len(chain) >= MOST_STEPS else find(frame)
         if link is None:
             break
         frame = link.parent

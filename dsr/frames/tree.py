@@ -13,7 +13,7 @@ from typing import Protocol
 
 from dsr.errors import CycleError, ExtrapolationError, NoPathError, TransformError, suggest
 from dsr.frames.frame_batch import Batch
-from dsr.frames.frame_chain import Chain, Dependency, Find, Link, Links, Newest, Path, climb
+from dsr.frames.frame_chain import MOST_STEPS, Chain, Dependency, Find, Link, Links, Newest, Path, climb
 from dsr.frames.parents import Parents
 from dsr.frames.pose_history import PoseHistory
 from dsr.math3d.transforms import Array, Pose
@@ -35,6 +35,14 @@ bring a chain of any length, frame by frame."""
 _Chains = dict[tuple[str, str, Types], Chain]
 _Steps = list[tuple[str, Link]]
 """The part of a chain that a transform is made of."""
+
+
+class _ApartError(Exception):
+    """The ways up from two frames do not meet."""
+
+    def __init__(self, up: Path, down: Path) -> None:
+        super().__init__()
+        self.up, self.down = up, down
 
 
 class FrameFork(Protocol):
@@ -225,6 +233,19 @@ class FrameTree:
             ExtrapolationError: if an edge on the way is not known at that time.
             CycleError: if they do not meet because edges form a cycle.
         """
+        try:
+            return self._transform(target, source, at, types)
+        except _ApartError as apart:
+            raise self._no_path(apart.up, apart.down, types) from None
+
+    def find(self, target: str, source: str, at: float | None = None, types: Types = ("RT",)) -> Pose | None:
+        """As `transform`; None where that raises, at the cost of the way alone: to say why looks at all frames."""
+        try:
+            return self._transform(target, source, at, types)
+        except (_ApartError, TransformError):
+            return None
+
+    def _transform(self, target: str, source: str, at: float | None, types: Types) -> Pose:
         if at is not None:
             up, down = self._path(target, source, types, lambda frame: self._link_at(frame, at, types))
             return self._product(up, down, at).with_stamp(at)
@@ -310,9 +331,10 @@ class FrameTree:
         up = climb(source, find, until=(target,))
         down = climb(target, find, until=up)
         meeting = next(reversed(down))
-        if meeting not in up:
-            raise self._no_path(up, down, types)
-        return _steps_below(meeting, up), _steps_below(meeting, down)
+        steps = (_steps_below(meeting, up), _steps_below(meeting, down)) if meeting in up else None
+        if steps is None or len(steps[0]) + len(steps[1]) > MOST_STEPS:
+            raise _ApartError(up, down)
+        return steps
 
     def _product(self, up: _Steps, down: _Steps, at: float | None) -> Pose:
         """target_from_source of the steps from the source and from the target to where they meet."""
@@ -345,6 +367,8 @@ class FrameTree:
     def _no_path(self, up: Path, down: Path, types: Types) -> TransformError:
         source, target = next(iter(up)), next(iter(down))
         problem = f"no path from {source!r} to {target!r} over {' or '.join(types)} edges"
+        if len(up) + len(down) > MOST_STEPS:
+            return NoPathError(f"{problem}: more than {MOST_STEPS} edges are above them, or between them")
         for chain in (up, down):
             link = chain[next(reversed(chain))]
             if link is not None:
@@ -359,9 +383,9 @@ class FrameTree:
         if first != last:
             return f"the chain of {first!r} ends at {last!r}"
         histories = self._histories.copy()
-        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by.copy()}
-        if first in frames:
+        if any(first == child for _, child in histories) or any(first in by for by in histories.values()):
             return f"{first!r} has no such edge to a parent"
+        frames = {child for _, child in histories} | {parent for by in histories.values() for parent in by.copy()}
         return f"no geometric edge touches {first!r} ({suggest(first, frames)})"
 
 

@@ -27,6 +27,10 @@ MAX_LENGTH = 1 << 20
 MAX_NUMBER = 1e12
 """Greatest float of a built-in attribute, in a vector or a pose, too: in m, seven times as far as the sun is. Products
 of many such numbers are finite, so nobody need expect that physics overflows."""
+TOLD = frozenset({"status", "explanation", "text", "outcome", "surprise"})
+"""Attributes that tell people something. Who writes them puts together what others have written, however long that is.
+So they are cut to what one value holds; else whoever made one text long kept others from telling anything."""
+_CUT = "..."
 MAX_TEXT = 1000
 """Characters of a meaning or a unit: some sentences. Every process of a graph keeps them all."""
 POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
@@ -163,6 +167,8 @@ class Schema:
         values: dict[str, Value] = {}
         for name, value in attributes.items():
             attribute = self.attributes.get(name) or self.attribute(name)
+            if name in TOLD and isinstance(value, str) and len(value) > MAX_LENGTH:
+                value = value[: MAX_LENGTH - len(_CUT)] + _CUT  # noqa: PLW2901
             stored = _CONVERTERS[attribute.kind](value)
             if stored is None or (attribute.length is not None and len(stored) != attribute.length):
                 raise SchemaError(f"attribute {name!r}: expected a finite {attribute.described}, got {value!r:.200}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dsr.errors import NoPathError
+from dsr.frames.frame_chain import MOST_STEPS
 from dsr.graph.elements import Edge
 from dsr.graph.graph import Graph
 
@@ -27,9 +28,12 @@ def with_unposed(error: NoPathError, graph: Graph, source: str, target: str, typ
 
 
 def _above(graph: Graph, frame: str, types: Sequence[str]) -> tuple[set[str], list[Edge]]:
-    """All frames above `frame` by edges of these types, with itself; and those of the edges that have no pose."""
+    """The frames above `frame` by edges of these types, with itself; and those of the edges that have no pose.
+
+    No more are looked at than a way may lead through.
+    """
     waiting, seen, unposed = [frame], {frame}, []
-    while waiting:
+    while waiting and len(seen) <= MOST_STEPS:
         for edge in list(graph.edges_in.get(waiting.pop(), {}).values()):
             if edge.type not in types:
                 continue

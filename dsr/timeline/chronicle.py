@@ -53,6 +53,8 @@ class Chronicle:
         self._numbers = count()
         self._room = 0
         self._looked = -math.inf
+        self._complete_from = -math.inf
+        """s; of what was over before, some has been forgotten for want of room"""
 
     def happened(
         self,
@@ -177,8 +179,10 @@ class Chronicle:
                 self._memory.remove_node(name)
             for entry, since in self._orphans.abandoned(everything, now):
                 self.end(entry.name, max(since, entry.begin), outcome="its writer is gone")
-        left = sum(entry.name not in old for entry in own)
-        self._room = max(1, self._keep.count - left, self._keep.count // 20)
+        left = [entry for entry in own if entry.name not in old]
+        if left and len(own) + room > self._keep.count:
+            self._complete_from = max(self._complete_from, min(entry.last for entry in left))
+        self._room = max(1, self._keep.count - len(left), self._keep.count // 20)
         return len(old)
 
     def _write(self, type: str, kind: str, participants: str | Iterable[str], key: str, values: dict[str, Any]) -> str:
@@ -187,8 +191,12 @@ class Chronicle:
         began = "time" if type == EVENT else "begin"
         time = memory.clock.now() if values[began] is None else float(values[began])
         name = _keyed_name(type, kind, names, key) if key else self._free_name(type)
-        if key and (name in memory or (type == EVENT and self._is_past(time))):
+        if key and name in memory:
             return name
+        if key and type == EVENT:
+            self._forget(1)
+            if self._is_past(time):
+                return name
         given = {attribute: value for attribute, value in values.items() if value is not None and value != ""}
         self._room -= 1
         self._forget(1)
@@ -205,10 +213,7 @@ class Chronicle:
 
     def _is_past(self, time: float) -> bool:
         """Whether an event of that time would be forgotten at once: it was known, and has been forgotten."""
-        if time < self._memory.clock.now() - self._keep.age:
-            return True
-        own = written_by(self._writer, read_all(self._memory))
-        return len(own) >= self._keep.count and time < min(entry.last for entry in own)
+        return time < max(self._memory.clock.now() - self._keep.age, self._complete_from)
 
     def _prepare(self) -> None:
         """Make the node from which all entries hang."""

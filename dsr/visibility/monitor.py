@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsr.graph.shares import shared_out
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
@@ -22,7 +21,7 @@ from dsr.visibility.perspectives import (
     read_perspectives,
 )
 from dsr.visibility.picture import Picture, VisibleFraction
-from dsr.vocabulary.perceived import MOST_CAMERAS
+from dsr.vocabulary.perceived import camera_nodes
 from dsr.vocabulary.relations import nodes_by_name
 
 _STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
@@ -131,7 +130,7 @@ class VisibilityMonitor:
             return [node.name for node in nodes_by_name(memory, self._kinds) if node.name in self._names]
         found = persons_there(memory, memory.clock.now()) if PERSON in self._kinds else []
         if CAMERA in self._kinds:
-            found += shared_out(nodes_by_name(memory, CAMERA), MOST_CAMERAS)
+            found += camera_nodes(memory)
         return sorted(node.name for node in found)
 
     def _look(self) -> None:

@@ -18,6 +18,8 @@ _PLANNER = "planner"
 """The agent that pursues intentions"""
 MIND = "mind"
 """The node from which intentions hang."""
+MOST_INTENTIONS = 256
+"""Intentions that are looked at: whoever may make their nodes could make any number."""
 PREFIX = "intention_"
 """Prefix of the number in the name of an intention."""
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 import math
 
 from dsr.graph.elements import Node
+from dsr.graph.shares import shared_out
+from dsr.memory import Memory
+from dsr.vocabulary.relations import nodes_by_name
 
 BY_DEPTH = "depth"
 """Attribute `source` of things that were found by their shape alone, in depth images."""
@@ -26,6 +29,11 @@ CAMERA_SPEED = 0.02
 """m/s up to which a camera counts as at rest: what it shows while it moves faster is not used."""
 CAMERA_TURN = 0.05
 """rad/s likewise"""
+
+
+def camera_nodes(memory: Memory) -> list[Node]:
+    """The cameras of a graph, by name; of too many as many of each agent's."""
+    return shared_out(nodes_by_name(memory, "camera"), MOST_CAMERAS)
 
 
 def is_perceived(node: Node, now: float) -> bool:

@@ -21,7 +21,7 @@ from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.visibility.perspectives import persons_there
 from dsr.vocabulary.calibration import pose_of, provisional
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.perceived import MOST_SILENT, is_perceived, seconds_unseen
+from dsr.vocabulary.perceived import MOST_SILENT, camera_nodes, is_perceived, seconds_unseen
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.reading import MODELLED
@@ -37,7 +37,7 @@ _FINGER = re.compile(r"_finger_([0-4])$")
 
 def views(memory: Memory) -> list[CameraView]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
-    nodes = nodes_by_name(memory, "camera")
+    nodes = camera_nodes(memory)
     return [
         _view(memory, node.name, pose, intrinsics)
         for node, pose in zip(nodes, _places(memory, nodes), strict=True)

@@ -35,19 +35,25 @@ class Bodies:
         self.fixtures: dict[str, Solid] = {}
         self._config = config
         self._solids: dict[str, Solid] = {}
+        self._lowest: float | None = None
+        """m, top of the lowest table; None until that is known"""
         self._lay_floor()
 
     def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
         """Add a body that never moves (world_from_centre), or put it elsewhere; objects on it wake."""
         if name in self.objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        self._fix(Solid(name, size, pose.t, pose.q, fixed=True, shape=shape))
-        self._lay_floor()
+        solid, before = Solid(name, size, pose.t, pose.q, fixed=True, shape=shape), self.fixtures.get(name)
+        if before == solid and self._lowest is not None:
+            return
+        self._fix(solid)
+        if before is not None or self._lowest is None or solid.top < self._lowest:
+            self._lay_floor()
 
     def _lay_floor(self) -> None:
         """Put the floor below the lowest table."""
-        tops = [solid.top for name, solid in self.fixtures.items() if name != FLOOR]
-        height = min(tops, default=0.0) - self._config.floor_below_table
+        self._lowest = min([solid.top for name, solid in self.fixtures.items() if name != FLOOR], default=None)
+        height = (self._lowest or 0.0) - self._config.floor_below_table
         self._fix(Solid(FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
 
     def _fix(self, solid: Solid) -> None:
@@ -85,7 +91,8 @@ class Bodies:
             self.sim.remove(name)
         self.objects.pop(name, None)
         self._solids.pop(name, None)
-        self.fixtures.pop(name, None)
+        if self.fixtures.pop(name, None) is not None:
+            self._lowest = None
 
     def object(self, name: str) -> BelievedObject:
         """The object of that name. Raises `SimulationError` if there is none."""

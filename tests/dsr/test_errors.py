@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+
 import pytest
 
 from dsr.errors import closest, suggest
@@ -44,3 +46,9 @@ def test_names_that_differ_in_the_number_only_are_listed_first() -> None:
 
 def test_without_valid_names() -> None:
     assert suggest("cube_3", ()) == "none is known"
+
+
+def test_what_is_far_too_long_is_compared_with_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody may ask for a name of a million letters, again and again."""
+    monkeypatch.setattr(difflib, "get_close_matches", lambda *_, **__: pytest.fail("compared"))
+    assert closest("cube_3" * 10, CUBES) == ""

@@ -25,7 +25,7 @@ MODULES = {
         "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
         "MAINTAINED", "MIND", "NOTHING_GRASPED", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN",
         "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
-        "nobody_pursues",
+        "MOST_INTENTIONS", "nobody_pursues",
     },
     "dsr.vocabulary.distortion": {"Distortion", "LensModel", "MOST_COEFFICIENTS"},
     "dsr.vocabulary.intrinsics": {

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from dsr.vocabulary.halting import HaltOrder, write_order
+from dsr.vocabulary.intentions import MOST_INTENTIONS
 from planner.intentions import read_intentions
 from tests.planner.table import PLACES, TOWERS, Run, add_cube, move, supports
 
@@ -310,6 +311,18 @@ def test_a_number_of_plans_that_has_no_successor_ends_no_planner() -> None:
         run.memory.update_node("intention_0", replans=(1 << 63) - 1)
         run.until_running("pick", "cube_3", 0.0)
         assert read_intentions(run.memory)[0].replans < sys.maxsize - 1000
+
+
+def test_however_many_intentions_somebody_makes_up_those_of_others_are_pursued() -> None:
+    with Run() as run:
+        run.want()
+        liar = run.lockstep._join("liar", "liar-1", None)
+        for number in range(MOST_INTENTIONS + 9):
+            liar.add_node(f"intention_zz_{number}", "intention", goal="on(a,b)", status="failed", priority=9)
+        liar.flush()
+        run.until_running("pick", "cube_3", 0.0)
+        known = [intention.name for intention in read_intentions(run.memory)]
+        assert len(known) == MOST_INTENTIONS and "intention_0" in known
 
 
 @pytest.mark.parametrize(("skill", "after"), [("pick", 0.1), ("pick", 0.7), ("place", 0.1), ("place", 0.7)])

@@ -10,7 +10,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.physics.rest import STRIDE
 from simulation_handler.physics.simulator import MOST_STEPS
-from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.bodies import FLOOR, Bodies
 from tests.simulation_handler.worlds import CUBE
 
 
@@ -64,3 +64,24 @@ def test_what_is_about_to_fall_is_no_less_simulated(bodies: Bodies, steps: list[
     for _ in range(10):
         bodies.pass_time(MOST_STEPS)
     assert bodies.sim.position("upper")[2] < 0.03
+
+
+def test_the_floor_is_below_the_lowest_table_and_costs_no_look_at_all_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else each tick costs by the square of the tables that somebody makes up: 3000 took 2 s."""
+    made = Bodies(BeliefConfig())
+
+    def floor() -> float:
+        return made.fixtures[FLOOR].top + BeliefConfig().floor_below_table
+
+    def put(name: str, height: float) -> None:
+        made.set_fixture(name, (1.0, 1.0, 0.02), Pose((0.0, 0.0, height - 0.01)))
+
+    for name, height, lowest in (("a", 0.7, 0.7), ("b", 0.4, 0.4), ("c", 0.9, 0.4), ("b", 0.8, 0.7), ("b", 0.2, 0.2)):
+        put(name, height)
+        assert floor() == pytest.approx(lowest)
+    made.remove("b")
+    put("a", 0.7)
+    assert floor() == pytest.approx(0.7)
+    monkeypatch.setattr(made, "_lay_floor", lambda: pytest.fail("all tables are looked at"))
+    put("a", 0.7)
+    put("d", 0.9)

@@ -15,10 +15,13 @@ from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from dsr.visibility import is_seen, visibility
 from dsr.vocabulary.calibration import PROVISIONAL, STEADY, SURPRISE, Report, request_calibration
+from dsr.vocabulary.perceived import MOST_CAMERAS, camera_nodes
 from simulation_handler import SimulationHandler
 from simulation_handler.graph_io import seeing
 from simulation_handler.graph_io.views import obstacles, views
 from simulation_handler.perception.visibility import CameraView, RayVisibility
+from surprise.config import SurpriseConfig
+from surprise.expectation import Expectations
 from tests.simulation_handler.test_agent import NAME, OVERHEAD, Table
 from tests.simulation_handler.worlds import CUBE, cube_at
 
@@ -308,3 +311,18 @@ def test_a_camera_that_moves_recognises_nothing_and_is_no_witness_of_absence(tab
     assert where is not None and where.gone < 0.05
     table.run(0.5)
     assert seen(table) == {"cube_1": (1.0, "")}
+
+
+def test_however_many_cameras_somebody_makes_up_few_are_looked_through_and_those_of_others_stay(table: Table) -> None:
+    liar = table.lockstep._join("liar", "liar-1", None)
+    for number in range(MOST_CAMERAS + 9):
+        liar.add_node(f"a_{number}", "camera", **LENS)
+        liar.add_edge("world", f"a_{number}", "RT", pose=OVERHEAD)
+    liar.flush()
+    table.run(0.2)
+    memory = table.memory
+    assert len(camera_nodes(memory)) == len(views(memory)) == MOST_CAMERAS
+    expectations = Expectations(memory, SurpriseConfig())
+    expectations.update(0.0, (), ())
+    assert len(expectations._cameras) == MOST_CAMERAS
+    assert "camera" in {view.camera for view in views(memory)} & expectations._cameras.keys()

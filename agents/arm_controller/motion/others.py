@@ -16,6 +16,7 @@ import numpy as np
 
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.urdf import MOST_LINKS
 from agents.arm_controller.motion.obstacles import Load
 from agents.arm_controller.motion.trajectory import Trajectory
 from agents.arm_controller.scene import Obstacle
@@ -42,6 +43,8 @@ COAST = 1.0
 """s that an arm may have moved on after its last sample: its device stops it after 0.5 s, and it brakes"""
 _NUMBERS = 10
 """Numbers of a box: pose (7) and edges (3)"""
+MOST_BOXES = 4096
+"""Boxes of a way that can be read; an arm of twelve parts has as many on a way of 17 m"""
 _CLOSER = 0.001
 """m by which an arm must come closer to count as moving into another"""
 
@@ -156,10 +159,8 @@ class OtherArms:
         return found
 
     def _links(self, arm: str) -> list[str]:
-        names: list[str] = []
-        while (name := f"{arm}_link_{len(names) + 1}") in self._memory:
-            names.append(name)
-        return names
+        names = (f"{arm}_link_{number}" for number in range(1, MOST_LINKS + 1))
+        return list(itertools.takewhile(self._memory.__contains__, names))
 
     def _part(self, arm: str, part: str) -> Obstacle | None:
         node, pose = self._memory.get_node(part), self._memory.get_transform(WORLD, part)
@@ -256,7 +257,7 @@ def _read_way(node: Node) -> list[tuple[float, list[Obstacle]]] | None:
     times, numbers = node.get("way_times", ()), node.get("way", ())
     if not len(times) or not len(numbers):
         return []
-    if len(numbers) % (len(times) * _NUMBERS):
+    if len(numbers) % (len(times) * _NUMBERS) or len(numbers) > MOST_BOXES * _NUMBERS:
         return None
     rows = np.array(numbers).reshape(len(times), -1, _NUMBERS)
     if (rows[..., 7:] < 0.0).any() or any(later < time for time, later in itertools.pairwise(times)):

@@ -37,6 +37,7 @@ from dsr.vocabulary.calibration import (
     provisional,
 )
 from dsr.vocabulary.explained import CAMERA_MOVED, PUT_ON, changes_of
+from dsr.vocabulary.perceived import camera_nodes
 
 _FRESH = 1.0  # s for which a camera sees what it saw
 _ASTRAY = 0.006  # m that a belief has moved, from which seeing it where it was will be surprising
@@ -90,7 +91,7 @@ class MountWatch:
             self._take_in(entry, now)
         self._displaced.update(now)
         self._refining.update(now)
-        for node in list(self._memory.nodes("camera")):
+        for node in camera_nodes(self._memory):
             if node.name not in self._doubts:
                 self._depths.learn(node.name, now)
                 self._depths.note(node.name, now, REACH + _FRESH)
@@ -117,7 +118,7 @@ class MountWatch:
 
     def _begin_afresh(self) -> None:
         """Of what an earlier run left open, doubts come back by themselves; provisional poses are watched on."""
-        for node in list(self._memory.nodes("camera")):
+        for node in camera_nodes(self._memory):
             if node.get("mount", STEADY) == PROVISIONAL and self._resume(node.name):
                 continue
             if node.get("mount", STEADY) != STEADY:
@@ -182,7 +183,7 @@ class MountWatch:
         """Doubt the cameras that see what is displaced."""
         time = entry.begin - self._config.lookback
         believed = self._memories.at(time)
-        for node in list(self._memory.nodes("camera")):
+        for node in camera_nodes(self._memory):
             if node.name not in self._stands and self._sees(node.name, entry.participants, now):
                 self._doubt(node.name, entry.participants, now, believed, self._depths.at(node.name, time))
 
@@ -191,7 +192,7 @@ class MountWatch:
         out just now.
         """
         lately = self._memories.at(begin - LOOKBACK)
-        for node in list(self._memory.nodes("camera")):
+        for node in camera_nodes(self._memory):
             stand = self._stands.get(node.name)
             before = lately if stand is None else stand.believed
             for name in () if node.name in self._doubts else names:

@@ -11,11 +11,13 @@ import pytest
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.model.arm_model import load_arm
 from agents.arm_controller.model.figure import Figure
+from agents.arm_controller.model.urdf import MOST_LINKS
 from agents.arm_controller.motion.obstacles import Load
-from agents.arm_controller.motion.others import APART, COAST, SILENT, STRIDE, Announcer, OtherArms
+from agents.arm_controller.motion.others import APART, COAST, MOST_BOXES, SILENT, STRIDE, Announcer, OtherArms
 from agents.arm_controller.motion.trajectory import Trajectory
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.files.built_in import ETC
+from dsr.vocabulary.arms import MOST_ARMS
 
 MODEL = load_arm(ETC / "robots" / "gen3.urdf")
 FIGURE = Figure(MODEL)
@@ -172,3 +174,19 @@ def test_an_arm_that_stands_still_is_not_near_when_the_other_one_comes(memory: M
         put(memory, "arm_2", (tip[0], y, tip[2] - 0.1), stamp)
         joints = Joints(stamp, tuple(REST), (0.0,) * 7, 0.085, False)
         assert others.is_near(FIGURE, Pose.identity(), joints) == ""
+
+
+def test_however_many_arms_links_and_boxes_somebody_makes_up_few_are_looked_at(memory: Memory) -> None:
+    put(memory, "arm_2", (0.5, 0.0, 0.1), 100.0)
+    for number in range(MOST_LINKS + 9):
+        memory.add_node(f"arm_2_link_{number + 1}", "body")
+    others = OtherArms(memory, "arm")
+    assert len(others._links("arm_2")) == MOST_LINKS
+    box = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.1, 0.1)
+    memory.update_node("arm_3", way=MOST_BOXES * box, way_times=(100.0,))
+    assert others.unreadable() == ""
+    memory.update_node("arm_3", way=(MOST_BOXES + 1) * box, way_times=(100.0,))
+    assert others.unreadable() == "arm_3"
+    for number in range(MOST_ARMS):
+        memory.add_node(f"arm_{number}_more", "arm")
+    assert len(others.names()) == MOST_ARMS - 1

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsr.graph.schema import MAX_LENGTH
 from dsr.math3d.transforms import Pose
 from dsr.timeline import Chronicle
 from dsr.vocabulary.calibration import (
@@ -274,3 +275,11 @@ def test_the_last_calibration_is_taken_back_on_request(set_up: SetUp) -> None:
     refused = request_undo(stage.memory)
     stage.wait(0.3)
     assert "was given another pose since" in stage.memory.node(refused)["explanation"]
+
+
+@pytest.mark.parametrize("name", ["target", "method"])
+def test_a_request_of_the_greatest_length_is_refused_and_ends_nothing(set_up: SetUp, name: str) -> None:
+    stage = set_up()
+    stage.memory.add_node("calibration_long", "calibration", **{"target": "camera", name: "x" * MAX_LENGTH})
+    stage.wait(0.3)
+    assert status(stage, "calibration_long")[0] == REFUSED

@@ -8,12 +8,28 @@ from typing import Any
 import pytest
 
 from agents.chronicler import Chronicler
-from dsr import ConfigError
+from dsr import ConfigError, Memory
 from dsr.agent import Access, Agent
+from dsr.graph.schema import MAX_LENGTH
 from dsr.network.keys import agent_of
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.timeline import EVENT, FORBIDDEN, SITUATION, SUMMARY, Entry, kept_by, query, recall, stored_summaries, tell
+from dsr.timeline import (
+    EVENT,
+    FORBIDDEN,
+    INTENTION,
+    PRESENT,
+    SITUATION,
+    SUMMARY,
+    Entry,
+    chronicle,
+    kept_by,
+    query,
+    recall,
+    stored_summaries,
+    tell,
+)
+from dsr.timeline.retention import read_all
 from dsr.vocabulary.halting import HaltOrder, write_order
 
 
@@ -322,3 +338,46 @@ def test_what_is_over_goes_into_summaries_by_the_one_that_keeps_the_timeline() -
         told = [item for stored in summaries for item in stored.summary.items if item.kind == "on"]
         assert [item.participants for item in told] == [entry.participants] == [("a", "table")]
         assert told[0].begin == pytest.approx(stage.start - 2.0, abs=0.06)
+
+
+def test_a_text_of_the_greatest_length_keeps_nothing_from_being_told(stage: Stage) -> None:
+    """What is told of it is longer than what it is made of."""
+    memory, longest = stage.memory, "x" * MAX_LENGTH
+    memory.add_node("a", "cube", surprising=True, surprise=longest)
+    memory.add_edge("a", "table", "on", source=longest)
+    memory.add_node("intention_0", "intention", goal=longest, status=longest, explanation=longest)
+    memory.add_node("action_0", "action", skill="pick", target=longest, destination="table", status="running")
+    stage.run(2.0)
+    told = query(memory)
+    assert {entry.kind for entry in told} >= {"on", "surprising", "intention", "action", "present"}
+    assert {entry.participants for entry in stage.entries("action")} == {("action_0", "table")}
+    assert max(len(entry.text) for entry in told) == MAX_LENGTH
+
+
+def test_however_much_somebody_makes_up_what_others_do_is_told_and_nothing_is_told_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks = 0
+
+    def looked(memory: Memory) -> list[Entry]:
+        nonlocal looks
+        looks += 1
+        return read_all(memory)
+
+    monkeypatch.setattr(chronicle, "read_all", looked)
+    stage = Stage(count=60)
+    with stage.lockstep:
+        stage.memory.add_node("a", "cube")
+        stage.run()
+        liar = stage.lockstep._join("liar", "liar-1", None)
+        for number in range(200):
+            liar.add_node(f"zz_{number}", "intention", goal="on(a,b)", status="wanted")
+        liar.flush()
+        looks = 0
+        stage.run(2.0)
+        told = stage.entries(INTENTION, PRESENT, type=SITUATION, open=True)
+        assert ("a",) in {entry.participants for entry in told} and len(told) == 30
+        assert looks < 30, "each event had all entries read"
+        stage.run(5.0)
+        assert stage.entries(INTENTION, PRESENT, type=SITUATION, open=True) == told
+        assert not [entry for entry in stage.entries(INTENTION) if entry.text.endswith("removed")]

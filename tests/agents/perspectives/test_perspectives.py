@@ -476,3 +476,15 @@ def test_a_person_that_turns_into_something_else_is_missed(table: Table, kind: s
     for person in ("human_1", "human_2"):
         seen = table.view(person).get_node("human_1")
         assert seen is None or seen.type == "person"
+
+
+def test_who_takes_the_root_out_of_a_persons_world_ends_nobody(table: Table) -> None:
+    table.run()
+    view = table.view("human_1")
+    view.remove_node("world")
+    table.run()
+    assert table.place("human_1", "cube") == HERE
+    for node in view.nodes():
+        view.remove_node(node.name)
+    table.run()
+    assert table.place("human_1", "cube") == HERE

@@ -11,6 +11,9 @@ import pytest
 
 from agents.spatial_relations import SpatialRelations
 from dsr import AgentError, ConfigError, Pose
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.graph.schema import MAX_LENGTH
+from dsr.replication.wire import encode_delta
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State
 from dsr.runtime.system import AgentSpec
@@ -163,6 +166,11 @@ def test_the_first_by_name_decides_on_the_viewpoint(stage: Stage) -> None:
         ({"relations": "left_of"}, "name a viewpoint"),
         ({"relations": "left_of", "viewpoint": "nobody"}, "waits for its viewpoint: .*nobody"),
         ({"relations": "left_of", "viewpoint": "a_frame_apart"}, "a_frame_apart"),
+        ({"relations": "x" * MAX_LENGTH}, "is no name"),
+        ({"relations": "left_of", "viewpoint": "x" * MAX_LENGTH}, "is no name"),
+        ({"relations": "next_to", "things": "x" * MAX_LENGTH}, "is no name"),
+        ({"relations": "next_to", "things": "x," * 1000}, "1001 names; expected at most"),
+        ({"relations": "next_to", "things": "f,e,d,c,bb"}, "'bb'.*'c'.*'d'.*'e'.* and 1 more"),
     ],
 )  # fmt: skip
 def test_a_request_that_cannot_be_met_says_why_and_disturbs_no_other(
@@ -174,6 +182,19 @@ def test_a_request_that_cannot_be_met_says_why_and_disturbs_no_other(
     stage.run()
     assert re.search(expected, str(stage.memory.node("query_wrong")["status"]))
     assert stage.edges() == {("a", "b", "next_to")}
+
+
+def test_of_too_many_requests_those_of_each_agent_are_answered(stage: Stage) -> None:
+    memory = stage.memory
+    own = [request_relations(memory, "above", "a", "b") for _ in range(70)]
+    other = Write(("zz-1", 1), "relations", 1, "zz-1", ("zz-1", 2), "next_to")
+    adds = [Add(("zz-1", 1), "query_zz", "query")]
+    memory.replica.synchroniser.receive_delta("zz-1", encode_delta(Delta(adds, [other], [], [("zz-1", 1, 2)])), 0.0)
+    stage.run(3.0)
+    told = [memory.node(name)["status"] for name in (*own, "query_zz")]
+    assert told[-1] == "kept" and told.count("kept") == 64
+    assert set(told) == {"kept", "64 others are answered already"}
+    assert stage.edges() == {("a", "b", "next_to"), ("b", "a", "next_to")}
 
 
 def test_a_viewpoint_that_moves_turns_what_is_left(stage: Stage) -> None:
