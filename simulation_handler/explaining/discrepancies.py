@@ -123,7 +123,7 @@ class Discrepancies:
         expected: dict[str, dict[str, float]] = {}
         there = list(solids.values())
         for name, by_camera in zip(solids, visibility(there, there), strict=True):
-            if not bodies.objects[name].is_led and name not in in_motion:
+            if not (bodies.objects[name].is_led or bodies.objects[name].is_with_somebody or name in in_motion):
                 recognised = {camera: visible.recognised for camera, visible in by_camera.items()}
                 expected[name] = {camera: share for camera, share in recognised.items() if _is_due(share)}
         absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]

@@ -21,6 +21,7 @@ from dsr.perception.scales import (
     CONFIRMED_IN,
     FRAME,
     LIKELY_SIGMAS,
+    LONGEST_GAP,
     ONE_MOMENT,
     PRESENT,
     SAME_PLACE,
@@ -246,9 +247,10 @@ class Driving:
 
     def _start(self, item: BelievedObject, now: float) -> float | None:
         """From when (s) on an object is seen on its way from where it is believed to be; None if it is not."""
-        if item.holder or item.name not in self._bodies.sim:
-            return None
-        if item.estimate_at(now) is None:
+        is_seen = item.estimate_at(now) is not None
+        if item.holder or item.name not in self._bodies.sim or (is_seen and now - item.path.newest > LONGEST_GAP):
+            return None  # in the last case its way ended before a gap: where it is seen now is not confirmed yet
+        if not is_seen:
             return item.path.newest if item.hand else None
         solid = self._bodies.solid(item.name)
         strays = self._strays(item, solid.pose)

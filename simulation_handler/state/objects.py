@@ -163,6 +163,11 @@ class BelievedObject:
         return self.static or self.hovering_since is not None
 
     @property
+    def is_with_somebody(self) -> bool:
+        """Whether somebody unknown was seen to carry the object, who has it in the air: with him it goes unseen."""
+        return self.static and self.was_followed and not self.holder
+
+    @property
     def vanished_when_let_go(self) -> bool:
         """Whether the object was not seen any more after a hand had let go of it."""
         return self.track.last_stamp <= self.let_go_at

@@ -259,6 +259,8 @@ class Alternatives:
     def _pass(self, source: str, target: str, share: float, new: Mode, worked: float | None = None) -> None:
         """Let a share of the weight of a mode go over to another one, which begins as `new`.
 
+        What goes over has not been missed there yet: it loses weight as all that was there before did.
+
         `worked` is the probability in that share that somebody was at work; None: as in the mode that it leaves.
         """
         origin = self.modes[source]
@@ -278,6 +280,9 @@ class Alternatives:
         if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
             x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
             mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
+        if target != ELSEWHERE:  # the learned rates are those by which its weight grows
+            whole = mode.weight * math.exp(mode.missed) + amount
+            mode.missed = math.log(whole / (mode.weight + amount))
         origin.weight -= amount
         mode.weight += amount
 
@@ -287,34 +292,36 @@ class Alternatives:
             self.modes[key] = new
         return self.modes[key]
 
-    def asked(self, thing: ObjectEvidence, *, blind: bool) -> list[Solid]:
+    def asked(self, name: str, evidence: Evidence, *, blind: bool) -> list[Solid]:
         """The object at all places of which it counts if cameras should see it there; `blind`: they see nothing."""
+        thing = evidence.objects[name]
         self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
         if self._solid is None:
             return []
-        places = (_placed(mode.pose) for mode in self._asked(thing, blind=blind))
+        places = (_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind))
         return [self._solid.at(place.t, place.q) for place in places]
 
-    def _asked(self, thing: ObjectEvidence, *, blind: bool) -> list[Mode]:
+    def _asked(self, name: str, evidence: Evidence, *, blind: bool) -> list[Mode]:
+        """The modes of places. What is in a hand out of sight is with that, wherever that is, and not missing there."""
         placed = {key: mode for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE}
         if blind:
-            return [placed[FOLLOWED]] if FOLLOWED in placed and not thing.gone else []
-        return list(placed.values())
+            return [placed[FOLLOWED]] if FOLLOWED in placed and not evidence.objects[name].gone else []
+        return [mode for key, mode in placed.items() if not _is_with_hand_out_of_sight(key, mode, name, evidence)]
 
-    def miss(self, thing: ObjectEvidence, shares: Sequence[float], now: float, *, blind: bool) -> None:
+    def miss(self, name: str, evidence: Evidence, shares: Sequence[float], *, blind: bool) -> None:
         """The object is not seen: that speaks against all places where cameras should see it.
 
         That nothing is seen at all speaks against cameras that do not fail, and not against places.
 
         Args:
-            thing: the object.
+            name: of the object.
+            evidence: of this moment.
             shares: of the places as of `asked`, how much cameras should see.
-            now: s
             blind: whether nothing is seen at all.
         """
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
-        step, self.looked = now - self.looked, now
-        for mode, share in zip(self._asked(thing, blind=blind), shares, strict=False):  # no shares without a shape
+        step, self.looked = evidence.now - self.looked, evidence.now
+        for mode, share in zip(self._asked(name, evidence, blind=blind), shares, strict=False):
             if blind:
                 before = mode.missed + self.unshown
                 self.unshown += missed_after(before, share, step, absence) - before
@@ -343,6 +350,14 @@ def missed_after(missed: float, share: float, step: float, absence: Absence) -> 
 def mode_circumstance(mode: Mode, evidence: Evidence) -> str:
     """The circumstance of an object in the hand of a mode."""
     return held(mode.hand, evidence) if mode.hand in evidence.hands else HELD_OUT_OF_SIGHT
+
+
+def _is_with_hand_out_of_sight(key: str, mode: Mode, name: str, evidence: Evidence) -> bool:
+    """Whether an object in a mode, or what it is in, is in a hand of which nobody knows where it is."""
+    thing = evidence.objects[name]
+    containers, hand = (thing.containers, thing.hand) if key == FOLLOWED else ((mode.container,), mode.hand)
+    hands = {hand} | {evidence.objects[container].hand for container in containers if container in evidence.objects}
+    return any(hand in evidence.hands and not evidence.hands[hand].is_seen for hand in hands)
 
 
 def _holder(mode: Mode, evidence: Evidence) -> Pose | None:

@@ -183,10 +183,10 @@ class WeightedWorlds:
             return
         things = evidence.objects
         blind = not any(evidence.now - thing.seen_at < PRESENT for thing in things.values())
-        asked = {name: found.asked(things[name], blind=blind) for name, found in unseen.items()}
+        asked = {name: found.asked(name, evidence, blind=blind) for name, found in unseen.items()}
         shares = self._shares(evidence, asked)
         for name, found in unseen.items():
-            found.miss(things[name], shares[name], evidence.now, blind=blind)
+            found.miss(name, evidence, shares[name], blind=blind)
 
     def _unseen(self) -> dict[str, Alternatives]:
         """Alternatives of the objects that are not recognised."""

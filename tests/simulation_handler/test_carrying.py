@@ -6,6 +6,7 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.hands.relation import TOUCHING
+from simulation_handler.perception.visibility import ExpectedVisibility
 from tests.simulation_handler.occluded import SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")
@@ -49,6 +50,76 @@ def test_what_somebody_else_lifts_past_a_hand_at_rest_is_not_held_by_it(seed: in
         world.palm = palm
         world.run(0.1)
         assert world.belief.grasps() == {}
+
+
+def lifted_by_somebody() -> Occlusion:
+    """A cup that nobody is seen to lift, and then a hand that comes to touch it on one side, and rests there."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
+    world.run(2.0)
+    world.hand("cup", tips="touch")
+    world.held, world.hand_seen = "", False
+    world.run(0.1)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
+    world.run(1.0)
+    world.hand("cup", tips="touch")
+    world.hand_seen = True
+    world.run(0.8)
+    return world
+
+
+def test_what_somebody_has_in_the_air_is_not_held_by_a_hand_that_it_comes_to_touch() -> None:
+    world = lifted_by_somebody()
+    item = world.belief._bodies.objects["cup"]
+    assert world.belief.grasps().keys() == {HELD} and not item.hand
+    world.held = ""
+    world.move("cup", standing(0.3, 0.0, SMALL))
+    world.run(1.0)
+    assert not item.hand
+
+
+def test_what_somebody_had_in_the_air_is_held_by_the_hand_that_it_goes_with() -> None:
+    world = lifted_by_somebody()
+    world.move("cup", standing(0.3, 0.2, SMALL, on=0.15))
+    assert world.belief._bodies.objects["cup"].hand == "hand"
+
+
+def test_a_hand_that_drew_back_from_what_stays_in_the_air_holds_it_no_more() -> None:
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.run(0.5)
+    assert world.belief._bodies.objects["cup"].hand == "hand"
+    world.held, world.tips_from_object = "", {}
+    world.run(1.0)
+    assert world.belief._bodies.objects["cup"].hand == "hand", "nothing else can"
+    for _ in range(8):
+        assert world.palm is not None
+        world.palm = Pose((0.01, 0.0, 0.0)) @ world.palm
+        world.run(0.1)
+    world.run(0.5)
+    assert not world.belief._bodies.objects["cup"].hand
+    assert world.error("cup") < 0.01
+
+
+def test_what_somebody_takes_out_of_sight_does_not_fall_and_is_followed_when_it_comes_back() -> None:
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cup_other": standing(0.3, 0.4, SMALL)})
+    world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(1.0, "")} for _ in solids]
+    world.run(2.0)
+    world.hand("cup")
+    world.held, world.hand_seen, world.tips_from_object = "", False, {}
+    world.run(0.3)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
+    world.run(1.0)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.25))
+    world.seen.discard("cup")
+    world.truths["cup"] = standing(0.3, 0.3, SMALL, on=0.4)
+    world.run(3.0)
+    assert world.pose("cup").t[2] > 0.25
+    world.seen.add("cup")
+    world.move("cup", standing(0.3, 0.3, SMALL, on=0.2))
+    assert world.error("cup") < 0.03
 
 
 def test_a_hand_that_shows_all_fingertips_holds_what_those_touch_and_nothing_else() -> None:

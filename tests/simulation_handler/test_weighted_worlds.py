@@ -244,6 +244,34 @@ def test_a_hand_that_was_near_may_have_it() -> None:
     assert held[0].objects["box"].pose.t == pytest.approx((0.7, 0.0, 0.12))
 
 
+def test_what_may_have_stayed_is_missed_where_it_would_be_however_late_it_did() -> None:
+    def shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
+        """Cameras see the place where it was, and not the hand."""
+        return {name: [float(solid.position[0] < 0.35) for solid in there] for name, there in places.items()}
+
+    course = Course()
+    course.worlds = WeightedWorlds(learned_parameters(), shares)
+    course.hands["hand"] = HandEvidence(Pose((0.3, 0.0, 0.1)), True, ())
+    course.run(1.0, lambda box: replace(box, hand="hand"))
+    for step in range(1, 61):
+        away = Pose((0.3 + 0.02 * step, 0.0, 0.1)).with_covariance(COVARIANCE)
+        course.run(0.1, lambda box, away=away: replace(box, believed=away))
+    course.run(1.5)
+    assert course.weight("left") < 0.05
+
+
+def test_what_is_in_a_hand_out_of_sight_is_not_missing_where_that_was_seen_last() -> None:
+    weights = {}
+    for is_seen in (True, False):
+        course = Course(share=1.0)
+        course.hands["hand"] = HandEvidence(Pose((0.3, 0.0, 0.1)), True, ())
+        course.run(1.0, lambda box: replace(box, hand="hand"))
+        course.hands["hand"] = HandEvidence(Pose((0.3, 0.0, 0.1)), is_seen, ())
+        course.run(3.0)
+        weights[is_seen] = course.weight("elsewhere")
+    assert weights[False] < 0.5 * weights[True]
+
+
 def test_a_hand_has_what_it_took_as_it_was_while_it_stayed_there() -> None:
     course = Course(share=0.0)
     course.hands["hand"] = HandEvidence(Pose((0.3, 0.0, 0.1)), True, ())
