@@ -18,7 +18,7 @@ from simulation_handler.worlds.weighted import WeightedWorlds
 
 CONSTANT = "constant"
 """Name of these shares in the file, and for `fit --only`"""
-_WIDEST = 12.0  # 1, standard deviations, by which an error tells nothing of this: something else is wrong
+_FREEDOM = 4.0  # 1, degrees of freedom of Student's t distribution of errors: some are of something else
 _RESAMPLINGS = 50  # of episodes, by which standard errors are found
 
 Array = NDArray[np.float64]
@@ -66,10 +66,10 @@ def _factor(episodes: Sequence[_Errors]) -> float:
 
 
 def _cost(errors: _Errors, factor: float) -> float:
-    """Nats of one error, on average."""
+    """Nats of one error, on average, up to a constant."""
     covariances = errors.noise + factor * errors.constant
-    distances = np.minimum(squared_distance(errors.places, covariances), _WIDEST**2)
-    return 0.5 * float(np.mean(distances + np.linalg.slogdet(covariances)[1]))
+    tails = (_FREEDOM + 3.0) * np.log1p(squared_distance(errors.places, covariances) / _FREEDOM)
+    return 0.5 * float(np.mean(tails + np.linalg.slogdet(covariances)[1]))
 
 
 def _errors_of(moments: Sequence[Recorded], worlds: WeightedWorlds, known: WorldParameters) -> dict[str, _Errors]:

@@ -237,6 +237,7 @@ class BelievedObject:
         errors: Array = np.multiply(share, estimate.constancy)[:, None, None] * estimate.stated
         if self.placement is not None and self.placement.rests and errors[0, 2, 2] > 0.0:
             errors[0] -= np.outer(errors[0, 2], errors[0, 2]) / errors[0, 2, 2]
+            errors[0, 2] = errors[0, :, 2] = 0.0
         return errors
 
     def known_error(self) -> KnownError | None:
