@@ -10,7 +10,7 @@ from dsr.errors import GraphError
 from dsr.graph.elements import Node
 from dsr.graph.shares import makers, shared_by
 from dsr.memory import Memory
-from dsr.vocabulary.intentions import MOST_INTENTIONS, PREFIX, WANTED
+from dsr.vocabulary.intentions import ACTIVE, MOST_INTENTIONS, PREFIX, WANTED
 
 _AFTER_ALL = sys.maxsize  # count, as which a name without a number counts
 _MOST_REPLANS = sys.maxsize // 2  # count, with room for more of them; what a node tells may be any number
@@ -47,9 +47,11 @@ def read_number(name: str, prefix: str) -> int | None:
 
 
 def read_intentions(memory: Memory) -> list[Intention]:
-    """Read all intentions, the most urgent first; of too many, the most urgent of each agent."""
-    found = sorted([(_read(node), node) for node in memory.nodes("intention")], key=lambda pair: pair[0].urgency)
-    return [intention for intention, _ in shared_by(found, MOST_INTENTIONS, lambda pair: makers(pair[1]))]
+    """Read all intentions, the most urgent first; of too many, the most urgent of each agent that are not over."""
+    found = [(_read(node), node) for node in memory.nodes("intention")]
+    found.sort(key=lambda pair: (pair[0].status not in ACTIVE, pair[0].urgency))
+    chosen = shared_by(found, MOST_INTENTIONS, lambda pair: makers(pair[1]))
+    return sorted((intention for intention, _ in chosen), key=lambda intention: intention.urgency)
 
 
 def _read(node: Node) -> Intention:

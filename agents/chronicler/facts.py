@@ -48,11 +48,11 @@ def read_facts(
     """
     nodes = [node for name in sorted(surprising) if (node := memory.get_node(name)) is not None]
     about: list[tuple[_Read, Node | Edge]] = [
-        *((_relation, edge) for kind in relations for edge in memory.edges(kind)),
-        *((_presence, node) for node in memory.nodes(OBJECTS) if is_present(node)),
-        *((_surprise, node) for node in nodes if node.get("surprising") is True),
         *((_halt, node) for node in memory.nodes(HALT_NODE)),
         *((_doing, node) for kind in (INTENTION, ACTION) for node in memory.nodes(kind)),
+        *((_surprise, node) for node in nodes if node.get("surprising") is True),
+        *((_relation, edge) for kind in relations for edge in memory.edges(kind)),
+        *((_presence, node) for node in memory.nodes(OBJECTS) if is_present(node)),
     ]
     chosen = shared_by(about, most, lambda pair: makers(pair[1]))
     return [fact for read, element in chosen if (fact := read(element, now)) is not None]

@@ -63,7 +63,9 @@ def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
     if not viewpoint:
         check_no_view(names, "name a viewpoint")
     sources, destinations = (frozenset(_names(text)) or None for text in (things, others))
-    return Wish(names, sources, destinations, "".join(_names(viewpoint)))
+    if len(views := _names(viewpoint)) > 1:
+        raise ConfigError(f"{len(views)} viewpoints; expected one, or none")
+    return Wish(names, sources, destinations, views[0] if views else "")
 
 
 def read_wish(node: Node) -> Wish:

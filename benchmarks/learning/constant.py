@@ -1,4 +1,4 @@
-"""Learns how much of their stated covariances percepts have wrong alike, by recordings of images."""
+"""Learns how much of their stated covariances percepts by colour have wrong alike, by recordings of images."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class _Errors(NamedTuple):
-    """Errors of objects at rest in view, of one episode and of one way to recognise them."""
+    """Errors of objects without a tag at rest in view, of one episode."""
 
     places: Array
     """(n, 3) m, world, from the truth"""
@@ -38,22 +38,17 @@ class _Errors(NamedTuple):
 def learn_constant(
     episodes: Sequence[tuple[Sequence[Recorded], WeightedWorlds]], known: WorldParameters
 ) -> tuple[ConstantErrors, dict[str, float]]:
-    """The likeliest shares, and standard errors of their logarithms, by drawing episodes anew.
+    """The likeliest share, and the standard error of its logarithm, by drawing episodes anew.
 
     Each episode comes with worlds that have seen nothing yet. Where percepts scatter, they tell nothing.
     """
-    found = [_errors_of(moments, worlds, known) for moments, worlds in episodes]
-    rng, shares, errors = np.random.default_rng(0), {}, {}
-    for kind in ConstantErrors.__struct_fields__:
-        told = [one[kind] for one in found if kind in one]
-        if not told:
-            continue
-        factor = _factor(told)
-        shares[kind] = getattr(known.constant, kind) * factor
-        draws = rng.integers(len(told), size=(_RESAMPLINGS, len(told))).tolist()
-        drawn = [_factor([told[index] for index in draw]) for draw in draws]
-        errors[kind] = float(np.std(np.log(drawn), ddof=1))
-    return msgspec.structs.replace(known.constant, **shares), errors
+    found = [errors for moments, worlds in episodes if (errors := _errors_of(moments, worlds, known)) is not None]
+    if not found:
+        return known.constant, {}
+    draws = np.random.default_rng(0).integers(len(found), size=(_RESAMPLINGS, len(found))).tolist()
+    drawn = [_factor([found[index] for index in draw]) for draw in draws]
+    color = known.constant.color * _factor(found)
+    return msgspec.structs.replace(known.constant, color=color), {"color": float(np.std(np.log(drawn), ddof=1))}
 
 
 def _factor(episodes: Sequence[_Errors]) -> float:
@@ -72,25 +67,22 @@ def _cost(errors: _Errors, factor: float) -> float:
     return 0.5 * float(np.mean(tails + np.linalg.slogdet(covariances)[1]))
 
 
-def _errors_of(moments: Sequence[Recorded], worlds: WeightedWorlds, known: WorldParameters) -> dict[str, _Errors]:
-    found: dict[str, list[tuple[Array, Array, Array]]] = {}
+def _errors_of(moments: Sequence[Recorded], worlds: WeightedWorlds, known: WorldParameters) -> _Errors | None:
+    rows: list[tuple[Array, Array, Array]] = []
     for moment in moments:
         worlds.update(moment.evidence)
-        for name, one in _at_rest(moment, worlds, known):
-            found.setdefault("tag" if name in moment.tagged else "color", []).append(one)
-    return {kind: _Errors(*map(np.array, zip(*rows, strict=True))) for kind, rows in found.items()}
+        rows += _at_rest(moment, worlds, known)
+    return _Errors(*map(np.array, zip(*rows, strict=True))) if rows else None
 
 
 def _at_rest(
     moment: Recorded, worlds: WeightedWorlds, known: WorldParameters
-) -> Iterator[tuple[str, tuple[Array, Array, Array]]]:
+) -> Iterator[tuple[Array, Array, Array]]:
     noise, nothing = known.noise[RESTS], np.zeros(())
     for name in sorted(moment.truth.keys() & moment.evidence.objects.keys() & moment.in_view):
         followed = worlds.followed(name)
-        if followed is None or followed.circumstance != RESTS or followed.pose.cov is None:
-            continue
-        if followed.constant is None or not followed.constant[0].any():
+        if followed is None or followed.circumstance != RESTS or followed.pose.cov is None or followed.constant is None:
             continue
         own = followed.pose.parent_covariances()[0]
         told = position_covariance(noise, own, nothing, nothing, np.zeros(3))
-        yield name, (np.subtract(followed.pose.t, moment.truth[name].t), told, followed.constant[0])
+        yield np.subtract(followed.pose.t, moment.truth[name].t), told, followed.constant

@@ -19,7 +19,7 @@ RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed
 ABSENCE = Absence(rate=5.0, blind=0.05)
 ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
 WITHIN = Within(level=0.25)
-CONSTANT = ConstantErrors(tag=1.0, color=1.0)
+CONSTANT = ConstantErrors(color=1.0)
 """Where the search begins, and to which little evidence is drawn"""
 SHARES = {
     *(("rates", name) for name in ("kept", "entered", "went_on", "work_removed", "work_moved", "missed")),

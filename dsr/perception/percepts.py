@@ -48,8 +48,9 @@ class PerceptReader:
     """Gives each percept once: the pose of an RT edge to a thing, as soon as the place of its camera then is known.
 
     A pose is new if its stamp is later than that of the last one given of the same edge. Who looks seldom gets those in
-    between, too, but for the oldest of very many. A pose of stamp 0 holds at all times: such is a percept of each look.
-    What cannot be used is counted. It is tried again at the next look, unless it is too old or too far away.
+    between, too, but for the oldest of very many, and for what was not asked for at the last look. A pose of stamp 0
+    holds at all times: such is a percept of each look. What cannot be used is counted. It is tried again at the next
+    look, unless it is too old or too far away.
 
     Args:
         memory: the graph.
@@ -62,6 +63,7 @@ class PerceptReader:
         self._timeless = timeless
         self._oldest = oldest
         self._given: dict[tuple[str, str], float] = {}  # (camera, thing) -> stamp of the newest percept
+        self._asked: set[tuple[str, str]] = set()  # (camera, thing) at the last look
         self.skipped: Counter[str] = Counter()
         """How often a percept could not be used, by reason."""
         self.problems: dict[str, str] = {}
@@ -79,18 +81,20 @@ class PerceptReader:
         places = _CameraPlaces(self._memory)
         edge_of = self._memory.get_edge
         self._given = {key: stamp for key, stamp in self._given.items() if edge_of(*key, "RT") is not None}
-        found = []
+        found, asked = [], set[tuple[str, str]]()
         for name in sorted(names):
             of_thing: list[Percept] = []
             for edge in self._memory.edges("RT", dst=name):
                 if cameras is None or edge.src in cameras:
+                    asked.add((edge.src, edge.dst))
                     of_thing += self._new_of(edge, now, places)
             found += sorted(of_thing, key=lambda percept: percept.stamp)
+        self._asked = asked
         return found
 
     def _new_of(self, edge: Edge, now: float, places: _CameraPlaces) -> Iterator[Percept]:
         """The percepts of an edge that were not given before, the oldest first."""
-        for pose in self._poses(edge):
+        for pose in self._poses(edge, now):
             stamp = pose.stamp or (now if self._timeless else -math.inf)
             if stamp > self._given.get((edge.src, edge.dst), -math.inf):
                 percept = self._percept(edge, pose, stamp, now, places)
@@ -98,14 +102,14 @@ class PerceptReader:
                     self._given[edge.src, edge.dst] = stamp
                     yield percept
 
-    def _poses(self, edge: Edge) -> list[Pose]:
-        """The newest pose, and before it those since the last one that was given."""
+    def _poses(self, edge: Edge, now: float) -> list[Pose]:
+        """The newest pose, and before it those since the last one that was given, if they are not too old."""
         newest, given = edge.get("pose"), self._given.get((edge.src, edge.dst))
         if newest is None:
             return []
-        if given is None or newest.stamp <= given:
+        if given is None or newest.stamp <= given or (edge.src, edge.dst) not in self._asked:
             return [newest]
-        between = self._memory.poses_since(edge.src, edge.dst, given)
+        between = self._memory.poses_since(edge.src, edge.dst, max(given, now - self._oldest))
         return [*(pose for pose in between if pose.stamp < newest.stamp), newest][-RECENT_PERCEPTS:]
 
     def _percept(self, edge: Edge, pose: Pose, stamp: float, now: float, places: _CameraPlaces) -> Percept | None:

@@ -180,8 +180,11 @@ class Chronicle:
             for entry, since in self._orphans.abandoned(everything, now):
                 self.end(entry.name, max(since, entry.begin), outcome="its writer is gone")
         left = [entry for entry in own if entry.name not in old]
-        if left and len(own) + room > self._keep.count:
-            self._complete_from = max(self._complete_from, min(entry.last for entry in left))
+        if len(own) + room > self._keep.count:
+            over = min((entry.last for entry in left if entry.last < math.inf), default=None)
+            if over is None:  # all that is left lasts
+                over = max((entry.last for entry in own if entry.name in old), default=-math.inf)
+            self._complete_from = max(self._complete_from, over)
         self._room = max(1, self._keep.count - len(left), self._keep.count // 20)
         return len(old)
 

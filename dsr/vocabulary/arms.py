@@ -8,14 +8,11 @@ keys of its device `arm/state` and `arm/command`. The gripper of an arm `left` i
 from __future__ import annotations
 
 from dsr.graph.elements import Node
-from dsr.graph.shares import shared_out
 from dsr.memory import Memory
 from dsr.vocabulary.relations import nodes_by_name
 
 ARM = "arm"
 """Name of the first arm, and of the only one."""
-MOST_ARMS = 16
-"""Arms that are looked at: whoever may make their nodes could make any number."""
 CONTROLLER = "arm_controller"
 """Name of the agent that moves an arm whose node does not tell another one."""
 
@@ -26,11 +23,8 @@ def gripper_of(arm: str) -> str:
 
 
 def arm_nodes(memory: Memory) -> list[Node]:
-    """The arms of a graph: the first one, then the others in the order of their names.
-
-    Of more than `MOST_ARMS`, those are listed that `shared_out` chooses.
-    """
-    return sorted(shared_out(nodes_by_name(memory, "arm"), MOST_ARMS), key=lambda node: node.name != ARM)
+    """The arms of a graph: the first one, then the others in the order of their names."""
+    return sorted(nodes_by_name(memory, "arm"), key=lambda node: node.name != ARM)
 
 
 def first_arm(memory: Memory) -> str:

@@ -42,9 +42,14 @@ class Discrepancies:
         off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
         self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
         self._expected_by = self._expected(visibility, now) if visibility is not None else {}
-        blind = not any(item.estimate_at(now) for item in self._bodies.objects.values())
+        blind = not any(item.is_shown(now, self._late) for item in self._bodies.objects.values())
         since = {} if blind else self._expected_since  # a camera that shows nothing is covered
         self._expected_since = {name: since.get(name, now) for name in sorted(self._expected_by)}
+
+    @property
+    def _late(self) -> float:
+        """Seconds by which the camera that tells soonest is late"""
+        return min((item.track.late for item in self._bodies.objects.values() if item.seen_by), default=0.0)
 
     def missing_for(self, now: float) -> dict[str, float]:
         """Time (s) for which each object that should be seen has been missing, as far as cameras have told."""
@@ -123,7 +128,7 @@ class Discrepancies:
         expected: dict[str, dict[str, float]] = {}
         there = list(solids.values())
         for name, by_camera in zip(solids, visibility(there, there), strict=True):
-            if not (bodies.objects[name].is_led or bodies.objects[name].is_with_somebody or name in in_motion):
+            if not bodies.objects[name].is_led and name not in in_motion:
                 recognised = {camera: visible.recognised for camera, visible in by_camera.items()}
                 expected[name] = {camera: share for camera, share in recognised.items() if _is_due(share)}
         absent = [name for name, by in expected.items() if by and bodies.objects[name].estimate_at(now) is None]

@@ -371,7 +371,7 @@ class Touching:
             return False
         stamp, solid = self._contacts.seen_at(hand, item, now)
         there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object
-        return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < ELSEWHERE
+        return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < HAND_REACH
 
     def _hand_from_object(self, hand: Hand, item: BelievedObject, now: float) -> Pose:
         stamp, solid = self._contacts.seen_at(hand, item, now)

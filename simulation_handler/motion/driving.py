@@ -322,7 +322,8 @@ class Driving:
 
     def _is_out_of_sight(self, item: BelievedObject, drive: Drive, now: float) -> bool:
         """Whether an object on its way is not seen any more, and nobody has lifted it, who may hold it in the air."""
-        if now - item.track.last_stamp <= ONE_MOMENT:
+        late = item.track.late
+        if now - item.track.last_stamp <= (PRESENT + late if late > 0.0 else ONE_MOMENT):
             return False
         was_raised = not drive.rests and item.path.last.t[2] > drive.origin.t[2] + self._config.hover_tolerance
         return drive.runs or (any(item.path.velocity) and (item.falls or not was_raised))

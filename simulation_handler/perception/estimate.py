@@ -57,12 +57,12 @@ class Estimate(Covariances):
         """(2, 3, 3) of the remaining noise: of the position, m^2, and of the rotation, rad^2"""
         self.ray = percept.ray
         self.stamp = percept.stamp
-        self.stated = percept.covariances
-        """(2, 3, 3) of the newest percept, m^2 and rad^2: as it was stated, of all its errors"""
-        self.scatter = np.zeros((2, 3, 3))
-        """(2, 3, 3) m^2 and rad^2: mean squares of how far percepts were from the estimate before"""
-        self.constancy = np.zeros(2)
-        """(2,) how constant the errors of position and rotation are, 0 to 1
+        self.stated = percept.position_covariance
+        """(3, 3) m^2, of the newest percept: as it was stated, of all its errors"""
+        self.scatter = np.zeros((3, 3))
+        """(3, 3) m^2: mean squares of how far percepts were from the estimate before"""
+        self.constancy = 0.0
+        """How constant the errors of the position are, 0 to 1
 
         It is 1 if percepts do not scatter. It is 0 if they scatter in all directions together as much as is stated of
         one: their errors are noise then, which averages take away.
@@ -176,15 +176,15 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     posterior = 0.5 * (posterior + posterior.mT)
     steps = (gain @ shifts[..., None])[..., 0]
     scatter = _stacked([estimate.scatter for estimate in estimates])
-    squares = shifts[..., :, None] * shifts[..., None, :]
-    scatter += (squares - scatter) / np.array([min(one.count - 1, window) for one in estimates])[:, None, None, None]
-    shown = np.einsum("nkij,nkji->nk", matrix_inverses(stated.reshape(-1, 3, 3)).reshape(stated.shape), scatter)
-    constancy = np.nan_to_num(np.clip(1.0 - shown, 0.0, 1.0))
+    squares = shifts[:, 0, :, None] * shifts[:, 0, None, :]
+    scatter += (squares - scatter) / np.array([min(one.count - 1, window) for one in estimates])[:, None, None]
+    shown = np.einsum("nij,nji->n", matrix_inverses(stated[:, 0]), scatter)
+    constancy = np.nan_to_num(np.clip(1.0 - shown, 0.0, 1.0)).tolist()
     told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
     for place in np.flatnonzero(told).tolist():
         estimate, percept = estimates[place], percepts[place]
-        estimate.covariances, estimate.stated = posterior[place].copy(), percept.covariances
-        estimate.scatter, estimate.constancy = scatter[place].copy(), constancy[place].copy()
+        estimate.covariances, estimate.stated = posterior[place].copy(), percept.position_covariance
+        estimate.scatter, estimate.constancy = scatter[place].copy(), constancy[place]
         estimate.position = estimate.position + steps[place, 0]
         x, y, z = steps[place, 1].tolist()
         step = quaternions.from_rotvec((x, y, z))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dsr.math3d.quaternions import Quaternion, Vector3, to_matrix
 from dsr.math3d.transforms import Pose
+from dsr.perception.reach import FARTHEST
 from simulation_handler.config import BeliefConfig
 from simulation_handler.scales import DIAGONAL, ROUNDING
 
@@ -70,10 +71,16 @@ class WeighedPercept(Covariances):
 
 
 def flaws(sights: Sequence[SeenObject]) -> list[str]:
-    """Why each cannot be used: its covariance has a negative variance in some direction. Empty for those that can."""
+    """Why each cannot be used: its covariance has a negative variance in some direction, or a place beyond all rooms.
+
+    Empty for those that can.
+    """
     found, told = [""] * len(sights), _told(sights)
     if told:
         covariances = _told_covariances(sights, told)
+        farthest = covariances.diagonal(axis1=1, axis2=2)[:, :3].max(axis=1)
+        for place in np.flatnonzero(farthest > FARTHEST**2).tolist():
+            found[told[place]] = f"variance of {farthest[place]:.3g} m^2: expected at most {FARTHEST**2:g}"
         least, traces = np.linalg.eigvalsh(covariances)[:, 0], covariances.trace(axis1=1, axis2=2)
         for place in np.flatnonzero(least < -ROUNDING * traces).tolist():
             found[told[place]] = f"covariance with eigenvalue {least[place]}: expected none below 0"

@@ -142,9 +142,12 @@ class BelievedObject:
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     def note_lateness(self, late: Mapping[str, float]) -> None:
-        """Take note of the seconds by which cameras are late, by their names; of those that see it, the best counts."""
-        told = max((stamp + late.get(camera, 0.0) for camera, stamp in self.seen_by.items()), default=-math.inf)
-        self.track.late = max(told - self.track.last_stamp, 0.0) if told > -math.inf else 0.0
+        """Take note of the seconds by which cameras are late, by name; of those that saw it last, the best counts."""
+        self.track.late = min((late.get(camera, 0.0) for camera in self.cameras_at(self.track.last_stamp)), default=0.0)
+
+    def is_shown(self, now: float, late: float) -> bool:
+        """Whether it has an estimate from percepts, and was seen lately if cameras are so late (s)."""
+        return self.track.estimate_at(now) is not None and self.track.is_recent(self.track.last_stamp + late, now)
 
     def recall_seen(self, world_pose: Pose, stamp: float, camera: str) -> None:
         """Know where and when (s) a camera last saw it on its way; for where it is now that counts no more."""
@@ -161,11 +164,6 @@ class BelievedObject:
     def is_in_air(self) -> bool:
         """Whether the object was seen where nothing known carries it, when it was last seen."""
         return self.static or self.hovering_since is not None
-
-    @property
-    def is_with_somebody(self) -> bool:
-        """Whether somebody unknown was seen to carry the object, who has it in the air: with him it goes unseen."""
-        return self.static and self.was_followed and not self.holder
 
     @property
     def vanished_when_let_go(self) -> bool:
@@ -225,20 +223,19 @@ class BelievedObject:
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(self.error_std(config))
 
-    def constant_errors(self, shares: ConstantErrors) -> Array | None:
-        """(2, 3, 3) m^2 and rad^2, world: covariances of what is wrong in all percepts alike; None without an estimate.
+    def constant_error(self, shares: ConstantErrors) -> Array | None:
+        """(3, 3) m^2, world: covariance of what is wrong with the place in all percepts alike; None if nothing is.
 
         What carries the object tells its height.
         """
         estimate = self.track.estimate
-        if estimate is None:
+        if estimate is None or self.shows_rotation or estimate.constancy == 0.0:
             return None
-        share = (shares.tag, shares.tag) if self.shows_rotation else (shares.color, 0.0)
-        errors: Array = np.multiply(share, estimate.constancy)[:, None, None] * estimate.stated
-        if self.placement is not None and self.placement.rests and errors[0, 2, 2] > 0.0:
-            errors[0] -= np.outer(errors[0, 2], errors[0, 2]) / errors[0, 2, 2]
-            errors[0, 2] = errors[0, :, 2] = 0.0
-        return errors
+        error: Array = shares.color * estimate.constancy * estimate.stated
+        if self.placement is not None and self.placement.rests and error[2, 2] > 0.0:
+            error -= np.outer(error[2], error[2]) / error[2, 2]
+            error[2] = error[:, 2] = 0.0
+        return error
 
     def known_error(self) -> KnownError | None:
         """The systematic error of its percepts, if it rests on something as is believed for sure."""

@@ -50,7 +50,7 @@ class Blackouts:
                 fail.
         """
         if self.begins(evidence):
-            self._since, self._lasted, self._improbable, self._told = max(_stamps(evidence)), 0.0, 0.0, {}
+            self._since, self._lasted, self._improbable, self._told = max(evidence.shown()), 0.0, 0.0, {}
             improbable = 0.0
         self._is_open = _are_blind(evidence)
         self.before = self.probability if self._is_open else 0.0
@@ -95,12 +95,7 @@ class Blackouts:
         return {name: math.exp(min(total - own, _SUREST)) for name, own in told.items()}
 
 
-def _stamps(evidence: Evidence) -> list[float]:
-    """s, of the newest percept of each object."""
-    return [thing.seen_at for thing in evidence.objects.values() if thing.percept is not None]
-
-
 def _are_blind(evidence: Evidence) -> bool:
-    stamps = _stamps(evidence)
+    stamps = evidence.shown()
     newest = max(stamps, default=-math.inf)
     return evidence.now - newest > PRESENT and sum(newest - stamp < PRESENT for stamp in stamps) > 1

@@ -93,12 +93,12 @@ class ObjectEvidence:
 
     The systematic error of its percepts is that of other objects: its own is learned from how it is taken to rest."""
     constant: Array | None = None
-    """(2, 3, 3) m^2 and rad^2, world: covariances of what all percepts have wrong alike; None if nothing is known"""
+    """(3, 3) m^2, world: covariance of what all percepts of its place have wrong alike; None if nothing is"""
     otherwise: tuple[OtherStance, ...] = ()
     """How it may rest instead of as `believed`, if its percepts do not tell"""
 
     late: float = 0.0
-    """s by which the cameras that see it are late"""
+    """s by which the camera that saw it last is late"""
     courses: tuple[SupportedPose, ...] = ()
     """Where it is by each course on which it may be, if it vanished on its way; each is as probable"""
 
@@ -127,6 +127,12 @@ class Evidence:
     """Pairs (object, container)"""
     fixtures: tuple[Solid, ...] = ()
     """Tables and the floor"""
+
+    def shown(self) -> list[float]:
+        """s, when each object was seen last, as far as the camera that tells soonest has told."""
+        things = [(thing.percept.stamp, thing.late) for thing in self.objects.values() if thing.percept is not None]
+        soonest = min((late for _, late in things), default=0.0)
+        return [stamp + soonest for stamp, _ in things]
 
     def hands_free_of_others(self, name: str) -> dict[str, HandEvidence]:
         """The hands that hold nothing but perhaps this object: one that holds something takes nothing else."""
@@ -255,7 +261,7 @@ class EvidenceReader:
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
             late=item.track.late,
             courses=self._courses(name),
-            constant=item.constant_errors(self._constant),
+            constant=item.constant_error(self._constant),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 

@@ -100,12 +100,13 @@ class Within(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ConstantErrors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What all percepts of an object have wrong alike, if they do not scatter as their covariances state."""
+    """What all percepts of an object have wrong alike, if they do not scatter as their covariances state.
 
-    tag: Amount
-    """1, share of the stated covariance, of what is recognised by a tag"""
+    Of things with tags nothing was found: their averages are as good as their scatter tells.
+    """
+
     color: Amount
-    """1, likewise, by its colour"""
+    """1, share of the stated covariance of the place, of what is recognised by its colour"""
 
 
 class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -105,15 +105,14 @@ def with_spreads(
 ) -> list[Pose]:
     """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...).
 
-    `constant` has covariances (2, 3, 3) m^2 and rad^2, world, of what all percepts of each have wrong alike; or None.
+    `constant` has covariances (3, 3) m^2, world, of what all percepts of the place of each have wrong alike; or None.
     """
     own = np.array([pose.cov or _UNKNOWN for pose in poses]).reshape(-1, 6, 6)
     rotations = _rotations(poses)
     places, turns = (rotations @ block @ rotations.mT for block in (own[:, :3, :3], own[:, 3:, 3:]))
     places = position_covariance(noise, places, age, moved, velocity, reach)
     alike = np.array([_NOTHING if one is None else one for one in constant])
-    turns = rotation_covariance(noise, turns, moved)
-    return all_with_world_covariances(poses, places + alike[:, 0], turns + alike[:, 1])
+    return all_with_world_covariances(poses, places + alike, rotation_covariance(noise, turns, moved))
 
 
 def with_world_covariances(pose: Pose, place: Array, turn: Array) -> Pose:
@@ -144,5 +143,5 @@ def scaled(pose: Pose, factor: float) -> Pose:
     return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
 
 
-_NOTHING = np.zeros((2, 3, 3))
+_NOTHING = np.zeros((3, 3))
 _UNKNOWN = tuple(np.zeros(36).tolist())

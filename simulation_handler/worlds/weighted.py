@@ -116,7 +116,7 @@ class Followed:
     reach: float = math.inf
     """m, how far percepts that contradict the pose are away from it; infinite if none do"""
     constant: NDArray[np.float64] | None = None
-    """(2, 3, 3) as of `ObjectEvidence`, when it was recognised last"""
+    """(3, 3) m^2 as of `ObjectEvidence`, when it was recognised last"""
 
 
 class WeightedWorlds:
@@ -181,8 +181,7 @@ class WeightedWorlds:
         """Take in that objects are not seen where cameras should see them: one question about all of them."""
         if not unseen:
             return
-        things = evidence.objects
-        blind = not any(evidence.now - thing.seen_at < PRESENT for thing in things.values())
+        blind = not any(evidence.now - shown < PRESENT for shown in evidence.shown())
         asked = {name: found.asked(name, evidence, blind=blind) for name, found in unseen.items()}
         shares = self._shares(evidence, asked)
         for name, found in unseen.items():
@@ -411,7 +410,7 @@ def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[flo
     apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
     odds = float(odds_of_percepts(noise, apart))
     if followed.constant is not None:
-        place, turn = place + followed.constant[0], turn + followed.constant[1]
+        place = place + followed.constant
     return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
 
 

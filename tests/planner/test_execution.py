@@ -313,6 +313,15 @@ def test_a_number_of_plans_that_has_no_successor_ends_no_planner() -> None:
         assert read_intentions(run.memory)[0].replans < sys.maxsize - 1000
 
 
+def test_however_many_intentions_of_an_agent_are_over_a_new_one_is_pursued() -> None:
+    with Run() as run:
+        for number in range(MOST_INTENTIONS + 9):
+            run.memory.add_node(f"intention_{number}", "intention", goal="on(a,b)", status="failed", priority=9)
+        run.memory.add_node("intention_9999", "intention", goal="on(a,b)")
+        known = [intention.name for intention in read_intentions(run.memory)]
+        assert len(known) == MOST_INTENTIONS and known[-1] == "intention_9999"
+
+
 def test_however_many_intentions_somebody_makes_up_those_of_others_are_pursued() -> None:
     with Run() as run:
         run.want()

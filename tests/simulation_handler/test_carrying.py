@@ -83,27 +83,7 @@ def test_what_somebody_had_in_the_air_is_held_by_the_hand_that_it_goes_with() ->
     assert world.belief._bodies.objects["cup"].hand == "hand"
 
 
-def test_a_hand_that_drew_back_from_what_stays_in_the_air_holds_it_no_more() -> None:
-    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
-    world.run(2.0)
-    world.hand("cup")
-    world.run(0.8)
-    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
-    world.run(0.5)
-    assert world.belief._bodies.objects["cup"].hand == "hand"
-    world.held, world.tips_from_object = "", {}
-    world.run(1.0)
-    assert world.belief._bodies.objects["cup"].hand == "hand", "nothing else can"
-    for _ in range(8):
-        assert world.palm is not None
-        world.palm = Pose((0.01, 0.0, 0.0)) @ world.palm
-        world.run(0.1)
-    world.run(0.5)
-    assert not world.belief._bodies.objects["cup"].hand
-    assert world.error("cup") < 0.01
-
-
-def test_what_somebody_takes_out_of_sight_does_not_fall_and_is_followed_when_it_comes_back() -> None:
+def test_what_comes_back_after_a_gap_does_not_set_out_by_its_way_before() -> None:
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cup_other": standing(0.3, 0.4, SMALL)})
     world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(1.0, "")} for _ in solids]
     world.run(2.0)
@@ -116,7 +96,6 @@ def test_what_somebody_takes_out_of_sight_does_not_fall_and_is_followed_when_it_
     world.seen.discard("cup")
     world.truths["cup"] = standing(0.3, 0.3, SMALL, on=0.4)
     world.run(3.0)
-    assert world.pose("cup").t[2] > 0.25
     world.seen.add("cup")
     world.move("cup", standing(0.3, 0.3, SMALL, on=0.2))
     assert world.error("cup") < 0.03

@@ -6,10 +6,12 @@ import math
 
 import pytest
 
+from dsr.math3d.transforms import Pose
 from dsr.perception.scales import FRAME, PRESENT, RECENT_PERCEPTS, UNSEEN_AFTER
 from simulation_handler.perception.lateness import Lateness
 from simulation_handler.perception.percepts import SeenObject
-from tests.simulation_handler.worlds import CAMERA, VIEW, World, cube_at
+from tests.simulation_handler.occluded import SMALL, Occlusion, standing
+from tests.simulation_handler.worlds import CAMERA, PERIOD, VIEW, World, cube_at
 
 LATE = 1.2  # s
 
@@ -73,6 +75,58 @@ def test_what_a_late_camera_ceases_to_show_is_unseen_in_the_end() -> None:
     world.dark = True
     world.run(2.0 * LATE + UNSEEN_AFTER)
     assert not any(world.belief.perceived(name, world.now) for name in world.truths)
+
+
+class TwoCameras(World):
+    """A fast camera sees all, and a slow one, once a second, what it is `shown`."""
+
+    shown: tuple[str, ...] = ()
+
+    def see(self, name: str, percept: Pose) -> None:
+        super().see(name, percept)
+        if name in self.shown and round(self.ticks * PERIOD / FRAME) % 10 == 0:
+            self.belief.observe([SeenObject(name, percept, percept.stamp + 1e-3, CAMERA, "slow")])
+
+
+def test_a_slow_camera_does_not_delay_what_a_fast_one_shows() -> None:
+    world = TwoCameras({"cube_0": cube_at(0.3, 0.1), "cube_1": cube_at(0.45, -0.1)}, rays=True)
+    world.shown = ("cube_0",)
+    world.run(8.0)
+    world.seen.discard("cube_0")
+    world.run(1.2)
+    assert world.belief.is_gone("cube_0") and not world.belief.is_gone("cube_1")
+
+
+class LateOcclusion(Occlusion):
+    """A thing in view of a camera that tells each image `late` s later."""
+
+    late = 0.3
+
+    def __init__(self) -> None:
+        super().__init__({"cup": standing(0.3, -0.2, SMALL)})
+        self.waiting: list[tuple[float, Pose]] = []
+
+    def tick(self) -> None:
+        self.now += PERIOD
+        self.ticks += 1
+        if self.ticks % 2:
+            self.waiting.append((self.now + self.late, self.percept("cup")))
+        while self.waiting and self.waiting[0][0] <= self.now + 1e-9:
+            _, percept = self.waiting.pop(0)
+            self.belief.observe([SeenObject("cup", percept, percept.stamp, CAMERA, "camera")])
+        self.belief.flag(self.belief.names)
+        self.belief.step(self.now)
+
+
+@pytest.mark.parametrize("late", [0.1, 0.3, 0.45])
+def test_what_a_somewhat_late_camera_saw_move_comes_to_where_it_was_put(late: float) -> None:
+    world = LateOcclusion()
+    world.late = late
+    world.run(4.0)
+    for on, y in ((0.2, -0.2), (0.2, 0.2), (0.0, 0.2)):
+        world.move("cup", standing(0.3, y, SMALL, on=on))
+    world.run(3.0)
+    assert world.error("cup") < 0.01
 
 
 @pytest.mark.parametrize("period", [FRAME, 0.4])

@@ -158,7 +158,6 @@ def test_a_place_is_not_known_better_than_its_percepts_that_are_wrong_alike() ->
     for noise in (0.002, 1e-5):
         world = World(noise=noise)
         world.add("block", (0.06, 0.06, 0.06), (0.3, 0.1, 0.03))
-        world.told["block"] = Pose()
         world.run(10.0)
         for seconds in (0.0, 2.0):
             world.truths.clear() if seconds else None

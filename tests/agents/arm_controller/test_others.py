@@ -17,7 +17,6 @@ from agents.arm_controller.motion.others import APART, COAST, MOST_BOXES, SILENT
 from agents.arm_controller.motion.trajectory import Trajectory
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.files.built_in import ETC
-from dsr.vocabulary.arms import MOST_ARMS
 
 MODEL = load_arm(ETC / "robots" / "gen3.urdf")
 FIGURE = Figure(MODEL)
@@ -187,6 +186,3 @@ def test_however_many_arms_links_and_boxes_somebody_makes_up_few_are_looked_at(m
     assert others.unreadable() == ""
     memory.update_node("arm_3", way=(MOST_BOXES + 1) * box, way_times=(100.0,))
     assert others.unreadable() == "arm_3"
-    for number in range(MOST_ARMS):
-        memory.add_node(f"arm_{number}_more", "arm")
-    assert len(others.names()) == MOST_ARMS - 1

@@ -158,6 +158,28 @@ def test_of_what_was_seen_before_the_first_look_the_newest_is_given(scene: Surpr
     assert [percept.stamp for percept in PerceptReader(scene.memory).new(10.3, {"cube_0"})] == [10.2]
 
 
+def test_of_what_was_not_asked_for_at_the_last_look_the_newest_is_given(scene: SurpriseScene) -> None:
+    """Who leaves out a thing that is held wants nothing of the time in the hand later."""
+    percepts = PerceptReader(scene.memory)
+    see(scene, 10.0)
+    percepts.new(10.0, {"cube_0"})
+    for stamp in (10.1, 10.2):
+        see(scene, stamp)
+        assert percepts.new(stamp, ()) == []
+    see(scene, 10.3)
+    assert [percept.stamp for percept in percepts.new(10.3, {"cube_0"})] == [10.3]
+
+
+def test_what_is_too_old_in_between_is_no_problem(scene: SurpriseScene) -> None:
+    percepts = PerceptReader(scene.memory, oldest=0.5)
+    see(scene, 10.0)
+    percepts.new(10.0, {"cube_0"})
+    for stamp in (10.1, 10.2, 11.0):
+        see(scene, stamp)
+    assert [percept.stamp for percept in percepts.new(11.1, {"cube_0"})] == [11.0]
+    assert percepts.problems == {} and not percepts.skipped
+
+
 def test_of_very_many_percepts_the_newest_are_given(scene: SurpriseScene) -> None:
     percepts = PerceptReader(scene.memory)
     see(scene, 10.0)

@@ -225,6 +225,18 @@ def test_an_event_with_a_key_that_was_forgotten_does_not_come_back(company: Comp
     assert names(memory) == []
 
 
+def test_events_are_told_again_after_all_that_was_left_lasted(company: Company) -> None:
+    memory = company.join("waiter")
+    chronicle = Chronicle(memory, keep=Retention(count=5))
+    lasting = [chronicle.begin("lasting", time=START + index, text=str(index)) for index in range(9)]
+    chronicle.happened("x", time=START, key="before", text="before")
+    for name in lasting:
+        chronicle.end(name, time=START + 20.0)
+    company.pass_time(30.0)
+    chronicle.happened("x", time=START + 30.0, key="after", text="after")
+    assert "after" in names(memory)
+
+
 def test_entries_of_who_is_gone_are_forgotten_by_others_but_nothing_recent_is(company: Company) -> None:
     gone, here = company.join("gone"), company.join("here")
     theirs = Chronicle(gone)
