@@ -181,10 +181,10 @@ class Chronicle:
                 self.end(entry.name, max(since, entry.begin), outcome="its writer is gone")
         left = [entry for entry in own if entry.name not in old]
         if len(own) + room > self._keep.count:
-            over = min((entry.last for entry in left if entry.last < math.inf), default=None)
-            if over is None:  # all that is left lasts
-                over = max((entry.last for entry in own if entry.name in old), default=-math.inf)
-            self._complete_from = max(self._complete_from, over)
+            over = [entry for entry in own if entry.last < math.inf]
+            forgotten = max((entry.last for entry in over if entry.name in old), default=-math.inf)
+            oldest = min((entry.last for entry in over if entry.name not in old), default=forgotten)
+            self._complete_from = max(self._complete_from, oldest)
         self._room = max(1, self._keep.count - len(left), self._keep.count // 20)
         return len(old)
 
