@@ -77,8 +77,6 @@ class HandGrasp:
     """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
     opened: float = -math.inf
     """s, when the fingertips were last seen apart from the unseen object"""
-    of_somebody: bool = False
-    """Whether somebody unknown had it in the air when the hand came to touch it, and it has not gone with the hand."""
 
     def __post_init__(self) -> None:
         self.met = self.hand_from_object.t

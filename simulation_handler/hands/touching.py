@@ -253,8 +253,7 @@ class Touching:
 
     def _update_carried(self, now: float) -> None:
         """Begin grasps of what only a hand can be moving whose fingertips are not all seen, or that is hidden."""
-        held = {thing for (_, thing), grasp in self._grasps.items() if not grasp.of_somebody}
-        held |= {thing for thing, _ in self._containment.current()}
+        held = {thing for _, thing in self._grasps} | {thing for thing, _ in self._containment.current()}
         for relation, (since, hand_from_object) in self._carrying.update(self._hands, held, now).items():
             self._grasps[relation] = grasp = HandGrasp(since, hand_from_object, aloft=now)
             grasp.note(Sign.TOUCHES)
@@ -267,9 +266,7 @@ class Touching:
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands[name]
         there = self._hand_from_object(hand, item, now)
-        is_of_somebody = item.is_in_air and not item.hand
-        grasp = self._grasps.setdefault(relation, HandGrasp(since, there, of_somebody=is_of_somebody))
-        grasp.of_somebody &= is_of_somebody
+        grasp = self._grasps.setdefault(relation, HandGrasp(since, there))
         is_seen = now - item.track.last_stamp <= UNSEEN
         for sign in self._signs(relation, grasp, since, now, is_pinched=is_pinched, is_seen=is_seen):
             grasp.note(sign)
@@ -421,7 +418,7 @@ class Touching:
         carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
-            hovers = item.is_in_air and not grasp.of_somebody
+            hovers = item.is_in_air
             is_seen = now - item.track.last_stamp <= UNSEEN
             if grasp.state in HOLDING:
                 holders.setdefault(thing, hand)

@@ -52,37 +52,6 @@ def test_what_somebody_else_lifts_past_a_hand_at_rest_is_not_held_by_it(seed: in
         assert world.belief.grasps() == {}
 
 
-def lifted_by_somebody() -> Occlusion:
-    """A cup that nobody is seen to lift, and then a hand that comes to touch it on one side, and rests there."""
-    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
-    world.run(2.0)
-    world.hand("cup", tips="touch")
-    world.held, world.hand_seen = "", False
-    world.run(0.1)
-    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
-    world.run(1.0)
-    world.hand("cup", tips="touch")
-    world.hand_seen = True
-    world.run(0.8)
-    return world
-
-
-def test_what_somebody_has_in_the_air_is_not_held_by_a_hand_that_it_comes_to_touch() -> None:
-    world = lifted_by_somebody()
-    item = world.belief._bodies.objects["cup"]
-    assert world.belief.grasps().keys() == {HELD} and not item.hand
-    world.held = ""
-    world.move("cup", standing(0.3, 0.0, SMALL))
-    world.run(1.0)
-    assert not item.hand
-
-
-def test_what_somebody_had_in_the_air_is_held_by_the_hand_that_it_goes_with() -> None:
-    world = lifted_by_somebody()
-    world.move("cup", standing(0.3, 0.2, SMALL, on=0.15))
-    assert world.belief._bodies.objects["cup"].hand == "hand"
-
-
 def test_what_comes_back_after_a_gap_does_not_set_out_by_its_way_before() -> None:
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cup_other": standing(0.3, 0.4, SMALL)})
     world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(1.0, "")} for _ in solids]
