@@ -6,7 +6,6 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.hands.relation import TOUCHING
-from simulation_handler.perception.visibility import ExpectedVisibility
 from tests.simulation_handler.occluded import SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")
@@ -50,24 +49,6 @@ def test_what_somebody_else_lifts_past_a_hand_at_rest_is_not_held_by_it(seed: in
         world.palm = palm
         world.run(0.1)
         assert world.belief.grasps() == {}
-
-
-def test_what_comes_back_after_a_gap_does_not_set_out_by_its_way_before() -> None:
-    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cup_other": standing(0.3, 0.4, SMALL)})
-    world.visibility = lambda solids, _: [{"camera": ExpectedVisibility(1.0, "")} for _ in solids]
-    world.run(2.0)
-    world.hand("cup")
-    world.held, world.hand_seen, world.tips_from_object = "", False, {}
-    world.run(0.3)
-    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
-    world.run(1.0)
-    world.move("cup", standing(0.3, 0.0, SMALL, on=0.25))
-    world.seen.discard("cup")
-    world.truths["cup"] = standing(0.3, 0.3, SMALL, on=0.4)
-    world.run(3.0)
-    world.seen.add("cup")
-    world.move("cup", standing(0.3, 0.3, SMALL, on=0.2))
-    assert world.error("cup") < 0.03
 
 
 def test_a_hand_that_shows_all_fingertips_holds_what_those_touch_and_nothing_else() -> None:

@@ -98,9 +98,9 @@ def test_a_slow_camera_does_not_delay_what_a_fast_one_shows() -> None:
 
 
 class LateOcclusion(Occlusion):
-    """A thing in view of a camera that tells each image `late` s later."""
+    """A thing in view of a camera with an image in so many ticks, which tells each image `late` s later."""
 
-    late = 0.3
+    late, every = 0.3, 2
 
     def __init__(self) -> None:
         super().__init__({"cup": standing(0.3, -0.2, SMALL)})
@@ -109,7 +109,7 @@ class LateOcclusion(Occlusion):
     def tick(self) -> None:
         self.now += PERIOD
         self.ticks += 1
-        if self.ticks % 2:
+        if self.ticks % self.every == 1:
             self.waiting.append((self.now + self.late, self.percept("cup")))
         while self.waiting and self.waiting[0][0] <= self.now + 1e-9:
             _, percept = self.waiting.pop(0)
@@ -118,11 +118,11 @@ class LateOcclusion(Occlusion):
         self.belief.step(self.now)
 
 
-@pytest.mark.parametrize("late", [0.1, 0.3, 0.45])
-def test_what_a_somewhat_late_camera_saw_move_comes_to_where_it_was_put(late: float) -> None:
+@pytest.mark.parametrize(("every", "late"), [(2, 0.1), (2, 0.3), (2, 0.45), (10, 0.5)])
+def test_what_a_somewhat_late_camera_saw_move_comes_to_where_it_was_put(every: int, late: float) -> None:
     world = LateOcclusion()
-    world.late = late
-    world.run(4.0)
+    world.every, world.late = every, late
+    world.run(6.0)
     for on, y in ((0.2, -0.2), (0.2, 0.2), (0.0, 0.2)):
         world.move("cup", standing(0.3, y, SMALL, on=on))
     world.run(3.0)
