@@ -73,13 +73,11 @@ class Belief:
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
-        parameters = learned_parameters()
         self._evidence = EvidenceReader(
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
             self._explainer.in_doubt, self.config, self._courses.of, lambda: self._explainer.waiting,
-            parameters.constant,
         )  # fmt: skip
-        self._worlds = WeightedWorlds(parameters)
+        self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
         self._places: dict[str, tuple[Placing, Pose]] = {}
         """Where the body of each object was at the last step, and world_from_object then"""

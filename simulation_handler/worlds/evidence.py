@@ -26,7 +26,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
 from simulation_handler.worlds.model import innermost_first
-from simulation_handler.worlds.parameters import ConstantErrors, learned_parameters
+from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.spread import all_with_world_covariances, with_world_covariances
 
 
@@ -184,7 +184,6 @@ class EvidenceReader:
         config: how far percepts are trusted.
         courses: gives where an object may be by now that vanished on its way, by name.
         displaced: gives the names of the objects that are seen elsewhere than believed.
-        constant: how much all percepts have wrong alike.
     """
 
     def __init__(
@@ -198,7 +197,6 @@ class EvidenceReader:
         config: BeliefConfig,
         courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
         displaced: Callable[[], Collection[str]] = tuple,
-        constant: ConstantErrors | None = None,
     ) -> None:
         self._bodies = bodies
         self._courses = courses
@@ -209,7 +207,7 @@ class EvidenceReader:
         self._relations = relations
         self._containment = containment
         self._touching = touching
-        self._constant = constant or learned_parameters().constant
+        self._constant = learned_parameters().constant
 
     def read(self, now: float) -> Evidence:
         """The evidence of time `now` (s), after a step of the belief."""
