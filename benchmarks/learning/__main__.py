@@ -81,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     recording = commands.add_parser("record", help="play episodes and keep evidence and truth")
     recording.add_argument("--families", nargs="+", choices=FAMILIES, default=TUNING, help="default: all for tuning")
     recording.add_argument("--seeds", default="100-104", help="of the episodes, below 1000 (default: 100-104)")
-    recording.add_argument("--sensor", choices=get_args(Sensor), default="poses", help="pixels for constant errors (default: poses)")
+    recording.add_argument("--sensor", choices=get_args(Sensor), default="poses", help="pixels draws images")
     recognising = commands.add_parser("recognise", help="learn how much cameras must see of a thing to recognise it")
     recognising.add_argument("--families", nargs="+", choices=TUNING, default=TUNING, help="default: all for tuning")
     recognising.add_argument("--seeds", default="100-149", help="of the episodes, below 1000 (default: 100-149)")
