@@ -103,7 +103,7 @@ class Courses:
             self._bodies.sim.set_velocity(item.name, typical.velocity, typical.spin)
 
     def _begin(self, item: BelievedObject, start: SettingOut) -> RolloutBody:
-        """A body that sets out so: at the height of what carries the object; if it is seen above that, outside of others.
+        """A body that sets out so: at the height of what carries the object; if seen above that, outside of others.
 
         What percepts have in another body is on the camera's side of that: it is seen.
         """
