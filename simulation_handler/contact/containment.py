@@ -20,16 +20,17 @@ class Containment:
     def __init__(self, delay: float) -> None:
         """`delay`: s that something must be inside, or outside."""
         self._relations = ContactRelations(delay)
-        self._found: set[Relation] = set()
+        self.found: set[Relation] = set()
+        """(object, container) as things are at the last step, whether that lasts or not"""
         self.left: set[Relation] = set()
         """(object, container) that have just got out, in the last step; the relation may still hold for a moment."""
 
     def update(self, solids: Iterable[Solid], now: float) -> None:
         """Take in where all objects are at time `now` (s)."""
         known = self._relations.current().keys()
-        before, self._found = self._found, inside(list(solids), known)
-        self.left = {relation for relation in before - self._found if relation in known}
-        self._relations.update(self._found, now)
+        before, self.found = self.found, inside(list(solids), known)
+        self.left = {relation for relation in before - self.found if relation in known}
+        self._relations.update(self.found, now)
 
     def recall(self, relation: Relation, since: float, now: float) -> None:
         """Take over a relation that held before."""
@@ -38,6 +39,7 @@ class Containment:
     def forget(self, name: str) -> None:
         """End all relations of an object that is no more."""
         self._relations.forget(name)
+        self.found = {relation for relation in self.found if name not in relation}
 
     def current(self) -> dict[Relation, float]:
         """(object, container) and since when (s), sorted."""

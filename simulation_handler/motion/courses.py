@@ -9,6 +9,7 @@ from itertools import combinations
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import SAME_PLACE
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.relations import SupportedPose, resting
 from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.hands.state import UNSEEN
@@ -102,19 +103,25 @@ class Courses:
             self._bodies.sim.set_velocity(item.name, typical.velocity, typical.spin)
 
     def _begin(self, item: BelievedObject, start: SettingOut) -> RolloutBody:
-        """A body that sets out so: at the height of what carries the object, unless it is seen above that."""
+        """A body that sets out so: at the height of what carries the object; if seen above that, outside of others.
+
+        What percepts have in another body is on the camera's side of that: it is seen.
+        """
         ray = item.track.trail[-1].ray
         x, y, z = (start.position - item.error_mean * ray).tolist()
         a, b, c = start.velocity.tolist()
-        rotation = item.path.last.q
+        rotation, is_above = item.path.last.q, True
         if item.name in self._bodies.sim:
             (_, _, height), rotation = self._bodies.sim.pose(item.name)
-            if abs(z - height) <= self._config.hover_tolerance and not item.is_in_air:
+            is_above = abs(z - height) > self._config.hover_tolerance or item.is_in_air
+            if not is_above:
                 z, c = height, 0.0
         solid = item.solid((x, y, z), rotation)
+        if is_above:
+            solid = depenetrated(solid, self._bodies.scene(leaving_out={item.name}).values(), -ray)
         rotation, spin = rolling(solid, (a, b, c), free=not item.shows_rotation)
         return RolloutBody(
-            item.name, item.size, (x, y, z), rotation, item.mass, item.friction, shape=item.shape,
+            item.name, item.size, solid.position, rotation, item.mass, item.friction, shape=item.shape,
             rolling_friction=item.rolling_friction, velocity=(a, b, c), spin=spin,
         )  # fmt: skip
 

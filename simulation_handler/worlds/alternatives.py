@@ -380,8 +380,9 @@ def _is_near(palm: Pose, pose: Pose | None) -> bool:
 
 
 def _is_over(container: Solid, point: Vector3, radius: float) -> bool:
-    """Whether a thing of that radius (m) there is over a container, or beside it so that they may touch."""
-    return math.dist(point[:2], container.position[:2]) <= 0.5 * max(container.size[:2]) + radius
+    """Whether a thing of that radius (m) there is over a container, or beside it so that they may touch; not below."""
+    is_about = math.dist(point[:2], container.position[:2]) <= 0.5 * max(container.size[:2]) + radius
+    return is_about and container.bottom <= point[2] + radius
 
 
 def _placed(pose: Pose | None) -> Pose:

@@ -124,7 +124,7 @@ class Evidence:
     visibility: VisibilityQuery | None
     """What cameras should see; None without one"""
     contents: frozenset[Relation]
-    """Pairs (object, container)"""
+    """Pairs (object, container), as things are at this moment"""
     fixtures: tuple[Solid, ...] = ()
     """Tables and the floor"""
 
@@ -211,7 +211,7 @@ class EvidenceReader:
 
     def read(self, now: float) -> Evidence:
         """The evidence of time `now` (s), after a step of the belief."""
-        contents = frozenset(self._containment.current())
+        contents = frozenset(self._containment.found)
         below: dict[str, tuple[str, ...]] = {}
         for upper, lower in self._relations.current():
             if lower != FLOOR:

@@ -196,6 +196,19 @@ def test_what_is_seen_once_in_the_air_may_fall_anywhere_near_unless_it_hung_ther
     table.close()
 
 
+def test_what_is_perceived_in_a_wall_goes_on_before_it_where_cameras_see_it() -> None:
+    table = Table(0.0)
+    table.bodies.set_fixture("wall", (4.0, 0.004, 1.0), Pose((0.0, 0.0, 0.5)))
+    table.bodies.put(table.ball, (0.0, 0.003 + RADIUS, 0.3), (0.0, 0.0, 0.0, 1.0))  # it was least far to this side
+    table.bodies.set_static(table.ball, True)
+    table.now = 10.0
+    glimpse = {"stamp": 10.0, "position": np.array((0.0, 0.003, 0.3)), "ray": np.array((0.0, 0.6, -0.8))}
+    see(table.ball, WeighedPercept(**{**vars(percepts(0.0)[0]), **glimpse}))
+    fallen = table.run(2.0)
+    assert len(fallen) == DRAW_COUNT and fallen[:, 1].max() < -RADIUS
+    table.close()
+
+
 def test_one_percept_in_the_air_gives_the_simulated_body_no_velocity() -> None:
     table = Table(0.0)
     above = (0.0, 0.0, 0.3)

@@ -24,6 +24,17 @@ def ball_in_a_box(seed: int = 0) -> Occlusion:
     return world
 
 
+def test_what_has_just_got_into_a_box_is_probably_in_it_before_that_has_lasted() -> None:
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": standing(0.6, 0.0, BALL)})
+    world.run(2.0)
+    world.seen = {"box"}
+    world.run(1.0)
+    assert world.belief.probability("in", ("ball", "box")) < 0.1
+    world.belief._bodies.sim.place("ball", (0.3, 0.0, IN_BOX), (0.0, 0.0, 0.0, 1.0))
+    world.tick()
+    assert world.belief.probability("in", ("ball", "box")) > 0.5 and not world.belief.contents()
+
+
 def test_what_is_in_a_box_at_rest_is_in_it_and_on_its_bottom() -> None:
     world = ball_in_a_box()
     assert world.error("ball") < 0.01

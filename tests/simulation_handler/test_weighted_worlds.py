@@ -313,6 +313,14 @@ def test_what_went_on_into_a_container_is_in_it() -> None:
     }
 
 
+@pytest.mark.parametrize(("height", "may_be_in"), [(0.05, True), (0.25, False)])
+def test_what_vanishes_on_its_way_enters_nothing_that_is_all_above_it(height: float, may_be_in: bool) -> None:
+    course = Course(share=0.0)
+    course.others["cup"] = thing(Pose((0.32, 0.0, height)), 0.0, 0.1, CUP, "cup")
+    course.run(1.5, lambda box: replace(box, driven=True))
+    assert (course.weight("inside cup") > 0.0) == may_be_in
+
+
 def test_a_hand_that_holds_something_takes_nothing_else() -> None:
     weights = {}
     for held in ("", "hand"):
