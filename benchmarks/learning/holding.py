@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.learning.recorded import Recorded
 from simulation_handler.worlds.circumstances import hold
-from simulation_handler.worlds.holders import who_may_hold
+from simulation_handler.worlds.holders import UNKNOWN, who_may_hold
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HOLDING = "holding"
@@ -47,7 +47,7 @@ def _count(moments: Sequence[Recorded], worlds: WeightedWorlds) -> dict[str, NDA
         worlds.update(moment.evidence)
         for name, thing in moment.evidence.objects.items():
             hands = () if thing.gripper else who_may_hold(name, moment.evidence)
-            followed = worlds.followed(name) if hands else None
+            followed = worlds.followed(name) if hands and UNKNOWN not in hands else None
             if followed is not None and name in moment.truth:
                 counts[hold(thing, followed.circumstance)][int(moment.held.get(name) not in hands)] += 1.0
     return counts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -379,7 +380,7 @@ FINGERTIPS = ((0.3, 0.1, 0.1),) * 5
     ("palm", "fingertips", "is_seen", "shares"),
     [
         ((0.2, 0.0, 0.02), FINGERTIPS[:3], True, True),
-        ((0.2, 0.0, 0.02), FINGERTIPS, False, True),
+        ((0.2, 0.0, 0.02), FINGERTIPS[:3], False, False),
         ((0.2, 0.0, 0.02), FINGERTIPS, True, False),
         ((0.0, 0.0, 0.02), FINGERTIPS[:3], True, False),
     ],
@@ -396,6 +397,26 @@ def test_a_hand_at_a_thing_in_another_one_may_have_taken_it_unless_its_fingers_t
     held = learned_parameters().holding[HELD_ALOFT]
     assert told["giver"] == pytest.approx(0.5 * held if shares else held)
     assert told.get("taker", 0.0) == pytest.approx(0.5 * held if shares else 0.0)
+
+
+def test_what_hovered_before_a_hand_came_to_it_may_still_be_in_the_hand_of_somebody_unknown() -> None:
+    held = learned_parameters().holding[HELD_ALOFT]
+    told = _shares_of_hold(Course(), hand="hand", held_by=("hand",), hovers=True)
+    assert told == pytest.approx({"hand": 0.5 * held, "": 1.0 - 0.5 * held})
+
+
+@pytest.mark.parametrize("is_seen", [False, True])
+def test_a_hand_out_of_sight_may_take_what_is_in_another_one_out_of_sight(is_seen: bool) -> None:
+    course, away = Course(), Pose((5.0, 0.0, 0.0))
+    course.hands = {
+        "giver": HandEvidence(away.with_stamp(0.2), is_seen, ()),
+        "taker": HandEvidence(away.with_stamp(-5.0), False, ()),
+    }
+    told = _shares_of_hold(course, hand="giver", held_by=("giver",))
+    held, rate = learned_parameters().holding[HELD_ALOFT], learned_parameters().rates.taken
+    kept = 1.0 if is_seen else math.exp(-0.8 * rate)
+    assert told["giver"] == pytest.approx(held * kept)
+    assert told.get("taker", 0.0) == pytest.approx(held * (1.0 - kept))
 
 
 @pytest.mark.parametrize("busy", [False, True])
