@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.learning.recorded import Recorded
 from simulation_handler.worlds.circumstances import hold
+from simulation_handler.worlds.holders import UNKNOWN, who_may_hold
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 HOLDING = "holding"
@@ -45,8 +46,8 @@ def _count(moments: Sequence[Recorded], worlds: WeightedWorlds) -> dict[str, NDA
     for moment in moments:
         worlds.update(moment.evidence)
         for name, thing in moment.evidence.objects.items():
-            hand = thing.hand or next(iter(thing.touched_by), "")
-            followed = worlds.followed(name) if hand and not thing.gripper else None
+            hands = () if thing.gripper else who_may_hold(name, moment.evidence)
+            followed = worlds.followed(name) if hands and UNKNOWN not in hands else None
             if followed is not None and name in moment.truth:
-                counts[hold(thing, followed.circumstance)][int(moment.held.get(name) != hand)] += 1.0
+                counts[hold(thing, followed.circumstance)][int(moment.held.get(name) not in hands)] += 1.0
     return counts

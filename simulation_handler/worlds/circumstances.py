@@ -38,6 +38,7 @@ ON_ITS_WAY: Final = (MOVES, RIDES, HOVERS, RESTLESS, HELD)
 HELD_ALOFT: Final = "held in view, in the air"
 HELD_LYING: Final = "held in view, on something"
 HELD_OPENING: Final = "held in view, on something, by fingers that open"
+WITHIN_REACH: Final = "in view, in the air, within reach of hidden fingers"
 
 
 def is_unseen(thing: ObjectEvidence, now: float) -> bool:
@@ -86,6 +87,8 @@ def hold(thing: ObjectEvidence, circumstance: str) -> str:
 
     What is in the air is held, or falls. What lies on something may be held or just touched; fingers that open let go.
     """
+    if not (thing.hand or thing.touched_by):
+        return WITHIN_REACH
     if circumstance != HELD:
         return circumstance
     return HELD_ALOFT if thing.aloft else HELD_OPENING if thing.opens else HELD_LYING

@@ -82,6 +82,8 @@ class ObjectEvidence:
     """Names of what it rests on, but for the floor"""
     touched_by: tuple[str, ...] = ()
     """Names of the human hands that touch it, sorted"""
+    held_by: tuple[str, ...] = ()
+    """Names of the human hands that may hold it by what is known of their fingertips, sorted"""
     aloft: bool = False
     """Whether it is seen in the air."""
     opens: bool = False
@@ -159,6 +161,8 @@ class _Moment(NamedTuple):
     """Names of what each object rests on"""
     touches: Sequence[Relation]
     """Pairs (hand, object), sorted"""
+    holds: Sequence[Relation]
+    """Those of them that may hold it"""
     displaced: Collection[str]
     """Objects that are seen elsewhere than believed, which is not explained yet"""
     doubted: frozenset[str]
@@ -218,8 +222,8 @@ class EvidenceReader:
                 below[upper] = (*below.get(upper, ()), lower)
         places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         moment = _Moment(
-            now, contents, below, sorted(self._touching.grasps), self._displaced(), self._in_doubt(now), places,
-            self._believed(places, now), self._seen(now),
+            now, contents, below, sorted(self._touching.grasps), sorted(self._touching.holds), self._displaced(),
+            self._in_doubt(now), places, self._believed(places, now), self._seen(now),
         )  # fmt: skip
         objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
         hands = {
@@ -253,6 +257,7 @@ class EvidenceReader:
             containers=innermost_first(name, moment.contents),
             supports=moment.below.get(name, ()),
             touched_by=tuple(hand for hand, thing in moment.touches if thing == name),
+            held_by=tuple(hand for hand, thing in moment.holds if thing == name),
             aloft=item.is_in_air,
             opens=bool(item.hand) and self._touching.opens((item.hand, name)),
             let_go_at=item.let_go_at,

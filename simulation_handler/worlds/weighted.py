@@ -39,6 +39,7 @@ from simulation_handler.worlds.circumstances import (
     unseen,
 )
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
+from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.merging import WeightedPlace, merged
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
@@ -315,7 +316,7 @@ class WeightedWorlds:
         x, y, z = followed.velocity.tolist()
         alternatives = self._watched[name].alternatives
         supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
-        state = ObjectState(placed, (x, y, z), _hand_of(thing), thing.containers, supports)
+        state = ObjectState(placed, (x, y, z), thing.gripper, thing.containers, supports)
         perceived = _perceived(followed, noise, placed)
         rest = 1.0 if perceived is None else 1.0 - perceived[0]
         parts = [
@@ -327,14 +328,21 @@ class WeightedWorlds:
         parts = [turned for part in parts for turned in _turned(part, thing)]
         if thing.aslant is not None:
             parts = _or_aslant(parts, state, *thing.aslant, noise)
-        if not state.hand or thing.gripper:
-            return [(weight * share, one, reason) for share, one, reason in parts]
-        held = self._parameters.holding.get(hold(thing, followed.circumstance), 0.0)
+        hands = self._holders(name, thing, followed.circumstance) or {state.hand: 1.0}
         return [
-            (weight * share * probability, replace(one, hand=hand), reason)
+            (weight * share * held, replace(one, hand=hand), reason)
             for share, one, reason in parts
-            for probability, hand in ((held, state.hand), (1.0 - held, ""))
+            for hand, held in hands.items()
         ]
+
+    def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
+        """Probabilities of the human hands that may hold an object, and that no known one does; empty if none may."""
+        if thing.gripper or self._evidence is None:
+            return {}
+        hands = shares_of_hold(name, self._evidence, self._parameters.rates.taken)
+        held = self._parameters.holding.get(hold(thing, circumstance), 0.0)
+        told = {hand: held * share for hand, share in hands.items()}
+        return told | {UNKNOWN: 1.0 - held + told.get(UNKNOWN, 0.0)} if hands else {}
 
     def _states(
         self, name: str, watched: _Watched, evidence: Evidence, weights: Mapping[str, float]
@@ -454,11 +462,6 @@ def _or_aslant(
             for share, factor in zip(*levels_of_wrong(noise), strict=True)
         ),
     ]
-
-
-def _hand_of(thing: ObjectEvidence) -> str:
-    """Name of the gripper or hand that holds an object, or else touches it; empty for none."""
-    return thing.gripper or thing.hand or next(iter(thing.touched_by), "")
 
 
 _Places = Sequence[tuple[float, Pose]]

@@ -240,6 +240,32 @@ def test_a_hand_out_of_sight_holds_no_more_what_another_one_is_seen_to_carry() -
     assert world.error("cup") < 0.02
 
 
+def test_while_two_hands_pinch_a_thing_nobody_knows_for_sure_which_one_holds_it() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.run(1.0)
+    touch, both = world.belief.touch, ("hand", "other")
+    assert world.belief.probability("grasping", HELD) > 0.9
+
+    def touch_both(hands: Mapping[str, HandPercept]) -> None:
+        tips = {tip.replace("hand", "other"): pose for tip, pose in hands["hand"].tips.items()}
+        touch({"hand": hands["hand"], "other": hands["hand"]._replace(tips=tips)})
+
+    world.belief.touch = touch_both  # type: ignore[method-assign]
+    world.run(1.0)
+    told = [world.belief.probability("grasping", (hand, "cup")) for hand in both]
+    assert told[0] == pytest.approx(told[1])
+    assert sum(told) > 0.9
+
+    def touch_with_the_other(hands: Mapping[str, HandPercept]) -> None:
+        tips = {tip.replace("hand", "other"): pose for tip, pose in hands["hand"].tips.items()}
+        touch({"other": hands["hand"]._replace(tips=tips)})
+
+    world.belief.touch = touch_with_the_other  # type: ignore[method-assign]
+    world.run(1.0)
+    assert world.belief.probability("grasping", ("other", "cup")) > 0.9
+
+
 def recognized_by_colour(world: Occlusion) -> None:
     """Percepts are exact, and tell no rotation."""
     covariance = np.diag([4e-6] * 3 + [math.pi**2] * 3)

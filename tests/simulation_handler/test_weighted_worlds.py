@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
 from dsr.errors import ConfigError
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import SupportedPose
 from simulation_handler.perception.visibility import ExpectedVisibility, RayVisibility
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import CIRCUMSTANCES, HELD_ALOFT, HELD_LYING, HELD_OPENING, RESTLESS
+from simulation_handler.worlds.circumstances import (
+    CIRCUMSTANCES,
+    HELD_ALOFT,
+    HELD_LYING,
+    HELD_OPENING,
+    RESTLESS,
+    WITHIN_REACH,
+)
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence, seen_shares
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import ON_COURSE, WeightedWorlds
@@ -353,6 +363,78 @@ def test_a_hand_holds_what_is_in_the_air_more_probably_than_what_lies_or_what_it
         course.run(1.0, lambda box, aloft=aloft, opens=opens: replace(box, hand="hand", aloft=aloft, opens=opens))
         held = sum(world.weight for world in course.worlds.worlds("box") if world.objects["box"].hand)
         assert held == pytest.approx(share)
+
+
+def _shares_of_hold(course: Course, **held: Any) -> dict[str, float]:
+    """By the name of a hand, the probability that it holds the box, which is seen in the air."""
+    course.run(1.0, lambda box: replace(box, aloft=True, **held))
+    found: dict[str, float] = {}
+    for world in course.worlds.worlds("box"):
+        hand = world.objects["box"].hand
+        found[hand] = found.get(hand, 0.0) + world.weight
+    return found
+
+
+def test_hands_that_hold_a_thing_together_as_it_seems_share_what_is_told_of_its_hold() -> None:
+    held = learned_parameters().holding[HELD_ALOFT]
+    told = _shares_of_hold(Course(), hand="second", held_by=("first", "second"))
+    assert told == pytest.approx({"first": 0.5 * held, "second": 0.5 * held, "": 1.0 - held})
+
+
+FINGERTIPS = ((0.3, 0.1, 0.1),) * 5
+
+
+@pytest.mark.parametrize(
+    ("palm", "fingertips", "is_seen", "shares"),
+    [
+        ((0.2, 0.0, 0.02), FINGERTIPS[:3], True, True),
+        ((0.2, 0.0, 0.02), FINGERTIPS[:3], False, False),
+        ((0.2, 0.0, 0.02), FINGERTIPS, True, False),
+        ((0.0, 0.0, 0.02), FINGERTIPS[:3], True, False),
+    ],
+)
+def test_a_hand_at_a_thing_in_another_one_may_have_taken_it_unless_its_fingers_tell(
+    palm: Vector3, fingertips: tuple[Vector3, ...], is_seen: bool, shares: bool
+) -> None:
+    course = Course()
+    course.hands = {
+        "giver": HandEvidence(Pose((0.4, 0.0, 0.02), (0.0, 0.0, 1.0, 0.0)), True, FINGERTIPS),
+        "taker": HandEvidence(Pose(palm), is_seen, fingertips),
+    }
+    told = _shares_of_hold(course, hand="giver", held_by=("giver",))
+    held = learned_parameters().holding[HELD_ALOFT]
+    assert told["giver"] == pytest.approx(0.5 * held if shares else held)
+    assert told.get("taker", 0.0) == pytest.approx(0.5 * held if shares else 0.0)
+
+
+def test_what_hovered_before_a_hand_came_to_it_may_still_be_in_the_hand_of_somebody_unknown() -> None:
+    held = learned_parameters().holding[HELD_ALOFT]
+    told = _shares_of_hold(Course(), hand="hand", held_by=("hand",), hovers=True)
+    assert told == pytest.approx({"hand": 0.5 * held, "": 1.0 - 0.5 * held})
+
+
+@pytest.mark.parametrize("is_seen", [False, True])
+def test_a_hand_out_of_sight_may_take_what_is_in_another_one_out_of_sight(is_seen: bool) -> None:
+    course, away = Course(), Pose((5.0, 0.0, 0.0))
+    course.hands = {
+        "giver": HandEvidence(away.with_stamp(0.2), is_seen, ()),
+        "taker": HandEvidence(away.with_stamp(-5.0), False, ()),
+    }
+    told = _shares_of_hold(course, hand="giver", held_by=("giver",))
+    held, rate = learned_parameters().holding[HELD_ALOFT], learned_parameters().rates.taken
+    kept = 1.0 if is_seen else math.exp(-0.8 * rate)
+    assert told["giver"] == pytest.approx(held * kept)
+    assert told.get("taker", 0.0) == pytest.approx(held * (1.0 - kept))
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_what_hovers_may_be_in_a_hand_within_reach_whose_fingers_are_hidden(busy: bool) -> None:
+    course = Course()
+    course.hands = {"hand": HandEvidence(Pose((0.2, 0.0, 0.02)), True, FINGERTIPS[:4])}
+    course.others["other"] = replace(course.others["other"], hand="hand" if busy else "")
+    told = _shares_of_hold(course)
+    expected = {} if busy else {"hand": learned_parameters().holding[WITHIN_REACH]}
+    assert {hand: share for hand, share in told.items() if hand} == pytest.approx(expected)
 
 
 def test_parameters_are_complete(tmp_path: Path) -> None:
