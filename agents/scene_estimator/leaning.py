@@ -1,8 +1,9 @@
 """How an object that does not stand upright is turned, from the points of its surface that are seen.
 
-Where nothing tells how it was turned before, rotations all over SO(3) are tried. Near the rotation of the frame before, the pose at which the points are nearest to the surface is looked for by
-Gauss-Newton steps (point to surface, after Chen and Medioni, IVC 1992), with the middle of the points as a prior of the
-place. What turns by less than 35 degrees from frame to frame is followed so, to any rotation.
+Where nothing tells how it was turned before, rotations all over SO(3) are tried. Near the rotation of the frame before,
+the pose at which the points are nearest to the surface is looked for by Gauss-Newton steps (point to surface, after
+Chen and Medioni, IVC 1992), with the middle of the points as a prior of the place. What turns by less than 35 degrees
+from frame to frame is followed so, to any rotation.
 """
 
 from __future__ import annotations
