@@ -16,13 +16,17 @@ from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 
 _PATIENCE = 10
-"""Frames after which a shape that fits with no yaw is tried with all of them again."""
+"""Frames after which a shape that fits with no yaw is tried with all of them again"""
 
 
 class _Known(NamedTuple):
     guess: Guess = Guess()
     frames: int = 0
     """For which no other yaw is looked for."""
+    turns: int = 0
+    """Frames for which no other rotation is looked for."""
+    pause: int = _PATIENCE
+    """Such frames after the next search in vain, twice as many each time"""
 
 
 class ColorReader:
@@ -47,11 +51,21 @@ class ColorReader:
 
     def _place(self, known: ColoredObject, picture: ColorImage, view: FrameView) -> Placed | None:
         last, noise = self._known.get(known.name, _Known()), self._noise.inverse_depth_std
-        mask, may_search = picture.mask(known.color), last.frames == 0
-        placed = place(view, mask, known.shape, known.size, noise, last.guess, search=may_search)
+        mask = picture.mask(known.color)
+        if not mask.any():
+            return None
+        may_search, may_turn = last.frames == 0, last.turns == 0
+        placed = place(view, mask, known.shape, known.size, noise, last.guess, search=may_search, turns=may_turn)
         if placed is not None:
             frames = 0 if placed.fits else _PATIENCE if may_search else last.frames - 1
-            self._known[known.name] = _Known(placed.guess, frames)
+            last = last._replace(guess=placed.guess, frames=frames)
+        if placed is not None and placed.fits:
+            last = last._replace(turns=0, pause=_PATIENCE)
+        elif may_turn:
+            last = last._replace(turns=last.pause, pause=2 * last.pause)
+        else:
+            last = last._replace(turns=last.turns - 1)
+        self._known[known.name] = last
         return placed
 
     def _sighting(self, name: str, placed: Placed, stamp: float) -> ColorSighting:

@@ -24,6 +24,8 @@ SUBPIX_STD = 0.4
 """px, error of a corner by sub-pixel refinement on tags of 20 to 30 px."""
 _LEAST_PERIMETER = 0.03
 """Of the image's longer side, as OpenCV has it: what is smaller is not looked at"""
+ENLARGED = 2
+"""Times that an image is enlarged to find small tags: the detector wants three pixels for each of a tag's cells"""
 _WHITE_MARGINS = 0.25
 """Of the tag's side, both white margins of a tag: one of its eight cells on each side."""
 
@@ -46,7 +48,8 @@ class Tag:
 class TagDetector:
     """Detects by apriltag refinement; tags that only the sub-pixel detector finds (small ones) are added.
 
-    The sub-pixel detector searches the image without the tags that were found, which costs a third.
+    The sub-pixel detector searches the image without the tags that were found, which costs a third. In an image that is
+    enlarged first, the detector finds tags with sides of 12 to 20 px as well.
     """
 
     def __init__(self) -> None:
@@ -56,15 +59,18 @@ class TagDetector:
     def detect(self, color: NDArray[np.uint8]) -> list[Tag]:
         """Tags in an RGB image (h, w, 3), by marker id. An id that shows twice says nothing and is left out."""
         grey = grey_of(color)
-        return unambiguous(self.search(grey, max(grey.shape)))
+        return unambiguous(self.search(grey, max(grey.shape), ENLARGED))
 
-    def search(self, grey: Grey, longest: int) -> list[Tag]:
-        """All tags in a part (h, w) of an image, whose longer side has `longest` px: that tells what is too small."""
+    def search(self, grey: Grey, longest: int, times: int = 1) -> list[Tag]:
+        """All tags in a part (h, w) of an image, whose longer side has `longest` px: that tells what is too small.
+
+        Small ones are looked for in a picture so many times as large.
+        """
         settings = self._subpix.getDetectorParameters()
         settings.minMarkerPerimeterRate = _LEAST_PERIMETER * longest / max(grey.shape)
         self._subpix.setDetectorParameters(settings)
         fine = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
-        found = [*_tags(self._subpix, without(grey, fine), 0.0, SUBPIX_STD), *fine]
+        found = [*_small(_tags(self._subpix, _large(without(grey, fine), times), 0.0, SUBPIX_STD), times), *fine]
         again = tags_near(grey, found, np.array([tag.corners for tag in found]))
         return [tag if sharper is None else sharper for tag, sharper in zip(found, again, strict=True)]
 
@@ -113,6 +119,18 @@ def _detector(refinement: int, **settings: float) -> cv2.aruco.ArucoDetector:
     for name, value in settings.items():
         setattr(parameters, name, value)
     return cv2.aruco.ArucoDetector(DICTIONARY, parameters)
+
+
+def _large(grey: Grey, times: int) -> Grey:
+    """An image (h, w) so many times as large."""
+    if times == 1:
+        return grey
+    return np.asarray(cv2.resize(grey, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
+def _small(tags: list[Tag], times: int) -> list[Tag]:
+    """Tags of an image that was so many times as large, where they are in the image itself."""
+    return [replace(tag, corners=(tag.corners + 0.5) / times - 0.5) for tag in tags]
 
 
 def _tags(detector: cv2.aruco.ArucoDetector, grey: Any, bias: float, std: float) -> list[Tag]:

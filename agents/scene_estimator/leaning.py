@@ -1,13 +1,16 @@
 """How an object that does not stand upright is turned, from the points of its surface that are seen.
 
-Near the rotation of the frame before, the pose at which the points are nearest to the surface is looked for by
-Gauss-Newton steps (point to surface, after Chen and Medioni, IVC 1992), with the middle of the points as a prior of the
-place. What turns by less than 35 degrees from frame to frame is followed so, to any rotation.
+Where nothing tells how it was turned before, rotations all over SO(3) are tried. Near the rotation of the frame before,
+the pose at which the points are nearest to the surface is looked for by Gauss-Newton steps (point to surface, after
+Chen and Medioni, IVC 1992), with the middle of the points as a prior of the place. What turns by less than 35 degrees
+from frame to frame is followed so, to any rotation.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +19,13 @@ from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, ImagePart, 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
-from dsr.math3d.surfaces import signed_distances
+from dsr.math3d.surfaces import distances, signed_distances, surface
 from dsr.math3d.transforms import Array
 
+_TRIED = 200
+"""Rotations that are tried of an object of which none is known: of 99 %, one is within 0.6 rad (`_FARTHEST`)"""
+_REFINED = 8
+"""The best of these, from which the rotation is looked for more finely"""
 _STEPS = 15
 _SHARE = 300  # points at which the surface is looked for
 _STIFF = 0.3  # rad, and
@@ -28,6 +35,7 @@ _SETTLED = 3e-3  # rad
 _FARTHEST = 0.6  # rad from the guess
 _TOGETHER = 10  # points of whose errors only one tells something
 _UNLIKE = 1.5  # times the mean distance of the points, with which another rotation is no match
+_PSI = 1.533751168755204288118041  # the real root of psi^4 = psi + 4: turns of the spiral
 _APART = 1e-4  # m, between the points of a difference quotient
 _FALLEN = [
     np.array(quaternions.to_matrix(quaternions.from_rotvec(rotation)))
@@ -64,6 +72,33 @@ def leaning(scene: ImagePart, shape: Shape, size: Vector3, guess: Array, good: f
         if float(np.linalg.norm(step[:3])) < _SETTLED:
             break
     return judged(scene, shape, size, rotation, position) if _angle(rotation @ guess.T) < _FARTHEST else None
+
+
+def anyhow(scene: ImagePart, shape: Shape, size: Vector3, good: float) -> Fit | None:
+    """The fit of a shape of which no rotation is known; None if none is good, or if others are as good elsewhere.
+
+    Of rotations that look alike, that is found by which it is tilted least.
+
+    Args:
+        scene: what is seen.
+        shape: of the object; without parts, a box of `size` m.
+        size: edge lengths of its bounding box, m.
+        good: m, mean distance of the points from the surface in a good fit.
+    """
+    rough = [fit(scene, shape, size, rotation, ROUGH, ROUGH_POINTS) for rotation in _all_rotations()]
+    starts = sorted((one for one in rough if one is not None), key=lambda one: one.misfit)[:_REFINED]
+    best = _best(leaning(scene, shape, size, start.rotation, good) for start in starts)
+    if best is None or best.misfit > good:
+        return None
+    rivals = [leaning(scene, shape, size, best.rotation @ fallen, good) for fallen in _FALLEN]
+    alike = [best, *(one for one in rivals if one is not None and one.misfit <= _UNLIKE * best.misfit)]
+    if any(_apart(shape, size, best, one) > best.misfit for one in alike):
+        return None
+    return min(alike, key=lambda one: tilt(one.rotation))
+
+
+def _best(fits: Iterable[Fit | None]) -> Fit | None:
+    return min((one for one in fits if one is not None), key=lambda one: one.misfit, default=None)
 
 
 class Turned(NamedTuple):
@@ -140,6 +175,22 @@ def _slopes(shape: Shape, size: Vector3, points: Array) -> tuple[Array, Array]:
     here = signed_distances(shape, size, points)
     steps = [signed_distances(shape, size, points + _APART * axis) for axis in np.eye(3)]
     return here, np.column_stack([(there - here) / _APART for there in steps])
+
+
+def _apart(shape: Shape, size: Vector3, one: Fit, other: Fit) -> float:
+    """m, mean distance of the surface of one fit from that of another."""
+    points = surface(shape, size).points @ other.rotation.T + other.position
+    return float(distances(shape, size, (points - one.position) @ one.rotation).mean())
+
+
+@functools.cache
+def _all_rotations() -> list[Array]:
+    """Rotations (3, 3), about as far from each other all over SO(3): a super-Fibonacci spiral (Alexa, CVPR 2022)."""
+    places = np.arange(_TRIED) + 0.5
+    inner, outer = np.sqrt(1.0 - places / _TRIED), np.sqrt(places / _TRIED)
+    one, other = 2.0 * np.pi * places / math.sqrt(2.0), 2.0 * np.pi * places / _PSI
+    turns = np.column_stack([inner * np.sin(one), inner * np.cos(one), outer * np.sin(other), outer * np.cos(other)])
+    return [np.array(quaternions.to_matrix((x, y, z, w))) for x, y, z, w in turns.tolist()]
 
 
 def _angle(rotation: Array) -> float:

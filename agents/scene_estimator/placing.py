@@ -1,7 +1,7 @@
 """Where an object of known shape is, and how it is turned, from the pixels that show it.
 
-It is taken to stand upright, with the yaw that fits best, unless it was seen so, that does not fit any more, and
-leaning does. How well the shape lies on the points then, and how much of it is seen, tell how sure that is.
+It is taken to stand upright, with the yaw that fits best. If that does not fit, it leans from how it was before, or any
+rotation is tried. How well the shape lies on the points then, and how much of it is seen, tell how sure that is.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from agents.scene_estimator.colored import LEANS, UPRIGHT
 from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_POINTS, Fit, FrameView, ImagePart, cloud, fit, settled
-from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, turned
+from agents.scene_estimator.leaning import anyhow, is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
 from agents.scene_estimator.turning import ROUND, nearest_alike, order
 from dsr.math3d import quaternions
@@ -56,7 +56,7 @@ class Guess(NamedTuple):
     lean: Quaternion = UPRIGHT
     """Rotation in the world, applied after the yaw."""
     misfit: float = math.inf
-    """m, mean distance of the points from the surface while it stands upright"""
+    """m, usual mean distance of the points from the surface; infinite of what was never placed"""
 
 
 class Placed(NamedTuple):
@@ -77,7 +77,15 @@ class Placed(NamedTuple):
 
 
 def place(
-    view: FrameView, mask: Mask, shape: Shape, size: Vector3, noise: float, guess: Guess, *, search: bool = True
+    view: FrameView,
+    mask: Mask,
+    shape: Shape,
+    size: Vector3,
+    noise: float,
+    guess: Guess,
+    *,
+    search: bool = True,
+    turns: bool = True,
 ) -> Placed | None:
     """The place of an object, from the pixels of its colour.
 
@@ -89,6 +97,7 @@ def place(
         noise: 1/m, standard deviation of the inverse depth of a pixel.
         guess: how it may be turned.
         search: try all yaws if that does not fit.
+        turns: try all rotations if no yaw fits.
 
     Returns:
         None if too little of it is seen, or if what is seen is not its surface.
@@ -102,6 +111,8 @@ def place(
     is_familiar = guess.misfit < math.inf
     found, guess = _fitting(scene, shape, size, guess, good, search=search)
     worst = max(_WORST_FIT * min(size), _NOISY_FIT * expected)
+    if turns and (found is None or found.misfit > good):
+        found, guess = _turned_anyhow(scene, shape, size, guess, good, found)
     if found is None or found.share < LEAST_SHARE or found.agreement < _AGREEMENT or found.misfit > worst:
         return None
     position, covariance = _in_camera(found, view, size)
@@ -151,6 +162,21 @@ def _fitting(
         guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
         standing = _stand(scene, shape, size, _about_z(guess.yaw), good)
     return standing, guess._replace(lean=UPRIGHT)
+
+
+def _turned_anyhow(
+    scene: ImagePart, shape: Shape, size: Vector3, guess: Guess, good: float, before: Fit | None
+) -> tuple[Fit | None, Guess]:
+    """The best fit with any rotation, and how it is turned, if it fits clearly better than the one `before`."""
+    found = anyhow(scene, shape, size, good)
+    if found is None or found.share < _WELL_SEEN or found.agreement < _AGREEMENT:
+        return before, guess
+    if before is not None and not _better(found, before):
+        return before, guess
+    if tilt(found.rotation) < _STANDS:
+        yaw = math.atan2(found.rotation[1, 0], found.rotation[0, 0])
+        return found, Guess(nearest_alike(yaw, guess.yaw, order(shape, size)), UPRIGHT, found.misfit)
+    return found, Guess(guess.yaw, lean(found.rotation, _about_z(guess.yaw)), found.misfit)
 
 
 def _stand(scene: ImagePart, shape: Shape, size: Vector3, upright: Array, good: float) -> Fit | None:

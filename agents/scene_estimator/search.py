@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.detection import Tag, TagDetector, grey_of, tags_near, unambiguous, without
+from agents.scene_estimator.detection import ENLARGED, Tag, TagDetector, grey_of, tags_near, unambiguous, without
 from agents.scene_estimator.reading import MIN_CONTRAST, Grey
 from dsr.math3d.batches import Array
 
@@ -85,7 +85,7 @@ class TagSearch:
             for box in _boxes(read) // BLOCK:
                 _part(changed, box)[:] = False
             boxes = self._unexplained(grey, changed, lost)
-        self._search(grey, boxes)
+        self._search(grey, boxes, lost if changed is not None else boxes)
 
     def _read(self, grey: Grey, tags: list[Tag], ago: float) -> list[Tag | None]:
         """The tags where they would be by their speeds; else where they were, if they are still there.
@@ -132,14 +132,15 @@ class TagSearch:
         around = [np.hstack([parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)]) for parts in whole]
         return np.asarray(_apart(around).clip(0, np.tile(grey.shape[::-1], 2)), np.int64)
 
-    def _search(self, grey: Grey, boxes: Boxes) -> None:
-        """Find more tags in boxes."""
+    def _search(self, grey: Grey, boxes: Boxes, enlarged: Boxes) -> None:
+        """Find more tags in boxes, and small ones in those that share pixels with `enlarged` ones."""
         if not len(boxes):
             return
         rest = without(grey, self._tags)
         for left, upper, right, lower in boxes.tolist():
-            part = rest[upper:lower, left:right]
-            self._tags += [tag.moved(left, upper) for tag in self._detector.search(part, max(grey.shape))]
+            part, box = rest[upper:lower, left:right], np.array([left, upper, right, lower])
+            times = ENLARGED if _overlap(enlarged, box).any() else 1
+            self._tags += [tag.moved(left, upper) for tag in self._detector.search(part, max(grey.shape), times)]
 
 
 def _speeds(before: dict[int, Array], tags: list[Tag], ago: float) -> dict[int, Array]:

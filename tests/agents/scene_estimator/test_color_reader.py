@@ -93,20 +93,27 @@ def test_what_is_partly_hidden_is_right_or_unsure_or_not_found(scene: ColorScene
 
 
 @pytest.mark.parametrize("degrees", [30, 90, 135])
-def test_what_does_not_stand_upright_is_unsure_or_not_found(scene: ColorScene, degrees: float) -> None:
-    rng, sigmas = np.random.default_rng(5), []
+def test_what_was_never_seen_upright_is_found_as_it_is_turned(scene: ColorScene, degrees: float) -> None:
+    rng, off = np.random.default_rng(5), []
     for model in ("cup", "container_green", "large_box"):
         for _ in range(3):
             axis = rng.normal(size=3) * (1.0, 1.0, 0.0)
             truth = Pose.from_rotvec((*PLACE, 0.25), axis / np.linalg.norm(axis) * math.radians(degrees))
             scene.put(model, truth)
-            camera = looking_at((*PLACE, 0.25), 0.9, rng)
-            if model in (found := read(scene, camera)):
-                assert judged(found[model], camera, truth)[1] < 20.0
-                assert found[model].lean is None
-                sigmas.append(math.sqrt(found[model].covariance[0, 0]))
+            camera, reader = looking_at((*PLACE, 0.25), 0.9, rng), ColorReader(NO_BIAS)
+            assert all(sighting.lean is None for sighting in read(scene, camera, reader).values())
+            if (found := read(scene, camera, reader).get(model)) is not None:
+                assert judged(found, camera, truth)[1] < 20.0
+                off += [] if found.lean is None else [off_alike(found, truth, model == "large_box")]
         scene.put(model, AWAY)
-    assert min(sigmas, default=1.0) > 0.003
+    assert len(off) >= 2
+    assert max(off) < 3.0 * LEANING
+
+
+def off_alike(sighting: ColorSighting, truth: Pose, is_box: bool) -> float:
+    """rad, by which a tilt is off; a box looks the same upside down."""
+    off = tilted_off(sighting, truth)
+    return min(off, math.pi - off) if is_box else off
 
 
 @pytest.mark.parametrize(("model", "seed"), [("container_green", 0), ("cover_large", 1), ("cup", 2)])

@@ -32,6 +32,14 @@ def test_corners_are_those_of_the_tag(detector: TagDetector, camera: Camera, rng
     assert READ_STD / 2.0 < np.std(errors) < 1.5 * READ_STD
 
 
+def test_tags_of_12_px_are_found(detector: TagDetector, camera: Camera, rng: np.random.Generator) -> None:
+    for _ in range(10):
+        camera_from_cube = facing(1.6, rng.uniform(0.0, 0.8), rng)
+        square = (camera_from_cube @ Pose((0.0, 0.0, 0.02))).apply(tag_corners(0.032))
+        (tag,) = detector.detect(camera.frame({7: camera_from_cube}, rng).arrays["color"])
+        assert np.abs(tag.corners - camera.intrinsics.project(square)).max() < 3.5 * SUBPIX_STD
+
+
 def test_tags_come_by_id(detector: TagDetector, camera: Camera, rng: np.random.Generator) -> None:
     cubes = {marker: Pose((0.1 * index - 0.1, 0.0, 0.5), FACING) for index, marker in enumerate((586, 3, 40))}
     tags = detector.detect(camera.frame(cubes, rng).arrays["color"])

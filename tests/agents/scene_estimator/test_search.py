@@ -33,9 +33,9 @@ def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     sizes: list[int] = []
 
     class Counting(TagDetector):
-        def search(self, grey: Grey, longest: int) -> list[Tag]:
+        def search(self, grey: Grey, longest: int, times: int = 1) -> list[Tag]:
             sizes.append(grey.size)
-            return super().search(grey, longest)
+            return super().search(grey, longest, times)
 
     monkeypatch.setattr(search, "TagDetector", Counting)
     return sizes
@@ -69,6 +69,14 @@ def test_what_comes_goes_and_moves_is_seen_in_the_next_picture(shown: Shown, sea
     assert ids(finder.find(shown({3: LEFT}), 3 * FRAME)) == [3]
     assert max(searched[1:]) < 480 * 640 / 4
     assert kept.marker_id == 3
+
+
+def test_small_tags_are_found_and_followed(shown: Shown) -> None:
+    """12 px wide, at 1.6 m."""
+    finder = TagSearch()
+    for step in range(12):
+        far = Pose((-0.15 + 0.006 * step, 0.1, 1.6), FACING)
+        assert ids(finder.find(shown({3: far}), step * FRAME)) == [3]
 
 
 def test_a_tag_that_was_half_covered_is_found_as_soon_as_it_is_not(shown: Shown) -> None:
