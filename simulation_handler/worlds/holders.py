@@ -44,7 +44,9 @@ def shares_of_hold(name: str, evidence: Evidence, taken: float) -> dict[str, flo
     if holder is None or holder.is_seen or not others:
         return shares
     begins = (max(holder.pose.stamp, known.pose.stamp) for known in others.values())
-    rates = [taken * (evidence.now - begin) for begin in begins]
+    rates = [taken * max(evidence.now - begin, 0.0) for begin in begins]
+    if sum(rates) == 0.0:
+        return shares
     lost = shares[hands[0]] * -math.expm1(-sum(rates))
     shares[hands[0]] -= lost
     return shares | {hand: lost * rate / sum(rates) for hand, rate in zip(others, rates, strict=True)}

@@ -427,6 +427,15 @@ def test_a_hand_out_of_sight_may_take_what_is_in_another_one_out_of_sight(is_see
     assert told.get("taker", 0.0) == pytest.approx(held * (1.0 - kept))
 
 
+@pytest.mark.parametrize("later", [0.0, 100.0])
+def test_a_hand_told_to_be_out_of_sight_this_moment_has_taken_nothing_yet(later: float) -> None:
+    course, held = Course(), learned_parameters().holding[HELD_ALOFT]
+    stamp = course.now + 1.0 + later
+    course.hands = {name: HandEvidence(Pose((5.0, 0.0, 0.0), stamp=stamp), False, ()) for name in ("giver", "taker")}
+    told = _shares_of_hold(course, hand="giver", held_by=("giver",))
+    assert told == pytest.approx({"giver": held, "": 1.0 - held})
+
+
 @pytest.mark.parametrize("busy", [False, True])
 def test_what_hovers_may_be_in_a_hand_within_reach_whose_fingers_are_hidden(busy: bool) -> None:
     course = Course()

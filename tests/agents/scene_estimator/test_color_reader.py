@@ -12,6 +12,7 @@ import pytest
 from agents import colors
 from agents.object_models import load_model, model_files
 from agents.scenario.format.scenario import ObjectSpec
+from agents.scene_estimator import color_reader
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import LEANING, ColorSighting
 from agents.scene_estimator.pose import NoiseModel
@@ -233,3 +234,17 @@ def test_the_agent_writes_what_it_sees(scene: ColorScene, make_bench: Callable[.
     bench.show(scene.frame(camera), ticks=1)
     bench.run(AGE + 2 * PERIOD)
     assert bench.perceived("ball") is False
+
+
+def test_what_fits_in_no_way_is_searched_in_vain_ever_more_rarely(
+    scene: ColorScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But never more rarely than that, so what falls behind a screen is found when that goes."""
+    searched: list[bool] = []
+    monkeypatch.setattr(color_reader, "place", lambda *_, search, turns: searched.append(turns))
+    standing(scene, "container_green")
+    camera, reader = looking_at((*PLACE, 0.25), 0.9, np.random.default_rng(0)), ColorReader(NO_BIAS)
+    shown, known = scene.frame(camera), [one for one in scene.known if one.name == "container_green"]
+    for _ in range(500):
+        reader.read(shown, known, camera)
+    assert list(np.diff(np.flatnonzero(searched))) == [11, 21, 41, 81, 161, 161]
