@@ -110,14 +110,14 @@ class Courses:
         ray = item.track.trail[-1].ray
         x, y, z = (start.position - item.error_mean * ray).tolist()
         a, b, c = start.velocity.tolist()
-        rotation, is_above = item.path.last.q, True
+        rotation, as_seen = item.path.last.q, True
         if item.name in self._bodies.sim:
             (_, _, height), rotation = self._bodies.sim.pose(item.name)
-            is_above = abs(z - height) > self._config.hover_tolerance or item.is_in_air
-            if not is_above:
+            as_seen = abs(z - height) > self._config.hover_tolerance or item.is_in_air
+            if not as_seen:
                 z, c = height, 0.0
         solid = item.solid((x, y, z), rotation)
-        if is_above:
+        if as_seen:
             solid = depenetrated(solid, self._bodies.scene(leaving_out={item.name}).values(), -ray)
         rotation, spin = rolling(solid, (a, b, c), free=not item.shows_rotation)
         return RolloutBody(

@@ -86,6 +86,7 @@ def hold(thing: ObjectEvidence, circumstance: str) -> str:
     """How a hand seems to hold or touch an object that is in a circumstance: what tells whether it does hold it.
 
     What is in the air is held, or falls. What lies on something may be held or just touched; fingers that open let go.
+    What no hand touches is asked about only in the air, within reach of a hand that hides fingertips.
     """
     if not (thing.hand or thing.touched_by):
         return WITHIN_REACH

@@ -55,9 +55,7 @@ def shares_of_hold(name: str, evidence: Evidence, taken: float) -> dict[str, flo
 def _within_reach(thing: ObjectEvidence, free: Mapping[str, HandEvidence]) -> list[str]:
     """Names of the hands in sight that have an object within reach, and hide fingertips that may be at it."""
     solid = thing.solid
-    return [
-        hand
-        for hand, known in sorted(free.items())
-        if known.is_seen and len(known.fingertips) < FINGERS
-        if solid is not None and is_within_reach(known.pose, solid)
-    ]
+    if solid is None:
+        return []
+    hiding = [hand for hand, known in sorted(free.items()) if known.is_seen and len(known.fingertips) < FINGERS]
+    return [hand for hand in hiding if is_within_reach(free[hand].pose, solid)]

@@ -1,0 +1,15 @@
+"""Rotations that are tried of what was never seen upright."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from agents.scene_estimator import leaning
+
+
+def test_of_nearly_all_rotations_one_that_is_tried_is_as_near_as_a_fit_may_lead() -> None:
+    rotations, rng = np.array(leaning._all_rotations()), np.random.default_rng(0)
+    drawn = Rotation.random(3000, random_state=rng).as_matrix()
+    cosines = 0.5 * (np.einsum("nij,mij->nm", drawn, rotations).max(axis=1) - 1.0)
+    assert np.quantile(np.arccos(np.clip(cosines, -1.0, 1.0)), 0.99) < leaning._FARTHEST
