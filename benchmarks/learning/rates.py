@@ -15,14 +15,15 @@ from simulation_handler.worlds.parameters import ConstantErrors, Elsewhere, Rate
 Array = NDArray[np.float64]
 
 RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed=0.002, stayed=1.0, kept=0.1,
-              entered=0.2, went_on=0.5, work=0.1, work_removed=0.1, work_moved=0.1, missed=0.5)  # fmt: skip
+              entered=0.2, went_on=0.5, work=0.1, work_removed=0.1, work_moved=0.1, missed=0.5,
+              vanished=0.5)  # fmt: skip
 ABSENCE = Absence(rate=5.0, blind=0.05)
 ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
 WITHIN = Within(level=0.25)
 CONSTANT = ConstantErrors(color=1.0)
 """Where the search begins, and to which little evidence is drawn"""
 SHARES = {
-    *(("rates", name) for name in ("kept", "entered", "went_on", "work_removed", "work_moved", "missed")),
+    *(("rates", name) for name in ("kept", "entered", "went_on", "work_removed", "work_moved", "missed", "vanished")),
     ("absence", "blind"), ("elsewhere", "hidden"),
 }  # fmt: skip
 """Values that are probabilities"""

@@ -15,11 +15,12 @@ import numpy as np
 from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import PRESENT
 from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import HELD_OUT_OF_SIGHT, ON_ITS_WAY, held
+from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, ON_ITS_WAY, RESTS, held
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.parameters import Rates, WorldParameters
 
@@ -99,6 +100,7 @@ class Alternatives:
         self._now = now
         self._told_gone = False
         self._is_new = True
+        self._vanishes = before in (RESTS, FOUND_ANEW)
         self._has_courses = False
 
     @property
@@ -298,15 +300,18 @@ class Alternatives:
         self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
         if self._solid is None:
             return []
-        places = (_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind))
+        places = (_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind).values())
         return [self._solid.at(place.t, place.q) for place in places]
 
-    def _asked(self, name: str, evidence: Evidence, *, blind: bool) -> list[Mode]:
+    def _asked(self, name: str, evidence: Evidence, *, blind: bool) -> dict[str, Mode]:
         """The modes of places. What is in a hand out of sight is with that, wherever that is, and not missing there."""
         placed = {key: mode for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE}
         if blind:
-            return [placed[FOLLOWED]] if FOLLOWED in placed and not evidence.objects[name].gone else []
-        return [mode for key, mode in placed.items() if not _is_with_hand_out_of_sight(key, mode, name, evidence)]
+            is_there = FOLLOWED in placed and not evidence.objects[name].gone
+            return {FOLLOWED: placed[FOLLOWED]} if is_there else {}
+        return {
+            key: mode for key, mode in placed.items() if not _is_with_hand_out_of_sight(key, mode, name, evidence)
+        }
 
     def miss(self, name: str, evidence: Evidence, shares: Sequence[float], *, blind: bool) -> None:
         """The object is not seen: that speaks against all places where cameras should see it.
@@ -321,7 +326,13 @@ class Alternatives:
         """
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         step, self.looked = evidence.now - self.looked, evidence.now
-        for mode, share in zip(self._asked(name, evidence, blind=blind), shares, strict=False):
+        asked = self._asked(name, evidence, blind=blind)
+        if self._vanishes and (blind or evidence.others_later(name) > PRESENT):
+            self._vanishes = False
+            vanished = 0.0 if blind or evidence.hands else self._parameters.rates.vanished
+            share = dict(zip(asked, shares, strict=False)).get(FOLLOWED, 0.0)
+            self._pass(FOLLOWED, GONE, vanished * share, Mode(0.0, None))
+        for mode, share in zip(asked.values(), shares, strict=False):
             if blind:
                 before = mode.missed + self.unshown
                 self.unshown += missed_after(before, share, step, absence) - before

@@ -136,6 +136,12 @@ class Evidence:
         soonest = min((late for _, late in things), default=0.0)
         return [stamp + soonest for stamp, _ in things]
 
+    def others_later(self, name: str) -> float:
+        """How much later (s) another object was seen than one that was seen before; negative if none was."""
+        stamps = {key: thing.percept.stamp for key, thing in self.objects.items() if thing.percept is not None}
+        own = stamps.pop(name)
+        return max(stamps.values(), default=-math.inf) - own
+
     def hands_free_of_others(self, name: str) -> dict[str, HandEvidence]:
         """The hands that hold nothing but perhaps this object: one that holds something takes nothing else."""
         busy = {other.hand for key, other in self.objects.items() if key != name}

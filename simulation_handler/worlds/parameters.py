@@ -77,6 +77,8 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, that an object is moved to somewhere near when somebody was at work then, if it does not leave"""
     missed: Share
     """1, that it has left the scene when the explanation of its absence says so"""
+    vanished: Share
+    """1, that what rested in view has left the scene when cameras that surely should see it do not any more"""
 
 
 class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -36,6 +36,8 @@ from tests.simulation_handler.worlds import VIEW, container
 COVARIANCE = np.diag([0.001**2] * 3 + [0.01**2] * 3)
 CUP: Shape = container((0.1, 0.1, 0.1))
 STEP = 0.1
+AWAY = HandEvidence(Pose((-0.6, 0.0, 0.2)), True, ())
+"""A hand far from all things"""
 
 
 def thing(pose: Pose, seen_at: float, size: float = 0.04, shape: Shape = (), name: str = "box") -> ObjectEvidence:
@@ -166,6 +168,7 @@ def test_what_is_hidden_stays_believed_and_becomes_less_sure() -> None:
 
 def test_what_should_be_seen_in_part_loses_weight_gradually() -> None:
     course, hidden = Course(share=0.75), Course(share=0.0)
+    course.hands["hand"] = AWAY
     weights = []
     for _ in range(8):
         course.run(10.0)
@@ -175,6 +178,27 @@ def test_what_should_be_seen_in_part_loses_weight_gradually() -> None:
     assert all(after < before for before, after in pairwise(weights))
     assert weights[0] > 0.5 and weights[-1] < 0.75 * weights[0]
     assert course.weight("gone") + course.weight("elsewhere") > 0.25
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_what_vanishes_while_no_hand_is_about_was_removed_as_probably_as_it_should_be_seen(share: float) -> None:
+    alone, beside_a_hand = Course(share), Course(share)
+    beside_a_hand.hands["hand"] = AWAY
+    for course in (alone, beside_a_hand):
+        course.run(1.5)
+    learned = learned_parameters().rates.vanished
+    assert alone.weight("gone") > learned * share > 5.0 * beside_a_hand.weight("gone")
+
+
+def test_what_vanishes_with_all_else_was_not_removed_because_of_that() -> None:
+    course = Course(share=1.0)
+    course.run(1.0)
+    course.others["other"] = _seen(course.others["other"], 1.1)  # a camera that told a little later
+    course.watching = False
+    course.run(3.0)
+    course.watching = True
+    course.run(0.1)
+    assert course.weight("gone") < 0.2
 
 
 def test_cameras_are_asked_once_about_all_unseen_objects() -> None:
