@@ -7,6 +7,7 @@ rotation is tried. How well the shape lies on the points then, and how much of i
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -85,7 +86,7 @@ def place(
     guess: Guess,
     *,
     search: bool = True,
-    turns: bool = True,
+    may_turn: Callable[[], bool] = lambda: True,
 ) -> Placed | None:
     """The place of an object, from the pixels of its colour.
 
@@ -97,7 +98,7 @@ def place(
         noise: 1/m, standard deviation of the inverse depth of a pixel.
         guess: how it may be turned.
         search: try all yaws if that does not fit.
-        turns: try all rotations if no yaw fits.
+        may_turn: whether all rotations may be tried, which takes long. Nobody asks if a yaw fits.
 
     Returns:
         None if too little of it is seen, or if what is seen is not its surface.
@@ -111,7 +112,7 @@ def place(
     is_familiar = guess.misfit < math.inf
     found, guess = _fitting(scene, shape, size, guess, good, search=search)
     worst = max(_WORST_FIT * min(size), _NOISY_FIT * expected)
-    if turns and (found is None or found.misfit > good):
+    if (found is None or found.misfit > good) and may_turn():
         found, guess = _turned_anyhow(scene, shape, size, guess, good, found)
     if found is None or found.share < LEAST_SHARE or found.agreement < _AGREEMENT or found.misfit > worst:
         return None

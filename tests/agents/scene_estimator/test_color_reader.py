@@ -12,7 +12,7 @@ import pytest
 from agents import colors
 from agents.object_models import load_model, model_files
 from agents.scenario.format.scenario import ObjectSpec
-from agents.scene_estimator import color_reader
+from agents.scene_estimator import placing
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import LEANING, ColorSighting
 from agents.scene_estimator.pose import NoiseModel
@@ -236,15 +236,43 @@ def test_the_agent_writes_what_it_sees(scene: ColorScene, make_bench: Callable[.
     assert bench.perceived("ball") is False
 
 
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Counts searches of all rotations, all of them in vain, in a list with one number."""
+    count = [0]
+
+    def anyhow(*_: object) -> None:
+        count[0] += 1
+
+    monkeypatch.setattr(placing, "anyhow", anyhow)
+    return count
+
+
 def test_what_fits_in_no_way_is_searched_in_vain_ever_more_rarely(
     scene: ColorScene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """But never more rarely than that, so what falls behind a screen is found when that goes."""
-    searched: list[bool] = []
-    monkeypatch.setattr(color_reader, "place", lambda *_, search, turns: searched.append(turns))
-    standing(scene, "container_green")
+    """Frames in which it is out of view count as well, and those in which it fits do not make the pause longer."""
+    count = searches(monkeypatch)
     camera, reader = looking_at((*PLACE, 0.25), 0.9, np.random.default_rng(0)), ColorReader(NO_BIAS)
-    shown, known = scene.frame(camera), [one for one in scene.known if one.name == "container_green"]
-    for _ in range(500):
+    empty = scene.frame(camera)
+    standing(scene, "container_green")
+    upright = scene.frame(camera)
+    scene.put("container_green", Pose.from_rotvec((*PLACE, 0.25), (math.radians(50), 0.3, 0.0)))
+    fallen, known = scene.frame(camera), [one for one in scene.known if one.name == "container_green"]
+    searched = []
+    for shown in (*[upright] * 30, *[fallen] * 34, *[empty] * 39, *[fallen] * 85, *[upright] * 15, *[fallen] * 12):
+        before = count[0]
         reader.read(shown, known, camera)
-    assert list(np.diff(np.flatnonzero(searched))) == [11, 21, 41, 81, 161, 161]
+        searched.append(count[0] > before)
+    found = np.flatnonzero(searched)
+    assert list(np.diff(found)) == [11, 21, 41, 81, 19, 11]
+    assert found[0] == 30, "it is searched at once when it falls"
+
+
+def test_only_one_object_is_searched_in_a_frame(scene: ColorScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    count, names = searches(monkeypatch), ("container_green", "large_box", "cup")
+    for k, name in enumerate(names):
+        scene.put(name, Pose.from_rotvec((PLACE[0], PLACE[1] + 0.2 * (k - 1), 0.25), (math.radians(50), 0.3, 0.0)))
+    camera, reader = looking_at((*PLACE, 0.25), 1.3, np.random.default_rng(0)), ColorReader(NO_BIAS)
+    shown, known = scene.frame(camera), [one for one in scene.known if one.name in names]
+    counts = [count[0] for _ in range(5) if reader.read(shown, known, camera) is not None]
+    assert counts == [1, 2, 3, 3, 3]
