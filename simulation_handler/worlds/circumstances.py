@@ -86,10 +86,13 @@ def hold(thing: ObjectEvidence, circumstance: str) -> str:
     """How a hand seems to hold or touch an object that is in a circumstance: what tells whether it does hold it.
 
     What is in the air is held, or falls. What lies on something may be held or just touched; fingers that open let go.
-    What no hand touches is asked about only in the air, within reach of a hand that hides fingertips.
+    What no hand touches is asked about only in the air, within reach of a hand that hides fingertips. What hovers is in
+    the hand of somebody unknown, or in the one that touches it by now.
     """
-    if not (thing.hand or thing.touched_by):
+    if not thing.hand and (circumstance == HOVERS or not thing.touched_by):
         return WITHIN_REACH
+    if circumstance == DOUBTED:
+        return TOUCHED
     if circumstance != HELD:
         return circumstance
     return HELD_ALOFT if thing.aloft else HELD_OPENING if thing.opens else HELD_LYING

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import zip_longest
 
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.state import FINGERS
@@ -30,7 +31,7 @@ def who_may_hold(name: str, evidence: Evidence) -> tuple[str, ...]:
 def shares_of_hold(name: str, evidence: Evidence, taken: float) -> dict[str, float]:
     """How probable it is of each of these hands that it holds an object, if one of them does.
 
-    While the holder is out of sight, any other hand out of sight may have come to it, and have taken the object.
+    While the holder is out of sight, all hands out of sight may take the object from each other.
 
     Args:
         name: of the object.
@@ -40,16 +41,33 @@ def shares_of_hold(name: str, evidence: Evidence, taken: float) -> dict[str, flo
     hands, free = who_may_hold(name, evidence), evidence.hands_free_of_others(name)
     shares = dict.fromkeys(hands, 1.0 / max(len(hands), 1))
     holder = free.get(evidence.objects[name].hand)
+    if holder is None or holder.is_seen:
+        return shares
     others = {hand: known for hand, known in sorted(free.items()) if not known.is_seen and hand not in hands}
-    if holder is None or holder.is_seen or not others:
-        return shares
-    begins = (max(holder.pose.stamp, known.pose.stamp) for known in others.values())
-    rates = [taken * max(evidence.now - begin, 0.0) for begin in begins]
-    if sum(rates) == 0.0:
-        return shares
-    lost = shares[hands[0]] * -math.expm1(-sum(rates))
-    shares[hands[0]] -= lost
-    return shares | {hand: lost * rate / sum(rates) for hand, rate in zip(others, rates, strict=True)}
+    hidden = {hand: max(holder.pose.stamp, known.pose.stamp) for hand, known in others.items()}
+    begins = {hand: begin for hand, begin in hidden.items() if begin < evidence.now}
+    passed = _passed_on(hands[0], begins, evidence.now, taken)
+    return shares | {hand: shares[hands[0]] * share for hand, share in passed.items()}
+
+
+def _passed_on(holder: str, begins: Mapping[str, float], now: float, taken: float) -> dict[str, float]:
+    """Probabilities of hands that pass an object on from any to any at the rate `taken` (1/s), at the time `now` (s).
+
+    They are those of a Markov chain that begins with the holder. After a long time, all of them are alike.
+
+    Args:
+        holder: name of the hand that had it.
+        begins: s, from when another hand may have it, by its name; all before `now`.
+        now: s
+        taken: 1/s, of each ordered pair of hands.
+    """
+    shares, begun = {holder: 1.0}, sorted(begins, key=lambda hand: (begins[hand], hand))
+    for hand, following in zip_longest(begun, begun[1:]):
+        shares[hand] = 0.0
+        lasted = (now if following is None else begins[following]) - begins[hand]
+        mean, kept = 1.0 / len(shares), math.exp(-taken * len(shares) * lasted)
+        shares = {name: mean + (share - mean) * kept for name, share in shares.items()}
+    return shares
 
 
 def _within_reach(thing: ObjectEvidence, free: Mapping[str, HandEvidence]) -> list[str]:

@@ -446,9 +446,35 @@ def test_a_hand_out_of_sight_may_take_what_is_in_another_one_out_of_sight(is_see
     }
     told = _shares_of_hold(course, hand="giver", held_by=("giver",))
     held, rate = learned_parameters().holding[HELD_ALOFT], learned_parameters().rates.taken
-    kept = 1.0 if is_seen else math.exp(-0.8 * rate)
+    kept = 1.0 if is_seen else 0.5 + 0.5 * math.exp(-2.0 * 0.8 * rate)
     assert told["giver"] == pytest.approx(held * kept)
     assert told.get("taker", 0.0) == pytest.approx(held * (1.0 - kept))
+
+
+def test_hands_out_of_sight_for_long_have_what_one_of_them_held_with_the_same_probability() -> None:
+    course, held, names = Course(), learned_parameters().holding[HELD_ALOFT], ("giver", "second", "third")
+    stamps = dict(zip(names, (-500.0, -400.0, -300.0), strict=True))
+    course.hands = {name: HandEvidence(Pose((5.0, 0.0, 0.0), stamp=stamps[name]), False, ()) for name in names}
+    told = _shares_of_hold(course, hand="giver", held_by=("giver",))
+    assert [told[name] for name in names] == pytest.approx([held / 3.0] * 3, rel=1e-3)
+
+
+def test_what_hovers_is_held_no_less_probably_once_a_hand_touches_it() -> None:
+    hidden = HandEvidence(Pose((0.2, 0.0, 0.02)), True, FINGERTIPS[:3])
+    told = []
+    for touched in ((), ("hand",)):
+        course = Course()
+        course.hands = {"hand": hidden}
+        told.append(_shares_of_hold(course, hovers=True, touched_by=touched)["hand"])
+    assert told[0] == told[1] == pytest.approx(learned_parameters().holding[WITHIN_REACH])
+
+
+@pytest.mark.parametrize(("aloft", "age"), [(False, 0.0), (True, 5.0)])
+def test_what_lies_or_is_out_of_sight_is_in_no_hand_that_merely_could_reach_it(aloft: bool, age: float) -> None:
+    course = Course()
+    course.hands = {"hand": HandEvidence(Pose((0.2, 0.0, 0.02)), True, FINGERTIPS[:3])}
+    course.run(1.0 + age, lambda box: replace(box, aloft=aloft))
+    assert all(world.objects["box"].hand == "" or world.reason == "in hand" for world in course.worlds.worlds("box"))
 
 
 @pytest.mark.parametrize("later", [0.0, 100.0])
