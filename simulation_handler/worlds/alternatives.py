@@ -15,7 +15,6 @@ import numpy as np
 from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import PRESENT
 from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
@@ -327,7 +326,7 @@ class Alternatives:
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         step, self.looked = evidence.now - self.looked, evidence.now
         asked = self._asked(name, evidence, blind=blind)
-        if self._vanishes and (blind or evidence.others_later(name) > PRESENT):
+        if self._vanishes and (blind or evidence.has_vanished_alone(name)):
             self._vanishes = False
             vanished = 0.0 if blind or evidence.hands else self._parameters.rates.vanished
             share = dict(zip(asked, shares, strict=False)).get(FOLLOWED, 0.0)

@@ -13,6 +13,7 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import PRESENT
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment, is_in
 from simulation_handler.contact.relations import ContactRelations, Relation, SupportedPose
@@ -136,11 +137,15 @@ class Evidence:
         soonest = min((late for _, late in things), default=0.0)
         return [stamp + soonest for stamp, _ in things]
 
-    def others_later(self, name: str) -> float:
-        """How much later (s) another object was seen than one that was seen before; negative if none was."""
-        stamps = {key: thing.percept.stamp for key, thing in self.objects.items() if thing.percept is not None}
-        own = stamps.pop(name)
-        return max(stamps.values(), default=-math.inf) - own
+    def has_vanished_alone(self, name: str) -> bool:
+        """Whether others were seen later than an object, all of them where they are believed: none is known to hide it.
+
+        What is seen elsewhere than believed, which is not explained yet, may be before it.
+        """
+        seen = {key: thing.percept for key, thing in self.objects.items() if thing.percept is not None}
+        newest = max((percept.stamp for key, percept in seen.items() if key != name), default=-math.inf)
+        is_settled = not any(thing.is_moving for key, thing in self.objects.items() if key != name)
+        return is_settled and newest - seen[name].stamp > PRESENT
 
     def hands_free_of_others(self, name: str) -> dict[str, HandEvidence]:
         """The hands that hold nothing but perhaps this object: one that holds something takes nothing else."""

@@ -190,6 +190,17 @@ def test_what_vanishes_while_no_hand_is_about_was_removed_as_probably_as_it_shou
     assert alone.weight("gone") > learned * share > 5.0 * beside_a_hand.weight("gone")
 
 
+def test_what_vanishes_when_another_thing_is_seen_elsewhere_was_not_removed_before_that_is_explained() -> None:
+    course = Course(share=1.0)
+    course.run(1.0)
+    course.others["other"] = replace(course.others["other"], is_moving=True)
+    course.run(0.6)
+    before = course.weight("gone")
+    course.others["other"] = replace(course.others["other"], is_moving=False)
+    course.run(0.2)
+    assert before < 0.1 and course.weight("gone") > learned_parameters().rates.vanished
+
+
 def test_what_vanishes_with_all_else_was_not_removed_because_of_that() -> None:
     course = Course(share=1.0)
     course.run(1.0)
@@ -347,7 +358,7 @@ def test_what_went_on_into_a_container_is_in_it() -> None:
     }
 
 
-@pytest.mark.parametrize(("height", "may_be_in"), [(0.05, True), (0.25, False)])
+@pytest.mark.parametrize(("height", "may_be_in"), [(0.05, True), (0.09, True), (0.25, False)])
 def test_what_vanishes_on_its_way_enters_nothing_that_is_all_above_it(height: float, may_be_in: bool) -> None:
     course = Course(share=0.0)
     course.others["cup"] = thing(Pose((0.32, 0.0, height)), 0.0, 0.1, CUP, "cup")
