@@ -306,7 +306,7 @@ class Belief:
         self._spilling.update(self._containment.current(), self._containment.left, now)
         self._courses.update(now)
         self._worlds.update(self.evidence())
-        self._following.update()
+        self._following.update(self._explainer.unanswered(now))
         known = self._worlds.poses()
         bodies = {name: self._bodies.sim.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         self._places = {name: (body, self._located(name, body, known.get(name))) for name, body in bodies.items()}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.worlds.alternatives import GONE, INSIDE_OF
@@ -16,14 +18,18 @@ class WeightFollowing:
         self._relations = relations
         self._worlds = worlds
 
-    def update(self) -> None:
-        """Follow what the worlds say now. Only unseen objects have alternatives."""
+    def update(self, unanswered: Collection[str]) -> None:
+        """Follow what the worlds say now. Only unseen objects have alternatives.
+
+        Args:
+            unanswered: names of objects that cameras should see: if they do not, that is explained first.
+        """
         for name, item in self._bodies.objects.items():
             found = self._worlds.leading(name)
             if found is None or item.is_led or item.hand:
                 continue
             kind, mode = found
-            if kind == GONE and name in self._bodies.sim:
+            if kind == GONE and name in self._bodies.sim and name not in unanswered:
                 self._bodies.take_away(item)
                 self._relations.forget(name)
             elif item.gone and kind.startswith(INSIDE_OF) and mode.pose is not None:
