@@ -431,7 +431,7 @@ class TestBulkSubscription:
 
     @pytest.mark.parametrize("length", [0, 1, 15, 17, 1 << 22])
     def test_an_identity_of_a_ring_that_no_ring_has_is_malformed(self, length: int) -> None:
-        """Of 256 streams each kept one of any length. One part of an identity opened the ring of another writer anew."""
+        """Of 256 streams each kept one of any length. A part of one opened that ring anew."""
         streams, ring = Streams(), Ring(10)
         subscription = streams.listen()
         descriptor = descriptor_of(ring, b"x")
