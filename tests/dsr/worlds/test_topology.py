@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import closing
 
 from dsr import Access, Agent, WorldInfo
@@ -56,6 +57,20 @@ def test_a_silent_agent_is_said_to_be_so() -> None:
     assert [client.state for client in found.clients] == ["silent", ""]
     assert found.worlds[1].providers == ["physics"] and found.worlds[1].readers == ["x"]
     assert found.worlds[1].last_write == 3.0 and found.worlds[1].write_hz == 0.0
+
+
+def test_a_status_of_many_worlds_costs_by_its_length() -> None:
+    """What was squared took minutes for one message."""
+
+    def cost(worlds: int) -> float:
+        uses = [WorldUse(world=f"w{number}", reads=True) for number in range(worlds)]
+        status = Status(agent="liar", rid="liar-1", pid=1, state=State.READY, worlds=uses)
+        begin = time.process_time()
+        found = topology([WorldInfo("base")], [status])
+        assert len(found.worlds) == worlds + 1 and found.worlds[-1].readers == ["liar"]
+        return time.process_time() - begin
+
+    assert min(cost(8000) for _ in range(3)) < 30 * min(cost(800) for _ in range(3))
 
 
 class Scribe(Agent):
