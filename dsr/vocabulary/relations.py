@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from dsr.graph.elements import Node
-from dsr.graph.shares import shared_out
 from dsr.memory import Memory
 
 THINGS = ("cube", "box", "container", "cup", "ball")
@@ -16,11 +15,6 @@ SURFACES = ("table",)
 """Node types of static bodies on which things are put."""
 MODELLED = ("object",)
 """Node types of static bodies in the form of their mesh, as loaded from a file."""
-MOST_BODIES = 128
-"""Things, and as many static bodies, that are simulated: the largest scenes have a hundred things. Who may make their
-nodes could make any number, and where many are in one place, each is held against each."""
-MOST_PARTS = 1024
-"""Parts of robots and hands that hide what is behind them, of three arms with as many links as are read of one"""
 ARITY = {"on": 2, "ontable": 1, "clear": 1, "holding": 1, "handempty": 0}
 """The relations by name, with how many things each relates."""
 Pair = tuple[str, str]
@@ -91,11 +85,6 @@ class Relations:
 def nodes_by_name(memory: Memory, types: str | Iterable[str]) -> list[Node]:
     """The nodes of one type or several, in the order of their names. Raises `SchemaError` for an unknown type."""
     return sorted(memory.nodes(types), key=lambda node: node.name)
-
-
-def bodies_by_name(memory: Memory, types: str | Iterable[str]) -> list[Node]:
-    """The nodes of these types that are simulated, by name: of more than `MOST_BODIES` as many of each agent's."""
-    return shared_out(nodes_by_name(memory, types), MOST_BODIES)
 
 
 def is_present(node: Node) -> bool:

@@ -21,10 +21,11 @@ from dsr.memory import Memory
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.perception.reach import FARTHEST, near
 from dsr.perception.scales import RESOLUTION
+from dsr.vocabulary.bodies import MOST_BODIES, bodies_by_name
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
-from dsr.vocabulary.relations import MOST_BODIES, SURFACES, THINGS, bodies_by_name
+from dsr.vocabulary.relations import SURFACES, THINGS
 from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept

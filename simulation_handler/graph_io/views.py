@@ -20,10 +20,11 @@ from dsr.memory import Memory
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.visibility.perspectives import persons_there
+from dsr.vocabulary.bodies import MOST_PARTS, bodies_by_name
 from dsr.vocabulary.calibration import pose_of, provisional
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.perceived import MOST_SILENT, camera_nodes, is_perceived, seconds_unseen
-from dsr.vocabulary.relations import MOST_PARTS, SURFACES, THINGS, bodies_by_name
+from dsr.vocabulary.relations import SURFACES, THINGS
 from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.reading import FIXTURES, MODELLED
 from simulation_handler.hands.figures import hand_solid

@@ -16,8 +16,8 @@ from dsr.memory import Memory
 from dsr.replication.wire import encode_delta
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.bodies import MOST_BODIES, MOST_PARTS
 from dsr.vocabulary.calibration import IN_DOUBT, STEADY
-from dsr.vocabulary.relations import MOST_BODIES, MOST_PARTS
 from simulation_handler import SimulationHandler
 from simulation_handler.belief import Belief
 from simulation_handler.graph_io.views import obstacles
