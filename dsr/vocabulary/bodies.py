@@ -1,4 +1,4 @@
-"""How many of the bodies in a graph are simulated, and hide others: who may make their nodes could make any number."""
+"""How many bodies are simulated and compared, and parts hide others: who may make nodes could make any number."""
 
 from __future__ import annotations
 
@@ -19,3 +19,8 @@ MOST_PARTS = 1024
 def bodies_by_name(memory: Memory, types: str | Iterable[str]) -> list[Node]:
     """The nodes of these types that are simulated, by name: of more than `MOST_BODIES` as many of each agent's."""
     return shared_out(nodes_by_name(memory, types), MOST_BODIES)
+
+
+def bodies_beyond(memory: Memory, types: str | Iterable[str]) -> int:
+    """How many nodes of these types are passed over, since there are too many."""
+    return max(0, len(memory.nodes(types)) - MOST_BODIES)

@@ -21,7 +21,7 @@ from dsr.memory import Memory
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.perception.reach import FARTHEST, near
 from dsr.perception.scales import RESOLUTION
-from dsr.vocabulary.bodies import MOST_BODIES, bodies_by_name
+from dsr.vocabulary.bodies import MOST_BODIES, bodies_beyond, bodies_by_name
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
@@ -92,11 +92,9 @@ class GraphReader:
 
     def _bodies(self, what: str, types: tuple[str, ...]) -> dict[str, Node]:
         """The nodes of these types that are simulated; if some are not, that is told."""
-        chosen = {node.name: node for node in bodies_by_name(self._memory, types)}
-        beyond = len(self._memory.nodes(types)) - len(chosen) if len(chosen) >= MOST_BODIES else 0
-        if beyond:
+        if beyond := bodies_beyond(self._memory, types):
             self._skip(what, f"{beyond} {what} are passed over: {MOST_BODIES} others are simulated")
-        return chosen
+        return {node.name: node for node in bodies_by_name(self._memory, types)}
 
     def _planned(self) -> set[tuple[str, str]]:
         """(object, support) of what an arm is putting down now."""
