@@ -88,13 +88,18 @@ class Activity:
         self._counts: dict[str, _Counts] = {}
 
     def uses(self, now: float) -> list[WorldUse]:
-        """List the agent's use of each world, of at most `MOST_USES`, at time `now` (s), by name of the world."""
+        """List the agent's use of each world at time `now` (s), by name of the world.
+
+        Of more than `MOST_USES` worlds, those that the agent declares come first.
+        """
         agent = self._agent
         if not agent.uses_memory:
             return []
         reads, writes = agent.world_names()
         opened = {memory.world_name: memory.replica for memory in agent.memory.opened_worlds()}
-        names = sorted({*reads, *writes, *(name for name in opened if name != BASE)})[:MOST_USES]
+        declared = {*reads, *writes}
+        names = sorted({*declared, *(name for name in opened if name != BASE)}, key=lambda n: (n not in declared, n))
+        names = sorted(names[:MOST_USES])
         self._counts = {name: self._counts.get(name) or _Counts() for name in names}
         return [self._use(name, opened.get(name), name in reads, name in writes, now) for name in names]
 

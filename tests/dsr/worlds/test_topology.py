@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from contextlib import closing
+from types import SimpleNamespace
+from typing import Any
 
 from dsr import Access, Agent, WorldInfo
-from dsr.runtime.activity import WorldUse
+from dsr.runtime.activity import MOST_USES, Activity, WorldUse
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State, Status
 from dsr.runtime.system import AgentSpec
@@ -71,6 +73,15 @@ def test_a_status_of_many_worlds_costs_by_its_length() -> None:
         return time.process_time() - begin
 
     assert min(cost(8000) for _ in range(3)) < 30 * min(cost(800) for _ in range(3))
+
+
+def test_of_many_worlds_a_status_tells_first_of_those_that_are_declared() -> None:
+    replica = SimpleNamespace(received=0, written=0)
+    worlds = [SimpleNamespace(world_name=f"w{number:03}", replica=replica) for number in range(2 * MOST_USES)]
+    memory = SimpleNamespace(opened_worlds=lambda: worlds)
+    agent: Any = SimpleNamespace(uses_memory=True, world_names=lambda: (("base",), ("zebra",)), memory=memory)
+    told = [use.world for use in Activity(agent).uses(0.0)]
+    assert len(told) == MOST_USES and told == sorted(told) and {"base", "zebra", "w000"} <= set(told)
 
 
 class Scribe(Agent):
