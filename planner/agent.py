@@ -10,6 +10,7 @@ from dsr.believing.distribution import ATTRIBUTE as WHEREABOUTS
 from dsr.clock import ROUNDING
 from dsr.errors import GoalError
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
+from dsr.vocabulary.arms import MOST_ARMS, arms_beyond
 from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.halting import HALT_ATTRIBUTES, HALT_NODE
 from dsr.vocabulary.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
@@ -109,9 +110,11 @@ class Planner(Agent):
             maker.close()
 
     def _problem(self) -> str:
-        """What the intention that is pursued has to wait for, for the agent's status; empty if for nothing."""
-        execution = self._execution
-        return f"{execution.intention.name}: {execution.blocked}" if execution and execution.blocked else ""
+        """What the intention that is pursued has to wait for, and what is passed over; empty if there is neither."""
+        execution, beyond = self._execution, len(arms_beyond(self.memory))
+        waits = f"{execution.intention.name}: {execution.blocked}" if execution and execution.blocked else ""
+        passed_over = f"{beyond} arms are passed over: {MOST_ARMS} others are looked at" if beyond else ""
+        return "; ".join(filter(None, (waits, passed_over)))
 
     def _go_on(self, script: Script) -> None:
         try:

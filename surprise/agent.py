@@ -15,9 +15,10 @@ from dsr.graph.elements import Node
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.perception.scales import TICK_RATE
+from dsr.vocabulary.bodies import MOST_BODIES, bodies_beyond, bodies_by_name
 from dsr.vocabulary.nats import FALSE_FRAME, SURPRISING
 from dsr.vocabulary.perceived import camera_nodes
-from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
+from dsr.vocabulary.relations import THINGS, is_present
 from surprise.beliefs import Beliefs, PastWhereabouts
 from surprise.config import SurpriseConfig
 from surprise.evidence import EvidenceTrack, Reason
@@ -95,7 +96,8 @@ class SurpriseDetector(Agent):
             self.log.warning("the clock was set back by %.1f s: beginning anew", self._now - now)
             self._start_anew()
         self._now = now
-        objects = nodes_by_name(self.memory, THINGS)
+        objects, beyond = bodies_by_name(self.memory, THINGS), bodies_beyond(self.memory, THINGS)
+        self.degraded = f"{beyond} things are passed over: {MOST_BODIES} others are looked at" if beyond else ""
         held = self._note_held(now)
         jumped = self._beliefs.update(now, objects, held)
         names = {node.name for node in objects}

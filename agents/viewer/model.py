@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import msgspec
 
+from agents.viewer.folding import MOST_NODES
 from dsr import Memory, Node, Pose
 from dsr.believing.distribution import are_at_one_place, whereabouts_of
 from dsr.believing.worlds import LEAST
 from dsr.frames.tree import BELIEVED, WORLD
-from dsr.graph.shares import makers
+from dsr.graph.shares import makers, shared_out
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import THINGS, nodes_by_name
@@ -91,25 +92,33 @@ class DrawnScene(msgspec.Struct, frozen=True):
 
 
 def read_scene(memory: Memory) -> DrawnScene:
-    """The scene as the memory has it now; what is not connected to the world is left out."""
-    objects = nodes_by_name(memory, OBJECT_TYPES)
+    """The scene as the memory has it now; what is not connected to the world is left out.
+
+    Of each kind at most `MOST_NODES` are drawn.
+    """
+    objects = _drawn(memory, OBJECT_TYPES)
     percepts = [solid for node in objects if (solid := _solid(memory, node, ("RT",)))]
     believed = [node for node in objects if memory.edges("Virtual_RT", dst=node.name)]
     beliefs = [solid for node in believed if (solid := _solid(memory, node, BELIEVED))]
     known = {solid.name: solid for solid in [*percepts, *beliefs]}
     return DrawnScene(
-        tables=[solid for node in nodes_by_name(memory, ("table",)) if (solid := _solid(memory, node, BELIEVED))],
+        tables=[solid for node in _drawn(memory, ("table",)) if (solid := _solid(memory, node, BELIEVED))],
         percepts=percepts,
         ghosts=[percept for percept in percepts if _differs(percept, known[percept.name])],
         beliefs=beliefs,
         alternatives=[solid for node in objects for solid in _alternatives(memory, node)],
         surprising=[known[node.name] for node in objects if node.get("surprising", False) and node.name in known],
-        parts=[part for node in nodes_by_name(memory, _BODY_TYPES) if (part := _part(memory, node))],
-        frames=[place for node in nodes_by_name(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
+        parts=[part for node in _drawn(memory, _BODY_TYPES) if (part := _part(memory, node))],
+        frames=[place for node in _drawn(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
         links=_links(memory),
-        grippers=[gripper for node in nodes_by_name(memory, ("gripper",)) if (gripper := _gripper(memory, node))],
+        grippers=[gripper for node in _drawn(memory, ("gripper",)) if (gripper := _gripper(memory, node))],
         cameras=[_camera(memory, node) for node in nodes_by_name(memory, ("camera",))],
     )
+
+
+def _drawn(memory: Memory, types: tuple[str, ...]) -> list[Node]:
+    """The nodes of these types that are drawn, by name: of more than `MOST_NODES` as many of each agent's."""
+    return shared_out(nodes_by_name(memory, types), MOST_NODES)
 
 
 def place_of(pose: Pose) -> DrawnPlace:
@@ -176,11 +185,11 @@ def _part(memory: Memory, node: Node) -> DrawnSolid | None:
 def _links(memory: Memory) -> list[tuple[Vector, Vector]]:
     """From frame to frame along the RT edges between parts of a robot."""
     links = []
-    for dst in nodes_by_name(memory, _BODY_TYPES):
-        for edge in memory.edges("RT", dst=dst.name):
-            src = memory.get_node(edge.src)
-            if src is not None and src.type in _BODY_TYPES:
-                ends = _place(memory, src.name), _place(memory, dst.name)
+    drawn = {node.name for node in _drawn(memory, _BODY_TYPES)}
+    for dst in sorted(drawn):
+        for edge in memory.edges("RT", dst=dst):
+            if edge.src in drawn:
+                ends = _place(memory, edge.src), _place(memory, dst)
                 if ends[0] and ends[1]:
                     links.append((ends[0].translation, ends[1].translation))
     return links

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 
 import msgspec
@@ -12,7 +13,7 @@ from agents.viewer import palette
 from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import Memory, WireError
-from dsr.runtime.status import Status, decode_status
+from dsr.runtime.status import Status, decode_status, keep_newest
 from dsr.runtime.topology import Topology, topology
 
 ENTITY = "worlds"
@@ -42,12 +43,11 @@ class TopologyView:
         self._shown: object = None
 
     def note_status(self, message: Message) -> None:
-        """Take down what an agent tells of its worlds; malformed statuses are left out."""
-        try:
+        """Take down what an agent tells of its worlds; malformed statuses, and those on others' keys, are left out."""
+        with contextlib.suppress(WireError):
             status = decode_status(message.payload)
-        except WireError:
-            return
-        self._statuses[status.agent] = status
+            if status.agent == message.key.rpartition("/")[2]:
+                keep_newest(self._statuses, status.agent, status)
 
     def draw(self, memory: Memory) -> None:
         """Log the graph if it has changed."""

@@ -20,6 +20,7 @@ import struct
 import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -36,6 +37,8 @@ _KEPT = 3
 _MOST_HELD = 4
 """Messages that one reader may hold in place; it gets copies of further ones, so that it cannot use up the ring."""
 
+_IDENTITY = 16
+"""Bytes of a ring's identity: readers tell rings apart by it, and keep it of those that they cannot use."""
 _NAME = "dsr-ring"
 _LINK = f"/memfd:{_NAME} (deleted)"
 _PAGE = mmap.PAGESIZE
@@ -49,7 +52,7 @@ class SlotDescriptor(msgspec.Struct, frozen=True, array_like=True):
     process: int
     file_descriptor: int
     """File descriptor of the ring in the writer's process."""
-    ring: bytes
+    ring: Annotated[bytes, msgspec.Meta(min_length=_IDENTITY, max_length=_IDENTITY)]
     """Random; tells the ring from whatever else may have that descriptor."""
     slot_size: int
     slot: int
@@ -67,7 +70,7 @@ class Ring:
         self.slot_size = -(-capacity // _PAGE) * _PAGE
         if self.slot_size > MOST_BYTES:
             raise OSError(f"messages of {self.slot_size} bytes; at most {MOST_BYTES} are shared")
-        self._id = secrets.token_bytes(16)
+        self._id = secrets.token_bytes(_IDENTITY)
         self._file = _File(os.memfd_create(_NAME, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
         size = _PAGE + SLOTS * self.slot_size  # what is not written to yet takes no memory
         os.ftruncate(self._file.descriptor, size)
@@ -179,4 +182,4 @@ class _File:
 
 def _sequences(view: memoryview) -> memoryview:
     """The numbers of the messages in the slots, which stand behind the ring's identity."""
-    return view[16 : 16 + 8 * SLOTS].cast("Q")
+    return view[_IDENTITY : _IDENTITY + 8 * SLOTS].cast("Q")

@@ -17,6 +17,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from dsr.errors import DsrError
+from dsr.graph.schema import WORLD_RECORD
 from dsr.memory import Memory
 from dsr.network.keys import ALL, BASE
 from dsr.persistence.generations import Generations
@@ -27,7 +28,7 @@ from dsr.threads import new_thread
 PERIOD = 0.25
 """s between two looks at the list of worlds."""
 RETRY = 5.0
-"""s until worlds that could not be kept are tried again."""
+"""s until the list is looked through again although it is as it was, and worlds that could not be kept are tried."""
 MOST_WORLDS = 256
 """Worlds that are kept: each takes two threads, and who may list worlds may list any number. Those that the folder
 holds come first."""
@@ -60,6 +61,7 @@ class WorldKeeper:
         self._refused: set[Path] = set()
         self._told: set[Path] = set()
         self._retry_at = 0.0
+        self._list = memory.watch(node_type=WORLD_RECORD)
         self._stop = threading.Event()
         self._looking = threading.Lock()
         self.base = StateKeeper(memory, folder, threaded=threaded)
@@ -90,6 +92,7 @@ class WorldKeeper:
         self._stop.set()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join()
+        self._list.close()
         with self._looking:
             self._keep_parts(self._memory.interest)
 
@@ -98,26 +101,33 @@ class WorldKeeper:
             self._look()
 
     def _look(self) -> None:
-        """Keep what is new in the list, and drop what is not in it any more."""
+        """Keep what is new in the list, and drop what is not in it any more.
+
+        Somebody may have listed any number of worlds: as long as nothing changes, nobody pays for all of them.
+        """
         with self._looking:
-            channels = self._memory.world_channels()
-            wanted = {self._folder / name / channels[name]: name for name in self._parents_first(channels)}
-            for folder in [folder for folder in self._keepers if folder not in wanted]:
-                self._keepers.pop(folder).close()
-            self._remove_others(set(wanted))
-            self._told = {folder for folder in self._told if folder in wanted or folder.parent == self._parts_folder}
-            new = [folder for folder in wanted if folder not in self._keepers and folder not in self._refused]
             now = self._memory.clock.monotonic()
-            if now < self._retry_at:
-                new = [folder for folder in new if folder not in self._told]
-            else:
-                self._retry_at = now + RETRY
-            for folder in sorted(new, key=lambda folder: not folder.exists()):
-                if len(self._keepers) < MOST_WORLDS:
-                    self._keep(wanted[folder], folder)
-                else:
-                    self._tell(folder, f"world {wanted[folder]!r} is not kept: {MOST_WORLDS} others are")
+            if self._list.poll() or now >= self._retry_at:
+                self._follow_list(now)
             self._keep_parts(self._memory.interest)
+
+    def _follow_list(self, now: float) -> None:
+        channels = self._memory.world_channels()
+        wanted = {self._folder / name / channels[name]: name for name in self._parents_first(channels)}
+        for folder in [folder for folder in self._keepers if folder not in wanted]:
+            self._keepers.pop(folder).close()
+        self._remove_others(set(wanted))
+        self._told = {folder for folder in self._told if folder in wanted or folder.parent == self._parts_folder}
+        new = [folder for folder in wanted if folder not in self._keepers and folder not in self._refused]
+        if now < self._retry_at:
+            new = [folder for folder in new if folder not in self._told]
+        else:
+            self._retry_at = now + RETRY
+        for folder in sorted(new, key=lambda folder: not folder.exists()):
+            if len(self._keepers) < MOST_WORLDS:
+                self._keep(wanted[folder], folder)
+            else:
+                self._tell(folder, f"world {wanted[folder]!r} is not kept: {MOST_WORLDS} others are")
 
     def _hold_parts(self, interest: Collection[str]) -> None:
         """Hold the parts that are asked for, first those of which something is kept here."""

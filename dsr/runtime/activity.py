@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from dsr.agent import Agent
     from dsr.replication.replica import Replica
 
+MOST_USES = 256
+"""Worlds of which a status tells, as many as the keeper of a state has open at most."""
 _WINDOW = 0.9
 """s over which rates are taken at least."""
 
@@ -86,15 +88,20 @@ class Activity:
         self._counts: dict[str, _Counts] = {}
 
     def uses(self, now: float) -> list[WorldUse]:
-        """List the agent's use of each world at time `now` (s), by name of the world."""
+        """List the agent's use of each world at time `now` (s), by name of the world.
+
+        Of more than `MOST_USES` worlds, those that the agent declares come first.
+        """
         agent = self._agent
         if not agent.uses_memory:
             return []
         reads, writes = agent.world_names()
         opened = {memory.world_name: memory.replica for memory in agent.memory.opened_worlds()}
-        names = {*reads, *writes, *(name for name in opened if name != BASE)}
+        declared = {*reads, *writes}
+        names = sorted({*declared, *(name for name in opened if name != BASE)}, key=lambda n: (n not in declared, n))
+        names = sorted(names[:MOST_USES])
         self._counts = {name: self._counts.get(name) or _Counts() for name in names}
-        return [self._use(name, opened.get(name), name in reads, name in writes, now) for name in sorted(names)]
+        return [self._use(name, opened.get(name), name in reads, name in writes, now) for name in names]
 
     def _use(self, name: str, replica: Replica | None, reads: bool, writes: bool, now: float) -> WorldUse:
         counts = self._counts[name]

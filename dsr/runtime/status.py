@@ -5,9 +5,10 @@ from __future__ import annotations
 import enum
 import logging
 import threading
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
+from msgspec.structs import replace
 
 from dsr.clock import Clock
 from dsr.errors import WireError
@@ -20,7 +21,14 @@ PERIOD = 1.0
 """s between two statuses of an agent."""
 SILENT_AFTER = 3.0
 """s without a word from an agent until it counts as silent (it hangs, or its process is gone)."""
+MOST_BYTES = 1 << 17
+"""Bytes of a status: one that tells of the most worlds, and cites the longest error, takes half of that."""
+MOST_TEXT = 4096
+"""Characters of an error that a status cites"""
+MOST_AGENTS = 1000
+"""Agents whose statuses are kept, as many as replicas are listened to: made-up names must take no memory."""
 
+T = TypeVar("T")
 _log = logging.getLogger("dsr.runtime.status")
 
 
@@ -78,13 +86,30 @@ _decoder = msgspec.msgpack.Decoder(Status)
 
 
 def encode_status(status: Status) -> bytes:
-    """The status as a message for `Keys.status`."""
+    """The status as a message for `Keys.status`; a long error is cut."""
+    if len(status.last_error) > MOST_TEXT:
+        status = replace(status, last_error=status.last_error[:MOST_TEXT])
     return _encoder.encode(status)
 
 
 def decode_status(payload: bytes) -> Status:
-    """The status of a message; raises `WireError`."""
+    """The status of a message; raises `WireError`, also for a message of more than `MOST_BYTES`."""
+    if len(payload) > MOST_BYTES:
+        raise WireError(f"status of {len(payload)} bytes; at most {MOST_BYTES}")
     return decoded(payload, "status", _decoder.decode)
+
+
+def keep_newest(newest: dict[str, T], agent: str, value: T) -> bool:
+    """Keep what came of an agent; of more than `MOST_AGENTS` the one goes that was heard longest ago.
+
+    Returns whether one went.
+    """
+    newest.pop(agent, None)
+    newest[agent] = value
+    if len(newest) <= MOST_AGENTS:
+        return False
+    del newest[next(iter(newest))]
+    return True
 
 
 class Heard(NamedTuple):
@@ -98,11 +123,13 @@ class Heard(NamedTuple):
 
 
 class StatusBoard:
-    """The newest status of every agent of one graph, as heard on the bus."""
+    """The newest status of the agents of one graph, as heard on the bus: of at most `MOST_AGENTS`."""
 
     def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
         self.malformed = 0
         """Messages dropped because they were no valid status."""
+        self.forgotten = 0
+        """Statuses forgotten because others came of more agents than are kept."""
         self._clock = clock
         self._newest: dict[str, Heard] = {}
         self._lock = threading.Lock()
@@ -142,4 +169,4 @@ class StatusBoard:
             return
         heard = Heard(status, self._clock.monotonic(), self._clock.now() - status.stamp)
         with self._lock:
-            self._newest[status.agent] = heard
+            self.forgotten += keep_newest(self._newest, status.agent, heard)

@@ -74,10 +74,13 @@ def topology(
             use = _use_of(agent, there.get(world, WorldInfo(world)))
             clients[agent] = ClientInfo(agent, "", [*known.uses, use])
     ordered = [clients[name] for name in sorted(clients)]
-    named = {use.world for client in ordered for use in client.uses}
-    missing = {name: WorldInfo(name) for name in sorted(named - there.keys())}
-    entries = [_entry(info, info.name in there, ordered) for info in (*there.values(), *missing.values())]
-    return Topology(entries, ordered)
+    uses: dict[str, list[tuple[str, WorldUse]]] = {}
+    for client in ordered:
+        for use in client.uses:
+            uses.setdefault(use.world, []).append((client.agent, use))
+    missing = {name: WorldInfo(name) for name in sorted(uses.keys() - there.keys())}
+    worlds = (*there.values(), *missing.values())
+    return Topology([_entry(info, info.name in there, uses.get(info.name, [])) for info in worlds], ordered)
 
 
 def _client(status: Status, is_silent: bool) -> ClientInfo:
@@ -93,8 +96,7 @@ def _use_of(agent: str, world: WorldInfo) -> WorldUse:
     return WorldUse(world=world.name, reads=True, writes=agent == world.creator)
 
 
-def _entry(info: WorldInfo, there: bool, clients: list[ClientInfo]) -> WorldEntry:
-    uses = [(client.agent, use) for client in clients for use in client.uses if use.world == info.name]
+def _entry(info: WorldInfo, there: bool, uses: list[tuple[str, WorldUse]]) -> WorldEntry:
     return WorldEntry(
         info=info,
         there=there,

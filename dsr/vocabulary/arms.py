@@ -8,6 +8,7 @@ keys of its device `arm/state` and `arm/command`. The gripper of an arm `left` i
 from __future__ import annotations
 
 from dsr.graph.elements import Node
+from dsr.graph.shares import shared_out
 from dsr.memory import Memory
 from dsr.vocabulary.relations import nodes_by_name
 
@@ -17,13 +18,34 @@ CONTROLLER = "arm_controller"
 """Name of the agent that moves an arm whose node does not tell another one."""
 
 
+MOST_ARMS = 64
+"""Arms of one graph that are looked at, more than a fleet of 50 robots has: who may make their nodes could make any
+number."""
+
+
 def gripper_of(arm: str) -> str:
     """Name of the node of an arm's gripper, unless its controller is told another one."""
     return "gripper" if arm == ARM else f"{arm}_gripper"
 
 
 def arm_nodes(memory: Memory) -> list[Node]:
-    """The arms of a graph: the first one, then the others in the order of their names."""
+    """The arms of a graph: the first one, then the others in the order of their names.
+
+    Of more than `MOST_ARMS` they are as many of each agent's.
+    """
+    return shared_out(_all_arms(memory), MOST_ARMS)
+
+
+def arms_beyond(memory: Memory) -> list[str]:
+    """Names of the arms that nobody looks at, since there are too many."""
+    every = _all_arms(memory)
+    if len(every) <= MOST_ARMS:
+        return []
+    looked_at = {node.name for node in shared_out(every, MOST_ARMS)}
+    return [node.name for node in every if node.name not in looked_at]
+
+
+def _all_arms(memory: Memory) -> list[Node]:
     return sorted(nodes_by_name(memory, "arm"), key=lambda node: node.name != ARM)
 
 

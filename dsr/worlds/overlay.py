@@ -307,11 +307,12 @@ class Overlay(Graph, LayerObserver):
             into: list[tuple[Any, str]] = [] if new is None else [(self.nodes_by_type, new.type)]
         else:
             elements, groups = self._edges, list(self._edge_indexes(key))
-            into = groups
+            into = [] if new is None else groups
             if first:
                 self._frames.take_over(key[2], key[1])
+        kept = {(id(group), name) for group, name in into}  # tables are equal if all that they show is
         for group, name in groups:
-            if new is None or (group, name) not in into:
+            if (id(group), name) not in kept:
                 _drop(group, name, key)
         if new is None:
             self._types.pop(key, None)

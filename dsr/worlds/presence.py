@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from dsr.network.keys import BASE, Keys
+from dsr.graph.shares import shared_by
+from dsr.network.keys import BASE, Keys, agent_of
 from dsr.network.transport import Subscription
 from dsr.replication.peers import MAX_PEERS
 from dsr.worlds.registry import records
@@ -13,12 +14,16 @@ from dsr.worlds.registry import records
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
+MOST_FOLLOWED = 256
+"""Worlds whose replicas are followed, each by a subscription: as many as the keeper of a state keeps."""
 _NONE = ""
 """Stands for the channel of the base."""
 
 
 class WorldPresence:
-    """Follows which replicas of each world announce themselves, the base's included.
+    """Follows which replicas of each world announce themselves, the base's included: of at most `MOST_FOLLOWED` worlds.
+
+    Of more it follows as many of each agent's as of others.
 
     Args:
         memory: of the base.
@@ -32,7 +37,9 @@ class WorldPresence:
 
     def follow(self) -> None:
         """Take in which worlds there are now."""
-        channels = {record.channel: record.info.name for record in records(self._memory.replica.graph)}
+        listed = list(records(self._memory.replica.graph))
+        followed = shared_by(listed, MOST_FOLLOWED, lambda record: [agent_of(rid) for rid, _ in record.dots])
+        channels = {record.channel: record.info.name for record in followed}
         keys = {channel: Keys(self._memory.graph_name, name, channel) for channel, name in channels.items()}
         keys[_NONE] = self._memory.keys
         for channel in self._watches.keys() - keys.keys():

@@ -31,6 +31,8 @@ VIA = "via"
 MOST_OVERLAYS = 32
 """Overlays that may show one another in a row: each hands on what changes below, in calls within calls."""
 _PREFIX = RECORDS[WORLD_RECORD]
+_Text = Annotated[str, msgspec.Meta(max_length=1 << 10)]
+"""A name in a record, which errors quote: no name that anything may have is longer."""
 
 
 class WorldInfo(msgspec.Struct, frozen=True):
@@ -66,10 +68,10 @@ class Record(msgspec.Struct, frozen=True):
 class _Stored(msgspec.Struct, frozen=True, omit_defaults=True):
     """The value of the attribute `record`."""
 
-    channel: str
-    parent: str | None = None
+    channel: _Text
+    parent: _Text | None = None
     follows: bool = False
-    creator: str = ""
+    creator: _Text = ""
     created: float = 0.0
     below: Annotated[tuple[Dot, ...], msgspec.Meta(max_length=MAX_ENDS)] = ()
 

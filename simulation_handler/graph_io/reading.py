@@ -21,10 +21,11 @@ from dsr.memory import Memory
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.perception.reach import FARTHEST, near
 from dsr.perception.scales import RESOLUTION
+from dsr.vocabulary.bodies import MOST_BODIES, bodies_beyond, bodies_by_name
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
-from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
+from dsr.vocabulary.relations import SURFACES, THINGS
 from simulation_handler.graph_io.hand_nodes import hand_nodes
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
@@ -71,8 +72,7 @@ class GraphReader:
         if self._recalling is None:
             self._recalling = Recalling(self._memory, self._belief, now)
             self._recalling.recall_explanations(now)
-        fixtures = {node.name: node for node in nodes_by_name(self._memory, FIXTURES)}
-        present = {node.name: node for node in nodes_by_name(self._memory, OBJECTS)}
+        fixtures, present = self._bodies("static bodies", FIXTURES), self._bodies("things", OBJECTS)
         for name in sorted((self._known.keys() - present.keys()) | (self._fixed - fixtures.keys())):
             self._forget(name)
         for name, node in fixtures.items():
@@ -89,6 +89,12 @@ class GraphReader:
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
         self._belief.touch(self._hands(now))
+
+    def _bodies(self, what: str, types: tuple[str, ...]) -> dict[str, Node]:
+        """The nodes of these types that are simulated; if some are not, that is told."""
+        if beyond := bodies_beyond(self._memory, types):
+            self._skip(what, f"{beyond} {what} are passed over: {MOST_BODIES} others are simulated")
+        return {node.name: node for node in bodies_by_name(self._memory, types)}
 
     def _planned(self) -> set[tuple[str, str]]:
         """(object, support) of what an arm is putting down now."""

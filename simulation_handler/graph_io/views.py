@@ -13,18 +13,20 @@ import numpy as np
 from dsr.errors import DsrError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
+from dsr.graph.shares import shared_out
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.visibility.perspectives import persons_there
+from dsr.vocabulary.bodies import MOST_PARTS, bodies_by_name
 from dsr.vocabulary.calibration import pose_of, provisional
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.perceived import MOST_SILENT, camera_nodes, is_perceived, seconds_unseen
-from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
+from dsr.vocabulary.relations import SURFACES, THINGS
 from simulation_handler.graph_io.hand_nodes import hand_nodes
-from simulation_handler.graph_io.reading import MODELLED
+from simulation_handler.graph_io.reading import FIXTURES, MODELLED
 from simulation_handler.hands.figures import hand_solid
 from simulation_handler.perception.visibility import CameraView
 from simulation_handler.shapes.geometry import Solid
@@ -58,16 +60,16 @@ def _mount_covariance(memory: Memory, camera: str) -> Array | None:
 
 def obstacles(memory: Memory) -> list[Solid]:
     """Boxes around parts of bodies (`bounds`), and tables, where they are now. What cannot be used is left out."""
-    tables = nodes_by_name(memory, SURFACES)
+    tables = [node for node in bodies_by_name(memory, FIXTURES) if node.type in SURFACES]
     return _boxes(memory, [*_parts(memory), *tables])
 
 
 def _parts(memory: Memory) -> list[Node]:
-    """Parts of bodies that hide what is behind them, by name; of persons, those who are there."""
+    """Parts of bodies that hide what is behind them, by name, at most `MOST_PARTS`; of persons, those who are there."""
     now = memory.clock.now()
     found = (node for node in memory.nodes(PARTS) if "bounds" in node)
     there = (node for node in found if node.type != PERSON or is_perceived(node, now))
-    return sorted(there, key=lambda node: node.name)
+    return shared_out(sorted(there, key=lambda node: node.name), MOST_PARTS)
 
 
 def _boxes(memory: Memory, nodes: list[Node]) -> list[Solid]:
@@ -103,7 +105,7 @@ def modelled(memory: Memory, forms: Forms) -> list[Solid]:
     left out.
     """
     found = []
-    for node in nodes_by_name(memory, MODELLED):
+    for node in [node for node in bodies_by_name(memory, FIXTURES) if node.type == MODELLED]:
         with contextlib.suppress(DsrError):
             form = forms.of(node)
             if form is not None and form.is_true:

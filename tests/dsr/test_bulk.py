@@ -429,6 +429,18 @@ class TestBulkSubscription:
         streams.put("here", b"good")
         assert streams.got == [("here", b"good")] and subscription.malformed == 1
 
+    @pytest.mark.parametrize("length", [0, 1, 15, 17, 1 << 22])
+    def test_an_identity_of_a_ring_that_no_ring_has_is_malformed(self, length: int) -> None:
+        """Of 256 streams each kept one of any length. A part of one opened that ring anew."""
+        streams, ring = Streams(), Ring(10)
+        subscription = streams.listen()
+        descriptor = descriptor_of(ring, b"x")
+        told = descriptor.ring[:length].ljust(length, b"x")
+        for handler in streams.lines[descriptor_key("**")]:
+            handler("liar/@shm", msgspec.msgpack.encode(msgspec.structs.replace(descriptor, ring=told)))
+        assert subscription.malformed == 1 and not streams.got
+        assert not subscription._sources and not subscription._opened
+
     @pytest.mark.parametrize("turns", ["writers", "streams", "nothing shared"])
     def test_what_is_kept_holds_up_no_writer_whatever_comes_in_turns(self, turns: str) -> None:
         streams = Streams()

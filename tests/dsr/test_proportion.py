@@ -374,6 +374,28 @@ def test_an_overlay_that_hides_nothing_of_a_node_looks_at_no_edge_for_another_in
     assert "hub" in overlay and not overlay.edges()
 
 
+def test_edges_that_an_overlay_has_taken_cost_nothing_for_each_edge_of_its_parent(net: Net, fair: float) -> None:
+    """Each one that was looked at again had two tables of the whole parent compared."""
+    memory: Memory = net.join("me")
+    memory.add_node("hub", "cube")
+    synchroniser, hub = memory.replica.synchroniser, tuple(memory.node("hub").created)
+    sent(synchroniser, additions(COUNT))
+    edges = [Add((LIAR, COUNT + n + 1), ("hub", f"n{n}", "on"), "on", hub, ((LIAR, n + 1),)) for n in range(COUNT)]
+    sent(synchroniser, Delta(edges, context=[(LIAR, COUNT + 1, 2 * COUNT)]))
+    overlay, taken = memory.fork("dream", follow=True), range(30)
+    for number in taken:
+        overlay.update_edge("hub", f"n{number}", "on", source="me")
+
+    def again() -> None:
+        for number in taken:
+            sent(synchroniser, Delta([Add((f"b{number}-1", 1), "hub", "cube")]), f"b{number}-1")
+
+    assert cost(again) < FACTOR / 4 * fair  # eight times that before
+    overlay.remove_edge("hub", "n0", "on")
+    assert len(overlay.edges("on")) == len(overlay.edges(src="hub")) == COUNT - 1 and len(memory.edges("on")) == COUNT
+    assert not overlay.edges(dst="n0") and [edge.src for edge in overlay.edges(dst="n1")] == ["hub"]
+
+
 def test_types_that_are_gone_leave_no_trace(net: Net) -> None:
     memory: Memory = net.join("me")
     synchroniser = memory.replica.synchroniser

@@ -7,6 +7,7 @@ import pytest
 from dsr import Pose
 from dsr.believing.distribution import ATTRIBUTE, Alternative
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.arms import MOST_ARMS, arms_beyond
 from dsr.vocabulary.halting import HaltOrder, write_order
 from planner.arms import Arms, PlannedArm, chosen
 from planner.config import PlannerConfig
@@ -59,6 +60,21 @@ def test_each_arm_does_what_it_reaches_and_rests_then() -> None:
         assert run.second.done == ["pick cube_5 done", "place cube_5 cube_6 done", "observe done"]
         run.go(6.0)
         assert not run.memory.nodes("action")
+
+
+def test_however_many_arms_somebody_makes_up_few_are_looked_at_and_those_of_others_stay() -> None:
+    """Of 5000, each look of the planner cost 0.1 s."""
+    with TwoArms() as run:
+        liar = run.lockstep._join("liar", "liar-1", None)
+        for number in range(2 * MOST_ARMS):
+            liar.add_node(f"a_{number}", "arm", controller="arm_controller")
+        liar.flush()
+        run.go(0.2)
+        names = [arm.name for arm in Arms(run.memory, CONFIG).all()]
+        assert len(names) == MOST_ARMS and names[0] == "arm" and "arm_2" in names
+        assert len(arms_beyond(run.memory)) == MOST_ARMS + 2 and not set(names).intersection(arms_beyond(run.memory))
+        told = run.lockstep.runner("planner").agent.degraded
+        assert told == f"{MOST_ARMS + 2} arms are passed over: {MOST_ARMS} others are looked at"
 
 
 def test_what_no_arm_reaches_is_told() -> None:

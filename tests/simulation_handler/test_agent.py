@@ -16,9 +16,11 @@ from dsr.memory import Memory
 from dsr.replication.wire import encode_delta
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.bodies import MOST_BODIES, MOST_PARTS
 from dsr.vocabulary.calibration import IN_DOUBT, STEADY
 from simulation_handler import SimulationHandler
 from simulation_handler.belief import Belief
+from simulation_handler.graph_io.views import obstacles
 from simulation_handler.graph_io.what_if import WhatIfService
 from simulation_handler.physics.rollouts.scene import RolloutScene
 from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at
@@ -193,6 +195,35 @@ def test_what_stands_on_a_table_that_is_removed_falls(table: Table) -> None:
     table.run(2.0)
     assert table.belief("cube_1").pose.translation[2] < -0.5
     assert table.relations() == set()
+
+
+@pytest.mark.parametrize(("type", "told"), [("table", "static bodies"), ("cube", "things"), ("body", "")])
+def test_however_many_bodies_somebody_makes_up_few_are_simulated_and_those_of_others_stay(
+    table: Table, type: str, told: str
+) -> None:
+    """In one place, 3000 tables of one message stopped the agent for minutes."""
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    liar, most = table.lockstep._join("liar", "liar-1", None), MOST_PARTS if type == "body" else MOST_BODIES
+    for number in range(most + 9):
+        liar.add_node(f"a_{number}", type, size=CUBE, bounds=(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1))
+        liar.add_edge("world", f"a_{number}", "RT", pose=Pose((3.0, 0.0, 0.0)))
+    liar.flush()
+    table.run(0.2)
+    handler = table.lockstep.runner(NAME).agent
+    assert isinstance(handler, SimulationHandler)
+    reading, memory = handler._reading, table.memory
+    assert len(reading._known) <= MOST_BODIES and len(reading._fixed) <= MOST_BODIES
+    assert "cube_1" in reading._known and "table" in reading._fixed
+    hiding = [solid.name for solid in obstacles(memory)]
+    assert len(hiding) <= most + (type == "body") and "table" in hiding
+    assert handler.degraded.startswith(f"10 {told} are passed over" if told else "")
+    assert table.error("cube_1") < 0.003
+    for number in range(most + 9):
+        liar.remove_node(f"a_{number}")
+    liar.flush()
+    table.run(0.2)
+    assert handler.degraded == "" and reading._known.keys() == {"cube_1"} and reading._fixed == {"table"}
 
 
 def test_an_object_that_turns_into_a_table_is_none_any_more(table: Table) -> None:

@@ -9,7 +9,11 @@ import pytest
 
 from benchmarks.surprise_scene import CAMERA, PERIOD, SIX, SurpriseScene, moved, upright
 from dsr.clock import ManualClock
+from dsr.crdt.delta import Add, Delta
+from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
+from dsr.replication.wire import encode_delta
+from dsr.vocabulary.bodies import MOST_BODIES
 
 
 def test_a_static_noisy_scene_raises_no_alarm() -> None:
@@ -283,6 +287,31 @@ def test_it_survives_what_is_missing_or_wrong() -> None:
         scene.beliefs.pop(name, None)
         memory.remove_node(name)
         scene.detector.tick(scene.clock.now())
+
+
+def test_however_many_things_somebody_makes_up_few_are_looked_at_and_those_of_others_stay(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 3000, each look took longer than the time until the next one."""
+    scene, looks = SurpriseScene({"cube_0": SIX["cube_0"]}), list[set[str]]()
+    beliefs, synchroniser = scene.detector._beliefs, scene.memory.replica.synchroniser
+    update, liar = beliefs.update, "liar-1"
+
+    def counted(now: float, objects: list[Node], moving: set[str]) -> set[str]:
+        looks.append({node.name for node in objects})
+        return update(now, objects, moving)
+
+    monkeypatch.setattr(beliefs, "update", counted)
+    adds = [Add((liar, number + 1), f"a_{number}", "cube") for number in range(MOST_BODIES + 9)]
+    made = Delta(adds, context=[(liar, 1, len(adds))])
+    synchroniser.receive_delta(liar, encode_delta(made), scene.clock.now())
+    scene.run(0.2)
+    assert scene.detector.degraded == f"10 things are passed over: {MOST_BODIES} others are looked at"
+    assert len(looks[-1]) == MOST_BODIES and "cube_0" in looks[-1]
+    gone = Delta(removed=[add.dot for add in adds], context=[(liar, len(adds) + 1, len(adds) + 1)])
+    synchroniser.receive_delta(liar, encode_delta(gone), scene.clock.now())
+    scene.run(0.2)
+    assert scene.detector.degraded == "" and looks[-1] == {"cube_0"}
 
 
 def test_a_new_object_is_not_surprising() -> None:

@@ -25,7 +25,7 @@ from dsr.graph.elements import Node
 from dsr.math3d.boxes import Array, Boxes, gaps, stacked
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.vocabulary.arms import arm_nodes, gripper_node_of
+from dsr.vocabulary.arms import MOST_ARMS, arm_nodes, arms_beyond, gripper_node_of
 
 APART = 0.015
 """m that ways of two arms keep apart, beside the margin to things: arms lag behind their ways by some mm"""
@@ -97,9 +97,16 @@ class OtherArms:
         return [box for box in self.obstacles(now) if box.name in first]
 
     def unreadable(self) -> str:
-        """Name of an arm that has announced a way which nobody can read: it may go anywhere; empty for none."""
+        """Name of an arm whose way nobody can read, or nobody looks at: it may go anywhere; empty for none."""
         nodes = [node for node in arm_nodes(self._memory) if node.name != self._arm]
-        return next((node.name for node in nodes if _read_way(node) is None), "")
+        beyond = (name for name in arms_beyond(self._memory) if name != self._arm)
+        return next((node.name for node in nodes if _read_way(node) is None), next(beyond, ""))
+
+    def why_unreadable(self, name: str) -> str:
+        """Tell people why the way of that arm is not known."""
+        if name in arms_beyond(self._memory):
+            return f"more than {MOST_ARMS} arms are there, and nobody looks at the way of {name}"
+        return f"nobody can read the way that {name} has announced"
 
     def waits_for_us(self) -> list[str]:
         """Names of those that stand still until this one has gone."""

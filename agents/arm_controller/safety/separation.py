@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.arm_controller.model.figure import Figure
-from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.relations import is_present
 
@@ -83,14 +82,20 @@ class PeopleNearby:
             opening: m between the fingers.
         """
         nodes = [node for node in self._memory.nodes(tuple(_REACHES)) if is_present(node)]
-        poses = [(node, self._memory.get_transform(self._arm, node.name)) for node in nodes]
-        found = [(self._gap(pose, positions, opening) - _REACHES[node.type], node.name) for node, pose in poses if pose]
-        return min(found, default=(math.inf, ""))
+        if not nodes:
+            return math.inf, ""
+        points = self._memory.transforms(self._arm, [node.name for node in nodes])[:, :3, 3]
+        gaps = self._gaps(points, positions, opening).tolist()
+        found = [(gap - _REACHES[node.type], node.name) for node, gap in zip(nodes, gaps, strict=True)]
+        return min([one for one in found if math.isfinite(one[0])], default=(math.inf, ""))
 
-    def _gap(self, pose: Pose, positions: Array, opening: float) -> float:
-        """M, from a point in the arm's frame to the nearest moving box of the arm."""
-        boxes = self._figure.boxes(positions[None], opening)
+    def _gaps(self, points: Array, positions: Array, opening: float) -> Array:
+        """(m,) m, from points (m, 3) in the arm's frame to the nearest moving box of the arm; NaN of an unknown one.
+
+        The arm has one shape for all of them: whoever may make hands could make any number.
+        """
         moving = slice(self._figure.base_boxes, None)
-        centers, axes, halves = (part[0, moving] for part in boxes)
-        local = np.einsum("bji,bj->bi", axes, np.array(pose.t) - centers)
-        return float(np.linalg.norm(np.maximum(np.abs(local) - halves, 0.0), axis=1).min())
+        centers, axes, halves = (part[0, moving] for part in self._figure.boxes(positions[None], opening))
+        local = np.einsum("bji,mbj->mbi", axes, points[:, None] - centers)
+        gaps: Array = np.linalg.norm(np.maximum(np.abs(local) - halves, 0.0), axis=2).min(axis=1)
+        return gaps

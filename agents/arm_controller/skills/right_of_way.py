@@ -89,7 +89,7 @@ class RightOfWay:
         while True:
             if by := self._others.unreadable():
                 if self._joints.stamp > until:
-                    raise SkillError(f"nobody can read the way that {by} has announced")
+                    raise SkillError(self._others.why_unreadable(by))
                 yield from self._wait_for(by)
                 continue
             try:

@@ -21,6 +21,7 @@ from dsr.crdt.hlc import stamp_at
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, to_numbers
 from dsr.network.keys import Keys
+from dsr.vocabulary.arms import MOST_ARMS
 from dsr.vocabulary.halting import HaltOrder, send_order
 from tests.agents.arm_controller.conftest import DOWN, GEN3, HOME, PERIOD, Bench, Table
 from tests.agents.arm_controller.test_watchdog import AWAY, WITHIN, Liar, stops
@@ -164,6 +165,20 @@ def test_an_arm_stops_when_another_one_announces_what_nobody_can_read_and_gives_
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(35.0)
     assert bench.memory.node("arm")["explanation"] == "nobody can read the way that left has announced"
+
+
+def test_an_arm_does_not_set_out_while_there_are_more_arms_than_it_looks_at(bench: Bench) -> None:
+    for number in range(MOST_ARMS):
+        bench.memory.add_node(f"left_{number}", "arm")
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(35.0)
+    assert [told for told in bench.arm.told if told[0] == "follow"] == []
+    said = f"more than {MOST_ARMS} arms are there, and nobody looks at the way of "
+    assert bench.memory.node("arm")["explanation"].startswith(said)
+    bench.memory.remove_node("left_0")
+    bench.memory.update_node("arm", target_joints=AWAY)
+    bench.run(4.0)
+    assert bench.status == "reached"
 
 
 # ---- targets by hand and for actions

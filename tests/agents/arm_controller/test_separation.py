@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agents.arm_controller.model.arm_model import load_arm
+from agents.arm_controller.model.figure import Figure
 from agents.arm_controller.model.kinematics import JointChain
 from agents.arm_controller.model.urdf import load_robot
 from agents.arm_controller.motion.trajectory import PERIOD
-from agents.arm_controller.safety.separation import Separation
+from agents.arm_controller.safety.separation import PeopleNearby, Separation
 from dsr import Pose
 from dsr.vocabulary.intentions import DONE, RUNNING
 from tests.agents.arm_controller.conftest import DOWN, GEN3, HOME, Table
@@ -64,6 +66,32 @@ def test_close_by_the_speed_is_reduced_and_closer_yet_it_is_nothing() -> None:
     assert numbers.allowed(0.2) == numbers.reduced
     assert numbers.allowed(numbers.distance(numbers.reduced, 0.0)) == 0.0
     assert numbers.allowed(0.0) == 0.0
+
+
+def test_however_many_hands_somebody_makes_up_the_shape_of_the_arm_is_worked_out_once(
+    table: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 3000 hands, each tick of a moving arm took 0.8 s, forty times its period."""
+    figure, looks = Figure(load_arm(GEN3)), list[float]()
+    people, boxes = PeopleNearby(table.memory, figure, "arm"), figure.boxes
+
+    def counted(positions: Any, opening: float) -> Any:
+        looks.append(opening)
+        return boxes(positions, opening)
+
+    monkeypatch.setattr(figure, "boxes", counted)
+    assert people.nearest(np.array(HOME), 0.05) == (math.inf, "") and not looks
+    rng, distances = np.random.default_rng(1), {}
+    for number in range(100):
+        name, place = f"hand_{number}", Pose(rng.uniform(-0.8, 0.8, 3))
+        table.memory.add_node(name, "hand")
+        table.memory.add_edge("arm", name, "RT", pose=place)
+        distances[name] = people._gaps(np.array([place.t]), np.array(HOME), 0.05).item() - 0.1
+    table.memory.add_node("hand_nowhere", "hand")
+    looks.clear()
+    distance, name = people.nearest(np.array(HOME), 0.05)
+    assert len(looks) == 1
+    assert distance == pytest.approx(distances[name]) == min(distances.values())
 
 
 def test_far_from_people_the_arm_is_as_fast_as_without_any(table: Table) -> None:

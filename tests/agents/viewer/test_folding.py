@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from agents.viewer.folding import MOST_EDGES, MOST_NODES, fold
+from agents.viewer.model import read_scene
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 
 
@@ -104,6 +107,28 @@ def test_however_many_nodes_somebody_makes_up_those_of_others_are_drawn() -> Non
     assert len(folded.nodes) == MOST_NODES and {"world", "cube"} <= folded.nodes.keys()
     assert len(folded.edges) <= MOST_EDGES and ("world", "cube", "RT") in folded.edges
     assert folded.labels["world"] == "world (2 nodes are not drawn)"
+
+
+@pytest.mark.parametrize("type", ["cube", "table", "body", "gripper"])
+def test_however_many_bodies_somebody_makes_up_those_of_others_are_drawn_in_the_scene(type: str) -> None:
+    network = LocalNetwork(ManualClock())
+    liar, honest = (Memory("g", name, transport=network.connect(name), clock=network.clock) for name in ("liar", "me"))
+    honest.add_node("world", "world")
+    honest.add_node("z", type, bounds=(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1))
+    honest.add_edge("world", "z", "RT", pose=Pose((1.0, 0.0, 0.0)))
+    for _ in range(3):
+        for memory in (honest, liar):
+            memory.flush()
+            network.deliver()
+            memory.poll()
+    for number in range(MOST_NODES):
+        liar.add_node(f"a_{number}", type, bounds=(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1))
+        liar.add_edge("z" if type == "body" else "world", f"a_{number}", "RT", pose=Pose())
+    scene = read_scene(liar)
+    drawn = [scene.percepts, scene.tables, scene.parts, scene.links, scene.grippers, scene.frames]
+    assert max(map(len, drawn)) <= MOST_NODES
+    solids = [*scene.percepts, *scene.tables, *scene.parts]
+    assert "z" in {solid.name for solid in solids} and len(scene.links) == (MOST_NODES - 1) * (type == "body")
 
 
 def test_the_world_is_drawn_however_many_nodes_come_before_it(stage: Any) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from agents.viewer.topology_view import arrange
+import rerun as rr
+
+from agents.inbox import Message
+from agents.viewer.topology_view import TopologyView, arrange
 from dsr import WorldInfo
 from dsr.runtime.activity import WorldUse
-from dsr.runtime.status import State, Status
+from dsr.runtime.status import MOST_AGENTS, State, Status, encode_status
 from dsr.runtime.topology import topology
 
 
@@ -25,6 +28,16 @@ def test_content_flows_from_the_left_to_the_right() -> None:
     assert x["agent:camera"] < x["world:base"] < x["agent:physics"] < x["world:stable"] < x["agent:viewer"]
     assert ("agent:physics", "world:stable") in arrows and ("world:base", "agent:physics") in arrows
     assert len({(box.x, box.y) for box in boxes}) == len(boxes)
+
+
+def test_of_few_agents_something_is_kept_and_nobody_speaks_for_another() -> None:
+    view = TopologyView(rr.RecordingStream("test"))
+    for number in range(MOST_AGENTS + 9):
+        name = f"a{number}"
+        view.note_status(Message(0.0, f"dsr/v1/g/status/{name}", encode_status(status(name, "base"))))
+        view.note_status(Message(0.0, "dsr/v1/g/status/liar", encode_status(status(name, "other"))))
+    assert len(view._statuses) == MOST_AGENTS
+    assert {use.world for one in view._statuses.values() for use in one.worlds} == {"base"}
 
 
 def test_circles_and_missing_worlds_are_drawn_too() -> None:

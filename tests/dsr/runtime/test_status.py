@@ -6,10 +6,22 @@ import logging
 
 import msgpack
 import pytest
+from msgspec.structs import replace
 
 from dsr import LocalNetwork, ManualClock, WireError
 from dsr.network.keys import Keys
-from dsr.runtime.status import SILENT_AFTER, State, Status, StatusBoard, decode_status, encode_status
+from dsr.runtime.activity import MOST_USES, WorldUse
+from dsr.runtime.status import (
+    MOST_AGENTS,
+    MOST_BYTES,
+    MOST_TEXT,
+    SILENT_AFTER,
+    State,
+    Status,
+    StatusBoard,
+    decode_status,
+    encode_status,
+)
 
 KEYS = Keys("test")
 
@@ -41,6 +53,31 @@ def test_a_status_survives_the_wire_and_other_languages_can_read_it() -> None:
 def test_nonsense_is_a_wire_error(payload: bytes) -> None:
     with pytest.raises(WireError):
         decode_status(payload)
+
+
+def test_a_status_of_many_worlds_and_a_long_error_fits_and_a_longer_one_is_a_wire_error() -> None:
+    uses = [
+        WorldUse(world=f"{n:064}", reads=True, read_hz=0.1, write_hz=0.1, last_read=1e9, last_write=1e9)
+        for n in range(MOST_USES)
+    ]
+    office = Office()
+    status = replace(office.status(), worlds=uses, last_error="\U0001f916" * 10**6, clock="x" * 10_000)
+    read = decode_status(encode_status(status))
+    assert read.worlds == uses and read.last_error == status.last_error[:MOST_TEXT]
+    assert len(encode_status(status)) < MOST_BYTES
+    with pytest.raises(WireError, match="at most"):
+        decode_status(encode_status(replace(status, worlds=3 * uses)))
+
+
+def test_the_board_keeps_so_many_agents_and_those_that_speak_stay() -> None:
+    office = Office()
+    office.tell(office.status("honest"))
+    for number in range(3 * MOST_AGENTS):
+        office.tell(office.status(f"a{number}"))
+        if number % 500 == 0:
+            office.tell(office.status("honest"))
+    assert len(office.board.agents()) == MOST_AGENTS and "honest" in office.board.agents()
+    assert office.board.forgotten == 2 * MOST_AGENTS + 1
 
 
 def test_the_board_keeps_the_newest_of_each_agent() -> None:

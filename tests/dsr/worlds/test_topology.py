@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import closing
+from types import SimpleNamespace
+from typing import Any
 
 from dsr import Access, Agent, WorldInfo
-from dsr.runtime.activity import WorldUse
+from dsr.runtime.activity import MOST_USES, Activity, WorldUse
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State, Status
 from dsr.runtime.system import AgentSpec
@@ -56,6 +59,29 @@ def test_a_silent_agent_is_said_to_be_so() -> None:
     assert [client.state for client in found.clients] == ["silent", ""]
     assert found.worlds[1].providers == ["physics"] and found.worlds[1].readers == ["x"]
     assert found.worlds[1].last_write == 3.0 and found.worlds[1].write_hz == 0.0
+
+
+def test_a_status_of_many_worlds_costs_by_its_length() -> None:
+    """What was squared took minutes for one message."""
+
+    def cost(worlds: int) -> float:
+        uses = [WorldUse(world=f"w{number}", reads=True) for number in range(worlds)]
+        status = Status(agent="liar", rid="liar-1", pid=1, state=State.READY, worlds=uses)
+        begin = time.process_time()
+        found = topology([WorldInfo("base")], [status])
+        assert len(found.worlds) == worlds + 1 and found.worlds[-1].readers == ["liar"]
+        return time.process_time() - begin
+
+    assert min(cost(8000) for _ in range(3)) < 30 * min(cost(800) for _ in range(3))
+
+
+def test_of_many_worlds_a_status_tells_first_of_those_that_are_declared() -> None:
+    replica = SimpleNamespace(received=0, written=0)
+    worlds = [SimpleNamespace(world_name=f"w{number:03}", replica=replica) for number in range(2 * MOST_USES)]
+    memory = SimpleNamespace(opened_worlds=lambda: worlds)
+    agent: Any = SimpleNamespace(uses_memory=True, world_names=lambda: (("base",), ("zebra",)), memory=memory)
+    told = [use.world for use in Activity(agent).uses(0.0)]
+    assert len(told) == MOST_USES and told == sorted(told) and {"base", "zebra", "w000"} <= set(told)
 
 
 class Scribe(Agent):
