@@ -13,6 +13,7 @@ from dsr.errors import ConfigError
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import FRAME, PRESENT
+from simulation_handler.perception.bumped import MovedThing
 from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
@@ -29,6 +30,7 @@ from simulation_handler.worlds.alternatives import (
 from simulation_handler.worlds.blackouts import Blackouts
 from simulation_handler.worlds.circumstances import (
     CIRCUMSTANCES,
+    DOUBTED,
     INSIDE,
     MOVED_UNSEEN,
     RESTLESS,
@@ -38,6 +40,7 @@ from simulation_handler.worlds.circumstances import (
     is_unseen,
     unseen,
 )
+from simulation_handler.worlds.displaced import staying
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
@@ -83,6 +86,8 @@ class _Watched:
     """While it is not recognised"""
     was_doubted: bool = False
     """Whether cameras that saw it have been in doubt"""
+    stays: float | None = None
+    """1, probability that it is where the simulation has it though it is seen displaced; None while it is not"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -92,6 +97,14 @@ class _Watched:
             self.poses.append(pose)
         while len(self.poses) > 1 and self.poses[1].stamp <= now - LOOK_PERIOD:
             del self.poses[0]
+
+    def note_displaced(self, thing: ObjectEvidence, stays: float | None) -> None:
+        """Keep how probable it is that it stays, as of `staying`; what is not known of it now was known before."""
+        if thing.is_moving or thing.is_doubted:
+            before = float(thing.is_doubted) if self.stays is None else self.stays
+            self.stays = before if stays is None else stays
+        else:
+            self.stays = None
 
     @property
     def velocity(self) -> NDArray[np.float64]:
@@ -118,6 +131,8 @@ class Followed:
     """m, how far percepts that contradict the pose are away from it; infinite if none do"""
     constant: NDArray[np.float64] | None = None
     """(3, 3) m^2 as of `ObjectEvidence`, when it was recognised last"""
+    stays: float | None = None
+    """1, probability of being where the simulation has it though it is seen displaced; None while it is not"""
 
 
 class WeightedWorlds:
@@ -135,6 +150,7 @@ class WeightedWorlds:
         if missing := [name for name in CIRCUMSTANCES if name not in parameters.noise]:
             raise ConfigError(f"no learned noise for {', '.join(map(repr, missing))}; expected all circumstances")
         self._parameters = parameters
+        self._moved = MovedThing(parameters.elsewhere.level, parameters.elsewhere.height)
         self._shares = shares
         self._watched: dict[str, _Watched] = {}
         self._evidence: Evidence | None = None
@@ -153,6 +169,7 @@ class WeightedWorlds:
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
         work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))
+        stays = staying(evidence, self._moved)
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -161,7 +178,8 @@ class WeightedWorlds:
             watched.note(thing.believed, evidence.now)
             if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
                 watched.was_doubted |= thing.is_doubted
-                watched.circumstance = in_view(thing, was_doubted=watched.was_doubted)
+                watched.note_displaced(thing, stays.get(name))
+                watched.circumstance = in_view(thing, stays=watched.stays or 0.0, was_doubted=watched.was_doubted)
                 watched.seen, watched.seen_at, watched.alternatives = thing, evidence.now, None
             elif watched.seen is not None:
                 if watched.alternatives is None:
@@ -256,13 +274,11 @@ class WeightedWorlds:
         if alternatives is None:
             if thing.believed is None:
                 return None
-            reach = math.inf
-            if watched.circumstance == RESTLESS and thing.percept is not None:
-                reach = thing.percept.distance(thing.believed)[0]
-            return Followed(
-                watched.circumstance, thing.believed, watched.velocity,
-                seen=thing.seen, reach=reach, constant=thing.constant,
+            found = Followed(
+                watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, constant=thing.constant,
+                stays=watched.stays if watched.circumstance in (DOUBTED, RESTLESS) else None,
             )  # fmt: skip
+            return _reached(found, thing) if watched.circumstance == RESTLESS else found
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
@@ -311,20 +327,15 @@ class WeightedWorlds:
         followed = self.followed(name)
         if followed is None:
             return []
-        noise = self._parameters.noise[followed.circumstance]
-        placed = self.poses()[name]
+        noise, placed = self._parameters.noise[followed.circumstance], self.poses()[name]
         x, y, z = followed.velocity.tolist()
         alternatives = self._watched[name].alternatives
         supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
         state = ObjectState(placed, (x, y, z), thing.gripper, thing.containers, supports)
-        perceived = _perceived(followed, noise, placed)
-        rest = 1.0 if perceived is None else 1.0 - perceived[0]
-        parts = [
-            (rest * share, replace(state, pose=scaled(placed, factor)), WRONG if level else followed.circumstance)
-            for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
-        ]
-        if perceived is not None:
-            parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
+        parts = _parts(followed, noise, state)
+        if followed.stays is not None:
+            others = self._otherwise(followed, thing, state)
+            parts = _or_otherwise(parts, max(followed.stays, 1.0 - followed.stays), others)
         parts = [turned for part in parts for turned in _turned(part, thing)]
         if thing.aslant is not None:
             parts = _or_aslant(parts, state, *thing.aslant, noise)
@@ -334,6 +345,16 @@ class WeightedWorlds:
             for share, one, reason in parts
             for hand, held in hands.items()
         ]
+
+    def _otherwise(self, followed: Followed, thing: ObjectEvidence, state: ObjectState) -> list[_Weighted]:
+        """The worlds of a thing that is seen displaced, if it stays and that is less probable, or the reverse."""
+        if followed.circumstance == RESTLESS:
+            one = replace(followed, circumstance=DOUBTED, reach=math.inf)
+        else:
+            one = _reached(replace(followed, circumstance=RESTLESS), thing)
+        noise = self._parameters.noise[one.circumstance]
+        placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
+        return _parts(one, noise, replace(state, pose=placed))
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
         """Probabilities of the human hands that may hold an object, and that no known one does; empty if none may."""
@@ -403,6 +424,36 @@ class WeightedWorlds:
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
         containers = (mode.container,) if mode.container else ()
         return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
+
+
+def _reached(followed: Followed, thing: ObjectEvidence) -> Followed:
+    """The same, no more unsure than the newest percept of the thing is off."""
+    return followed if thing.percept is None else replace(followed, reach=thing.percept.distance(followed.pose)[0])
+
+
+def _parts(followed: Followed, noise: PlaceNoise, state: ObjectState) -> list[_Weighted]:
+    """Worlds in one circumstance: a thing is where the simulation has it, more or less, or where percepts have it.
+
+    `state` has the covariance of the circumstance, and `noise` is of that.
+    """
+    assert state.pose is not None
+    perceived = _perceived(followed, noise, state.pose)
+    rest = 1.0 if perceived is None else 1.0 - perceived[0]
+    parts = [
+        (rest * share, replace(state, pose=scaled(state.pose, factor)), WRONG if level else followed.circumstance)
+        for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
+    ]
+    if perceived is not None:
+        parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
+    return parts
+
+
+def _or_otherwise(parts: Sequence[_Weighted], chance: float, others: Sequence[_Weighted]) -> list[_Weighted]:
+    """Worlds that are so with the probability `chance`, and those that are so otherwise."""
+    return [
+        *((chance * share, one, reason) for share, one, reason in parts),
+        *(((1.0 - chance) * share, one, reason) for share, one, reason in others),
+    ]
 
 
 def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
