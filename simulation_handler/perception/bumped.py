@@ -53,6 +53,8 @@ class Verdict(NamedTuple):
     """1, probability that the camera moved"""
     stays: Array
     """(n,) 1, probability of each thing that it is where it is believed to be"""
+    shown_elsewhere: Array
+    """(n,) 1, probability of each thing that this is so, and that the camera moved"""
 
 
 def judge(things: Sequence[Displacement], loads: Sequence[Displacement], moved: MovedThing) -> Verdict:
@@ -77,7 +79,8 @@ def judge(things: Sequence[Displacement], loads: Sequence[Displacement], moved: 
     shares = np.exp(scores - best)
     with_camera = np.concatenate([shares @ sets, told.stays_with_camera(sets[int(np.argmax(scores))], count)])
     without = _probability(told.if_still - told.if_moved)
-    return Verdict(camera, camera * with_camera + (1.0 - camera) * without)
+    shown_elsewhere = camera * with_camera
+    return Verdict(camera, shown_elsewhere + (1.0 - camera) * without, shown_elsewhere)
 
 
 class _Told(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,19 @@ from simulation_handler.scales import PLACE_FLOOR
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 
 
-def staying(evidence: Evidence, moved: MovedThing) -> dict[str, float]:
-    """Probability that a thing is where the simulation has it, of each that is seen displaced, or by doubted cameras.
+class Staying(NamedTuple):
+    """How probable it is that a thing is where the simulation has it, though it may be seen elsewhere."""
+
+    probability: float
+    """1, probability of that"""
+    camera: str = ""
+    """Name of the camera that shows the thing; empty if that is not known"""
+    by_camera: float = 0.0
+    """1, probability that the thing is there and the camera moved"""
+
+
+def staying(evidence: Evidence, moved: MovedThing) -> dict[str, Staying]:
+    """Which things are where the simulation has them, of all that are seen displaced, or by doubted cameras.
 
     All that one camera alone has shown at the same time tells of that camera. Things of which that is not known are
     left out.
@@ -29,12 +41,12 @@ def staying(evidence: Evidence, moved: MovedThing) -> dict[str, float]:
     for name, thing in evidence.objects.items():
         if thing.percept is not None and len(thing.seen_by) == 1 and _may_tell(thing):
             shown.setdefault(min(thing.seen_by), {})[name] = thing.percept
-    found: dict[str, float] = {}
-    for percepts in shown.values():
+    found: dict[str, Staying] = {}
+    for camera, percepts in shown.items():
         newest = max(percept.stamp for percept in percepts.values())
         told = {name: evidence.objects[name] for name, one in percepts.items() if newest - one.stamp <= ONE_MOMENT}
         if any(thing.is_moving or thing.is_doubted for thing in told.values()):
-            found |= _judged(told, evidence.objects.keys(), moved)
+            found |= _judged(camera, told, evidence.objects.keys(), moved)
     return found
 
 
@@ -46,14 +58,17 @@ def _may_tell(thing: ObjectEvidence) -> bool:
 
 
 def _judged(
-    told: Mapping[str, ObjectEvidence], objects: Set[str], moved: MovedThing
-) -> dict[str, float]:
+    camera: str, told: Mapping[str, ObjectEvidence], objects: Set[str], moved: MovedThing
+) -> dict[str, Staying]:
+    """What `camera` shows at one moment, which is `told` of; `objects` may carry what it shows."""
     loads = [name for name, thing in told.items() if thing.containers or not objects.isdisjoint(thing.supports)]
     things = [name for name in told if name not in loads]
     if not things:
         return {}
     asked, others = ([_displacement(told[name]) for name in names] for names in (things, loads))
-    return dict(zip([*things, *loads], judge(asked, others, moved).stays.tolist(), strict=True))
+    verdict = judge(asked, others, moved)
+    told_of = zip([*things, *loads], verdict.stays.tolist(), verdict.shown_elsewhere.tolist(), strict=True)
+    return {name: Staying(stays, camera, elsewhere) for name, stays, elsewhere in told_of}
 
 
 def _displacement(thing: ObjectEvidence) -> Displacement:

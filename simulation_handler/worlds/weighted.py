@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsr.errors import ConfigError
-from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import FRAME, PRESENT
 from simulation_handler.perception.bumped import MovedThing
@@ -40,32 +39,29 @@ from simulation_handler.worlds.circumstances import (
     is_unseen,
     unseen,
 )
-from simulation_handler.worlds.displaced import staying
+from simulation_handler.worlds.displaced import Staying, staying
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
+from simulation_handler.worlds.followed import (
+    Followed,
+    WeightedState,
+    or_aslant,
+    reached,
+    staying_or_not,
+    turned,
+    worlds_of,
+)
 from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.merging import WeightedPlace, merged
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
-from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
+from simulation_handler.worlds.parameters import WorldParameters
 from simulation_handler.worlds.spread import (
-    levels_of_wrong,
-    odds_of_percepts,
-    percept_covariance,
-    scaled,
     squared_distance,
     with_spread,
     with_spreads,
     with_world_covariances,
 )
 
-WRONG = "something unknown is wrong"
-"""Reason of a world in which an object is further from its believed place than its circumstance tells"""
-PERCEIVED = "as perceived"
-"""Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
-OTHER_SIDE = "on another side"
-"""Reason of a world in which another side of an object is down, for percepts do not tell how it is turned"""
-ASLANT = "leans on something"
-"""Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
 ON_COURSE = "went on unseen"
 """Reason of a world in which what vanished on its way has gone on otherwise than the simulation has it"""
 LOOK_PERIOD = 2.0 * FRAME
@@ -86,8 +82,8 @@ class _Watched:
     """While it is not recognised"""
     was_doubted: bool = False
     """Whether cameras that saw it have been in doubt"""
-    stays: float | None = None
-    """1, probability that it is where the simulation has it though it is seen displaced; None while it is not"""
+    stays: Staying | None = None
+    """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -98,41 +94,18 @@ class _Watched:
         while len(self.poses) > 1 and self.poses[1].stamp <= now - LOOK_PERIOD:
             del self.poses[0]
 
-    def note_displaced(self, thing: ObjectEvidence, stays: float | None) -> None:
+    def note_displaced(self, thing: ObjectEvidence, stays: Staying | None) -> float:
         """Keep how probable it is that it stays, as of `staying`; what is not known of it now was known before."""
         if thing.is_moving or thing.is_doubted:
-            before = float(thing.is_doubted) if self.stays is None else self.stays
-            self.stays = before if stays is None else stays
+            self.stays = stays or self.stays or Staying(float(thing.is_doubted))
         else:
             self.stays = None
+        return 0.0 if self.stays is None else self.stays.probability
 
     @property
     def velocity(self) -> NDArray[np.float64]:
         """(3,) m/s"""
         return speed_of(self.poses[0], self.poses[-1]) if self.poses else np.zeros(3)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """How the place of an object in the simulation is known."""
-
-    circumstance: str
-    pose: Pose
-    """world_from_object, with the covariance that perception tells, if any"""
-    velocity: NDArray[np.float64]
-    """(3,) m/s"""
-    age: float = 0.0
-    """s since it was recognised; 0 while it is"""
-    moved: float = 0.0
-    """m, how far the simulation has moved it since"""
-    seen: Pose | None = None
-    """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
-    reach: float = math.inf
-    """m, how far percepts that contradict the pose are away from it; infinite if none do"""
-    constant: NDArray[np.float64] | None = None
-    """(3, 3) m^2 as of `ObjectEvidence`, when it was recognised last"""
-    stays: float | None = None
-    """1, probability of being where the simulation has it though it is seen displaced; None while it is not"""
 
 
 class WeightedWorlds:
@@ -169,7 +142,7 @@ class WeightedWorlds:
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
         work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))
-        stays = staying(evidence, self._moved)
+        staying_now = staying(evidence, self._moved)
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -178,8 +151,8 @@ class WeightedWorlds:
             watched.note(thing.believed, evidence.now)
             if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
                 watched.was_doubted |= thing.is_doubted
-                watched.note_displaced(thing, stays.get(name))
-                watched.circumstance = in_view(thing, stays=watched.stays or 0.0, was_doubted=watched.was_doubted)
+                stays = watched.note_displaced(thing, staying_now.get(name))
+                watched.circumstance = in_view(thing, stays=stays, was_doubted=watched.was_doubted)
                 watched.seen, watched.seen_at, watched.alternatives = thing, evidence.now, None
             elif watched.seen is not None:
                 if watched.alternatives is None:
@@ -278,7 +251,7 @@ class WeightedWorlds:
                 watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, constant=thing.constant,
                 stays=watched.stays if watched.circumstance in (DOUBTED, RESTLESS) else None,
             )  # fmt: skip
-            return _reached(found, thing) if watched.circumstance == RESTLESS else found
+            return reached(found, thing) if watched.circumstance == RESTLESS else found
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
@@ -322,7 +295,7 @@ class WeightedWorlds:
             found |= zip(names, spread, strict=True)
         return found
 
-    def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[_Weighted]:
+    def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[WeightedState]:
         """What the simulation says, and that something unknown is wrong with it."""
         followed = self.followed(name)
         if followed is None:
@@ -332,13 +305,14 @@ class WeightedWorlds:
         alternatives = self._watched[name].alternatives
         supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
         state = ObjectState(placed, (x, y, z), thing.gripper, thing.containers, supports)
-        parts = _parts(followed, noise, state)
+        parts = worlds_of(followed, noise, state)
         if followed.stays is not None:
             others = self._otherwise(followed, thing, state)
-            parts = _or_otherwise(parts, max(followed.stays, 1.0 - followed.stays), others)
-        parts = [turned for part in parts for turned in _turned(part, thing)]
+            both = (parts, others) if followed.circumstance == DOUBTED else (others, parts)
+            parts = staying_or_not(followed.stays, *both)
+        parts = [one for part in parts for one in turned(part, thing)]
         if thing.aslant is not None:
-            parts = _or_aslant(parts, state, *thing.aslant, noise)
+            parts = or_aslant(parts, state, *thing.aslant, noise)
         hands = self._holders(name, thing, followed.circumstance) or {state.hand: 1.0}
         return [
             (weight * share * held, replace(one, hand=hand), reason)
@@ -346,15 +320,15 @@ class WeightedWorlds:
             for hand, held in hands.items()
         ]
 
-    def _otherwise(self, followed: Followed, thing: ObjectEvidence, state: ObjectState) -> list[_Weighted]:
+    def _otherwise(self, followed: Followed, thing: ObjectEvidence, state: ObjectState) -> list[WeightedState]:
         """The worlds of a thing that is seen displaced, if it stays and that is less probable, or the reverse."""
         if followed.circumstance == RESTLESS:
             one = replace(followed, circumstance=DOUBTED, reach=math.inf)
         else:
-            one = _reached(replace(followed, circumstance=RESTLESS), thing)
+            one = reached(replace(followed, circumstance=RESTLESS), thing)
         noise = self._parameters.noise[one.circumstance]
         placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
-        return _parts(one, noise, replace(state, pose=placed))
+        return worlds_of(one, noise, replace(state, pose=placed))
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
         """Probabilities of the human hands that may hold an object, and that no known one does; empty if none may."""
@@ -367,12 +341,12 @@ class WeightedWorlds:
 
     def _states(
         self, name: str, watched: _Watched, evidence: Evidence, weights: Mapping[str, float]
-    ) -> list[_Weighted]:
+    ) -> list[WeightedState]:
         """Weighted states of an object, of one that is not recognised by the `weights` of its modes."""
         alternatives, thing = watched.alternatives, evidence.objects[name]
         if alternatives is None:
             return self._simulated(name, 1.0, thing)
-        found: list[_Weighted] = []
+        found: list[WeightedState] = []
         courses: dict[tuple[tuple[str, ...], tuple[str, ...]], list[WeightedPlace]] = {}
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
@@ -426,69 +400,6 @@ class WeightedWorlds:
         return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
 
 
-def _reached(followed: Followed, thing: ObjectEvidence) -> Followed:
-    """The same, no more unsure than the newest percept of the thing is off."""
-    return followed if thing.percept is None else replace(followed, reach=thing.percept.distance(followed.pose)[0])
-
-
-def _parts(followed: Followed, noise: PlaceNoise, state: ObjectState) -> list[_Weighted]:
-    """Worlds in one circumstance: a thing is where the simulation has it, more or less, or where percepts have it.
-
-    `state` has the covariance of the circumstance, and `noise` is of that.
-    """
-    assert state.pose is not None
-    perceived = _perceived(followed, noise, state.pose)
-    rest = 1.0 if perceived is None else 1.0 - perceived[0]
-    parts = [
-        (rest * share, replace(state, pose=scaled(state.pose, factor)), WRONG if level else followed.circumstance)
-        for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
-    ]
-    if perceived is not None:
-        parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
-    return parts
-
-
-def _or_otherwise(parts: Sequence[_Weighted], chance: float, others: Sequence[_Weighted]) -> list[_Weighted]:
-    """Worlds that are so with the probability `chance`, and those that are so otherwise."""
-    return [
-        *((chance * share, one, reason) for share, one, reason in parts),
-        *(((1.0 - chance) * share, one, reason) for share, one, reason in others),
-    ]
-
-
-def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
-    """How probable it is that an object is where percepts have it, and where that is; None if they have it nowhere.
-
-    `placed` is where the simulation has it, with the covariance of the circumstance.
-    """
-    seen = followed.seen
-    if seen is None:
-        return None
-    place, turn = seen.parent_covariances()
-    place = percept_covariance(noise, place, followed.velocity)
-    apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
-    odds = float(odds_of_percepts(noise, apart))
-    if followed.constant is not None:
-        place = place + followed.constant
-    return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
-
-
-def _turned(world: _Weighted, thing: ObjectEvidence) -> Iterator[_Weighted]:
-    """A world, and those that are like it but for the side of the object that is down, which percepts do not tell."""
-    weight, state, reason = world
-    pose = state.pose
-    if pose is None:
-        yield world
-        return
-    yield weight * (1.0 - sum(other.probability for other in thing.otherwise)), state, reason
-    for chance, turn, shift in thing.otherwise:
-        if weight * chance > ROUNDING:
-            (x, y, z), (right, back, up) = pose.t, shift
-            there = Pose.unchecked((x + right, y + back, z + up), quaternions.product(pose.q, turn), pose.stamp)
-            there = with_world_covariances(there, *pose.parent_covariances())
-            yield weight * chance, replace(state, pose=there), OTHER_SIDE
-
-
 def _density(worlds: _Places, seen: Pose) -> float:
     """1/m^2, over the floor, by weighted places, of where an object is seen, times their weight.
 
@@ -502,22 +413,7 @@ def _density(worlds: _Places, seen: Pose) -> float:
     return found
 
 
-def _or_aslant(
-    parts: Sequence[_Weighted], state: ObjectState, chance: float, there: Pose, noise: PlaceNoise
-) -> list[_Weighted]:
-    """Worlds, and those in which the object leans, with the probability `chance`."""
-    return [
-        *(((1.0 - chance) * share, one, reason) for share, one, reason in parts),
-        *(
-            (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
-            for share, factor in zip(*levels_of_wrong(noise), strict=True)
-        ),
-    ]
-
-
 _Places = Sequence[tuple[float, Pose]]
 """Weights of where an object may be"""
-_Weighted = tuple[float, ObjectState, str]
-"""Weight, state and reason of a world"""
 _ANY_TURN = np.eye(3)
 """rad^2, of an object of which nobody knows how it is turned"""
