@@ -50,11 +50,16 @@ def staying(evidence: Evidence, moved: MovedThing) -> dict[str, Staying]:
     return found
 
 
+def is_led(thing: ObjectEvidence) -> bool:
+    """Whether something is known that moves an object."""
+    led = thing.driven or thing.rides or thing.hovers
+    return bool(led or thing.hand or thing.gripper or thing.touched_by)
+
+
 def _may_tell(thing: ObjectEvidence) -> bool:
     """Whether an object is seen, and nothing is known that moves it."""
-    is_led = thing.driven or thing.rides or thing.hovers or thing.hand or thing.gripper or thing.touched_by
     is_known = thing.believed is not None and thing.believed.cov is not None and thing.seen_from is not None
-    return thing.is_recognised and is_known and not is_led
+    return thing.is_recognised and is_known and not is_led(thing)
 
 
 def _judged(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,15 @@ class Followed:
     """(3, 3) m^2 as of `ObjectEvidence`, when it was recognised last"""
     stays: Staying | None = None
     """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
+
+
+class Former(NamedTuple):
+    """Where an object was before the simulation followed what is seen of it."""
+
+    stays: Staying
+    """Whether it is there yet, because its camera moved"""
+    pose: Pose
+    """world_from_object, with covariance"""
 
 
 WeightedState = tuple[float, ObjectState, str]

@@ -13,7 +13,7 @@ from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import FRAME, PRESENT
 from simulation_handler.perception.bumped import MovedThing
-from simulation_handler.scales import ROUNDING
+from simulation_handler.scales import PLACE_FLOOR, ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
     ELSEWHERE,
@@ -39,10 +39,11 @@ from simulation_handler.worlds.circumstances import (
     is_unseen,
     unseen,
 )
-from simulation_handler.worlds.displaced import Staying, staying
+from simulation_handler.worlds.displaced import Staying, is_led, staying
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.followed import (
     Followed,
+    Former,
     WeightedState,
     or_aslant,
     reached,
@@ -84,6 +85,8 @@ class _Watched:
     """Whether cameras that saw it have been in doubt"""
     stays: Staying | None = None
     """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
+    former: Former | None = None
+    """Where it was before the simulation followed what is seen, and still is if the camera moved"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -95,7 +98,15 @@ class _Watched:
             del self.poses[0]
 
     def note_displaced(self, thing: ObjectEvidence, stays: Staying | None) -> float:
-        """Keep how probable it is that it stays, as of `staying`; what is not known of it now was known before."""
+        """Keep how probable it is that it stays, as of `staying`; what is not known of it now was known before.
+
+        Call this before `seen` is kept.
+        """
+        before, now = None if self.seen is None else self.seen.believed, thing.believed
+        if is_led(thing) or self.seen is None or self.seen.seen_from != thing.seen_from:
+            self.former = None  # it has moved since, or it is known better where its camera is
+        elif self.stays and before and now and before.distance(now)[0] > PLACE_FLOOR:
+            self.former = Former(self.stays, before)
         if thing.is_moving or thing.is_doubted:
             self.stays = stays or self.stays or Staying(float(thing.is_doubted))
         else:
@@ -311,6 +322,8 @@ class WeightedWorlds:
             both = (parts, others) if followed.circumstance == DOUBTED else (others, parts)
             parts = staying_or_not(followed.stays, *both)
         parts = [one for part in parts for one in turned(part, thing)]
+        if alternatives is None and (former := self._watched[name].former) is not None:
+            parts = self._or_former(parts, former, state)
         if thing.aslant is not None:
             parts = or_aslant(parts, state, *thing.aslant, noise)
         hands = self._holders(name, thing, followed.circumstance) or {state.hand: 1.0}
@@ -329,6 +342,13 @@ class WeightedWorlds:
         noise = self._parameters.noise[one.circumstance]
         placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
         return worlds_of(one, noise, replace(state, pose=placed))
+
+    def _or_former(self, parts: list[WeightedState], former: Former, state: ObjectState) -> list[WeightedState]:
+        """Worlds of an object that the simulation has where it is seen, and those in which its camera moved instead."""
+        noise, stays = self._parameters.noise[DOUBTED], former.stays
+        pose = with_spread(former.pose, noise, 0.0, 0.0, np.zeros(3))
+        there = worlds_of(Followed(DOUBTED, former.pose, np.zeros(3)), noise, replace(state, pose=pose))
+        return staying_or_not(Staying(stays.by_camera, stays.camera, stays.by_camera), there, parts)
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
         """Probabilities of the human hands that may hold an object, and that no known one does; empty if none may."""
