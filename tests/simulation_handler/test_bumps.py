@@ -56,6 +56,18 @@ def test_what_rests_stays_where_it_is_believed_when_the_camera_is_bumped(seed: i
     assert set(world.texts()) == {"camera_moved()"}
 
 
+@pytest.mark.parametrize("motion", BUMPS)
+def test_the_likeliest_world_has_what_rests_where_it_was_from_the_first_percept_on(motion: Pose) -> None:
+    world = cups(0)
+    bump(world, motion)
+    for _ in range(20):
+        world.tick()
+        best = {name: state for island in world.belief.islands() for name, state in island.best.objects.items()}
+        for name in PLACES:
+            pose = best[name].pose
+            assert pose is not None and pose.distance(world.truths[name])[0] < 0.01
+
+
 def test_what_set_out_before_the_others_showed_the_bump_is_put_back() -> None:
     world = cups(0)
     perceive, begin = world.percept, world.now
