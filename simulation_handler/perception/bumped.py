@@ -46,7 +46,7 @@ class MovedThing(NamedTuple):
     """m, standard deviation in height of what rests on the same again"""
 
 
-class Verdict(NamedTuple):
+class WhoMoved(NamedTuple):
     """What displacements tell."""
 
     camera_moved: float
@@ -57,7 +57,7 @@ class Verdict(NamedTuple):
     """(n,) 1, probability of each thing that this is so, and that the camera moved"""
 
 
-def judge(things: Sequence[Displacement], loads: Sequence[Displacement], moved: MovedThing) -> Verdict:
+def judge(things: Sequence[Displacement], loads: Sequence[Displacement], moved: MovedThing) -> WhoMoved:
     """What the displacements of things tell of the camera, and of each of them and of their loads, in this order.
 
     What goes along with another thing tells nothing by itself: `loads` are asked about, and do not count.
@@ -80,7 +80,7 @@ def judge(things: Sequence[Displacement], loads: Sequence[Displacement], moved: 
     with_camera = np.concatenate([shares @ sets, told.stays_with_camera(sets[int(np.argmax(scores))], count)])
     without = _probability(told.if_still - told.if_moved)
     shown_elsewhere = camera * with_camera
-    return Verdict(camera, shown_elsewhere + (1.0 - camera) * without, shown_elsewhere)
+    return WhoMoved(camera, shown_elsewhere + (1.0 - camera) * without, shown_elsewhere)
 
 
 class _Told(NamedTuple):
