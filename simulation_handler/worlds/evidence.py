@@ -305,17 +305,17 @@ class EvidenceReader:
         })  # fmt: skip
 
     def _seen(self, now: float) -> dict[str, Pose]:
-        """world_from_object by the percepts that agree, or by the newest one after a gap, with its covariance."""
+        """world_from_object by the percepts that agree, or by the newest one if it does not, with its covariance."""
         seen: dict[str, tuple[Pose, Array, Array]] = {}
         for name, item in self._bodies.objects.items():
-            if item.estimate_at(now) is not None:
+            if (stray := item.track.stray_at(now)) is not None:
+                alone = Estimate(stray, self._config)
+                place = alone.total_covariance(item.error_std(self._config))
+                seen[name] = _pose_of(stray, item), place, alone.total_turning()
+            elif item.estimate_at(now) is not None:
                 solid = item.percept()
                 pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
                 seen[name] = pose, item.percept_covariance(self._config), item.turning()
-            elif (glance := item.track.glance_at(now)) is not None:
-                alone = Estimate(glance, self._config)
-                place = alone.total_covariance(item.error_std(self._config))
-                seen[name] = _pose_of(glance, item), place, alone.total_turning()
         return _with_covariances(seen)
 
 
