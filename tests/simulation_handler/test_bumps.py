@@ -96,6 +96,17 @@ def test_what_only_a_camera_in_doubt_shows_elsewhere_stays_until_that_is_known_t
     assert world.error("cup_1") < 0.01
 
 
+def test_a_thing_that_moved_is_probably_where_its_first_percept_since_has_it() -> None:
+    world = cups(0)
+    world.truths["cup_1"] = standing(0.2, 0.0, SMALL)
+    world.tick()
+    world.tick()
+    assert world.error("cup_1") > 0.15
+    island = next(island for island in world.belief.islands() if "cup_1" in island.names)
+    there = [(one.weight, one.objects["cup_1"].pose) for one in island.worlds]
+    assert sum(weight for weight, pose in there if pose and pose.distance(world.truths["cup_1"])[0] < 0.01) > 0.5
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_what_a_camera_that_is_known_to_stand_shows_on_its_way_is_driven(seed: int) -> None:
     world = cups(seed)
