@@ -201,15 +201,15 @@ class Belief:
         seen = [(sight, self._bodies.objects[sight.name]) for sight in sights]
         seen = [one for one in seen if one[0].camera not in doubted or one[1].cameras_at(one[0].stamp) <= doubted]
         percepts = weighed([sight for sight, _ in seen], self.config)
-        told = [(item, percept, sight.camera) for (sight, item), percept in zip(seen, percepts, strict=True)]
+        told = [(item, percept, sight) for (sight, item), percept in zip(seen, percepts, strict=True)]
         PerceptTrack.add(
             [
                 Given(item.track, percept, item.track.estimate is None and self._is_expected(item, percept))
                 for item, percept, _ in told
             ]
         )
-        for item, percept, camera in told:
-            item.note(percept, camera)
+        for item, percept, sight in told:
+            item.note(percept, sight.camera, sight.seen_from)
 
     def _is_expected(self, item: BelievedObject, percept: WeighedPercept) -> bool:
         """Whether a percept shows an object where its body is, and as that is turned, if it tells that."""

@@ -15,6 +15,7 @@ from benchmarks.honesty.statement import DOUBT, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
+from simulation_handler.worlds.followed import Followed
 from simulation_handler.worlds.parameters import PlaceNoise
 from simulation_handler.worlds.spread import (
     levels_of_wrong,
@@ -24,7 +25,7 @@ from simulation_handler.worlds.spread import (
     rotation_covariance,
     squared_distance,
 )
-from simulation_handler.worlds.weighted import Followed, WeightedWorlds
+from simulation_handler.worlds.weighted import WeightedWorlds
 
 Array = NDArray[np.float64]
 

@@ -58,5 +58,9 @@ HAND_SPEED = FASTEST_SEEN / LIKELY_SIGMAS
 SLOW = SAME_OUTCOME / FRAME
 """m/s up to which a body counts as at rest: from one image to the next it gets no farther than to the same place"""
 
+BUMP = 0.05
+"""m and rad, standard deviation along and about each axis by which whoever touches its stand moves a camera: seldom by
+more than 0.1
+"""
 STANDING = 0.3
 """rad that a thing may be off from how it stands and still count as standing so"""

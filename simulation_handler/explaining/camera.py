@@ -13,20 +13,21 @@ from dsr.math3d import quaternions
 from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
 from dsr.perception.consensus import tells_rotation
-from dsr.perception.scales import ONE_MOMENT
+from dsr.perception.scales import ONE_MOMENT, SAME_PLACE
 from dsr.vocabulary import nats
 from simulation_handler.contact.supports import MOST_COMBINED
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
+from simulation_handler.scales import GONE_FROM, PLACE_FLOOR, TURN_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
 FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
 
 _ARM = PLACE_FLOOR / TURN_FLOOR  # m: an object's rotation counts as much as points that far from its centre
-_NEARLY = 0.03  # m up to which an object is where a motion guessed from a single object would have it
+_NEARLY = GONE_FROM + SAME_PLACE
+"""m, up to which an object may be where a motion has it: from farther it has left, and the guess by one may be off"""
 _TURNED = _NEARLY / _ARM  # rad up to which it is turned as that motion would have it
 
 

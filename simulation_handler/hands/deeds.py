@@ -29,8 +29,8 @@ from simulation_handler.scales import ASTRAY, GAP, GONE_FROM
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
+from simulation_handler.worlds.followed import WRONG
 from simulation_handler.worlds.model import ObjectState, WeightedWorld
-from simulation_handler.worlds.weighted import WRONG
 
 SEEN_LIFTED = 1.0 - math.exp(-RARE)
 """1, that somebody unknown has what was seen on its way up: otherwise its percepts are false, which is rare"""

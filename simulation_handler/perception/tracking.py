@@ -119,6 +119,10 @@ class PerceptTrack:
         is_glanced = self._pending and self.is_fresh(now) and self.estimate_at(now) is None
         return self._pending[-1] if is_glanced else None
 
+    def stray_at(self, now: float) -> WeighedPercept | None:
+        """The newest percept at `now` (s) if the estimate does not have it, or there is none; or None."""
+        return self._pending[-1] if self._pending and self.is_fresh(now) else None
+
     @property
     def is_restless(self) -> bool:
         """Whether the newest percept disagrees with the estimate, or with those before."""

@@ -117,6 +117,8 @@ class BelievedObject:
     """Whether the object was taken out of the scene."""
     seen_by: dict[str, float] = field(default_factory=dict)
     """Stamp (s) of the newest percept from each camera."""
+    seen_from: Vector3 | None = None
+    """(3,) m, world: where the camera of the newest percept is believed to be; None if nobody knows"""
     agreed: tuple[Solid, Solid] | None = None
     """Percept and body that were found at the same place last, but for noise"""
     _percept: tuple[tuple[Array, Array, Quaternion, float], Solid] | None = None
@@ -130,9 +132,9 @@ class BelievedObject:
         """Names of the cameras that have lately seen the object, at `now` (s)."""
         return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
 
-    def note(self, percept: WeighedPercept, camera: str) -> None:
-        """Take note of a percept from a camera, which its track has taken in."""
-        self.seen_by[camera] = percept.stamp
+    def note(self, percept: WeighedPercept, camera: str, seen_from: Vector3 | None = None) -> None:
+        """Take note of a percept from a camera that is there (m, world), which its track has taken in."""
+        self.seen_by[camera], self.seen_from = percept.stamp, seen_from
         x, y, z = self.corrected(percept).tolist()
         place, turn = percept.covariances.tolist()
         self.noise = math.sqrt(place[0][0] + place[1][1] + place[2][2])

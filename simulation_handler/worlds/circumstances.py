@@ -46,16 +46,22 @@ def is_unseen(thing: ObjectEvidence, now: float) -> bool:
     return now - thing.seen_at > UNSEEN
 
 
-def in_view(thing: ObjectEvidence, *, was_doubted: bool) -> str:
-    """The circumstance of an object that is recognised; `was_doubted`: cameras that saw it have been in doubt."""
+def in_view(thing: ObjectEvidence, *, stays: float, was_doubted: bool) -> str:
+    """The likeliest circumstance of an object that is recognised.
+
+    Args:
+        thing: the object.
+        stays: 1, probability that it is where the simulation has it though it is seen displaced; 0 if it is not.
+        was_doubted: whether cameras that saw it have been in doubt.
+    """
     first_that_is_so = (
         (GRIPPED, bool(thing.gripper)),
         (HELD, bool(thing.hand)),
-        (DOUBTED, thing.is_doubted),
+        (DOUBTED, stays > 1.0 - stays),
         (MOVES, thing.driven),
         (RIDES, thing.rides),
         (HOVERS, thing.hovers),
-        (RESTLESS, thing.is_moving),
+        (RESTLESS, thing.is_moving or thing.is_doubted),
         (TOUCHED, bool(thing.touched_by)),
         (FOUND_ANEW, was_doubted),
     )

@@ -54,7 +54,7 @@ class ObjectEvidence:
     velocity: Vector3
     """(3,) m/s of its body in the simulation"""
     percept: Pose | None
-    """world_from_object of the newest percept, with stamp (s); None if it was never seen"""
+    """world_from_object of the newest percept, with stamp (s) and the covariance of its noise; None if there is none"""
     is_recognised: bool
     """Whether that percept is recent."""
     agreeing: int
@@ -63,6 +63,10 @@ class ObjectEvidence:
     """Whether the newest percepts contradict each other, or where it is believed to be: that is not explained yet."""
     seen: Pose | None = None
     """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
+    seen_by: frozenset[str] = frozenset()
+    """Names of the cameras that have seen it lately"""
+    seen_from: Vector3 | None = None
+    """(3,) m, world: where the camera of the newest percept is believed to be; None if nobody knows"""
     is_doubted: bool = False
     """Whether only cameras that may have moved tell of it."""
     gone: bool = False
@@ -184,6 +188,8 @@ class _Moment(NamedTuple):
     """As `ObjectEvidence.believed`"""
     seen: Mapping[str, Pose]
     """As `ObjectEvidence.seen`"""
+    percepts: Mapping[str, Pose]
+    """As `ObjectEvidence.percept`"""
 
 
 class EvidenceReader:
@@ -234,7 +240,7 @@ class EvidenceReader:
         places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         moment = _Moment(
             now, contents, below, sorted(self._touching.grasps), sorted(self._touching.holds), self._displaced(),
-            self._in_doubt(now), places, self._believed(places, now), self._seen(now),
+            self._in_doubt(now), places, self._believed(places, now), self._seen(now), self._percepts(),
         )  # fmt: skip
         objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
         hands = {
@@ -248,16 +254,17 @@ class EvidenceReader:
 
     def _read_object(self, item: BelievedObject, moment: _Moment) -> ObjectEvidence:
         name, now, estimate, pose = item.name, moment.now, item.track.estimate, moment.places.get(item.name)
-        trail = item.track.trail
         return ObjectEvidence(
             solid=None if pose is None else self._bodies.solid(name),
             believed=moment.believed.get(name),
             velocity=(0.0, 0.0, 0.0) if pose is None or item.static else self._bodies.sim.velocity(name)[0],
-            percept=_pose_of(trail[-1], item) if trail else None,
+            percept=moment.percepts.get(name),
             is_recognised=item.track.is_fresh(now),
             agreeing=0 if estimate is None else estimate.count,
             is_moving=item.track.is_restless or name in moment.displaced,
             seen=moment.seen.get(name),
+            seen_by=item.cameras_at(now - item.track.late),
+            seen_from=item.seen_from,
             is_doubted=name in moment.doubted,
             gone=item.gone,
             driven=item.driven,
@@ -289,18 +296,26 @@ class EvidenceReader:
         told = ((name, self._bodies.objects[name].covariances()) for name in places)
         return believed | _with_covariances({name: (believed[name], *both) for name, both in told if both is not None})
 
+    def _percepts(self) -> dict[str, Pose]:
+        """world_from_object of the newest percept of each object, with its covariance."""
+        newest = {name: item.track.trail[-1] for name, item in self._bodies.objects.items() if item.track.trail}
+        return _with_covariances({
+            name: (_pose_of(one, self._bodies.objects[name]), one.position_covariance, one.rotation_covariance)
+            for name, one in newest.items()
+        })  # fmt: skip
+
     def _seen(self, now: float) -> dict[str, Pose]:
-        """world_from_object by the percepts that agree, or by the newest one after a gap, with its covariance."""
+        """world_from_object by the percepts that agree, or by the newest one if it does not, with its covariance."""
         seen: dict[str, tuple[Pose, Array, Array]] = {}
         for name, item in self._bodies.objects.items():
-            if item.estimate_at(now) is not None:
+            if (stray := item.track.stray_at(now)) is not None:
+                alone = Estimate(stray, self._config)
+                place = alone.total_covariance(item.error_std(self._config))
+                seen[name] = _pose_of(stray, item), place, alone.total_turning()
+            elif item.estimate_at(now) is not None:
                 solid = item.percept()
                 pose = Pose.unchecked(solid.position, solid.rotation, item.track.last_stamp)
                 seen[name] = pose, item.percept_covariance(self._config), item.turning()
-            elif (glance := item.track.glance_at(now)) is not None:
-                alone = Estimate(glance, self._config)
-                place = alone.total_covariance(item.error_std(self._config))
-                seen[name] = _pose_of(glance, item), place, alone.total_turning()
         return _with_covariances(seen)
 
 

@@ -28,6 +28,8 @@ class ObjectState:
     """Names of the containers and covers that the object is in, innermost first"""
     supports: tuple[str, ...] = ()
     """Names of what the object rests on, but for the floor"""
+    moved_camera: str = ""
+    """Name of the camera that moved, and so shows the object elsewhere; empty for none"""
 
     @property
     def container(self) -> str:
@@ -60,6 +62,11 @@ class WeightedWorld:
     """The state of each object of the island, by name"""
     reason: str = ""
     """Name of the event or circumstance of which this world is the outcome, such as "in hand"."""
+
+    @property
+    def moved_cameras(self) -> frozenset[str]:
+        """Names of the cameras that moved in this world: they do not show things where these are."""
+        return frozenset(state.moved_camera for state in self.objects.values() if state.moved_camera)
 
 
 @dataclass(frozen=True)

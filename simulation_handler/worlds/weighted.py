@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsr.errors import ConfigError
-from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import FRAME, PRESENT
-from simulation_handler.scales import ROUNDING
+from simulation_handler.perception.bumped import MovedThing
+from simulation_handler.scales import PLACE_FLOOR, ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
     ELSEWHERE,
@@ -29,6 +29,7 @@ from simulation_handler.worlds.alternatives import (
 from simulation_handler.worlds.blackouts import Blackouts
 from simulation_handler.worlds.circumstances import (
     CIRCUMSTANCES,
+    DOUBTED,
     INSIDE,
     MOVED_UNSEEN,
     RESTLESS,
@@ -38,31 +39,30 @@ from simulation_handler.worlds.circumstances import (
     is_unseen,
     unseen,
 )
+from simulation_handler.worlds.displaced import Staying, is_led, staying
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
+from simulation_handler.worlds.followed import (
+    Followed,
+    Former,
+    WeightedState,
+    or_aslant,
+    reached,
+    staying_or_not,
+    turned,
+    worlds_of,
+)
 from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
 from simulation_handler.worlds.merging import WeightedPlace, merged
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
-from simulation_handler.worlds.parameters import PlaceNoise, WorldParameters
+from simulation_handler.worlds.parameters import WorldParameters
 from simulation_handler.worlds.spread import (
-    levels_of_wrong,
-    odds_of_percepts,
-    percept_covariance,
-    scaled,
     squared_distance,
     with_spread,
     with_spreads,
     with_world_covariances,
 )
 
-WRONG = "something unknown is wrong"
-"""Reason of a world in which an object is further from its believed place than its circumstance tells"""
-PERCEIVED = "as perceived"
-"""Reason of a world in which an object is where percepts have it, and not where the simulation has it"""
-OTHER_SIDE = "on another side"
-"""Reason of a world in which another side of an object is down, for percepts do not tell how it is turned"""
-ASLANT = "leans on something"
-"""Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
 ON_COURSE = "went on unseen"
 """Reason of a world in which what vanished on its way has gone on otherwise than the simulation has it"""
 LOOK_PERIOD = 2.0 * FRAME
@@ -83,6 +83,10 @@ class _Watched:
     """While it is not recognised"""
     was_doubted: bool = False
     """Whether cameras that saw it have been in doubt"""
+    stays: Staying | None = None
+    """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
+    former: Former | None = None
+    """Where it was before the simulation followed what is seen, and still is if the camera moved"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -93,31 +97,26 @@ class _Watched:
         while len(self.poses) > 1 and self.poses[1].stamp <= now - LOOK_PERIOD:
             del self.poses[0]
 
+    def note_displaced(self, thing: ObjectEvidence, stays: Staying | None) -> float:
+        """Keep how probable it is that it stays, as of `staying`; what is not known of it now was known before.
+
+        Call this before `seen` is kept.
+        """
+        before, now = None if self.seen is None else self.seen.believed, thing.believed
+        if is_led(thing) or self.seen is None or self.seen.seen_from != thing.seen_from:
+            self.former = None  # it has moved since, or it is known better where its camera is
+        elif self.stays and before and now and before.distance(now)[0] > PLACE_FLOOR:
+            self.former = Former(self.stays, before)
+        if thing.is_moving or thing.is_doubted:
+            self.stays = stays or self.stays or Staying(float(thing.is_doubted))
+        else:
+            self.stays = None
+        return 0.0 if self.stays is None else self.stays.probability
+
     @property
     def velocity(self) -> NDArray[np.float64]:
         """(3,) m/s"""
         return speed_of(self.poses[0], self.poses[-1]) if self.poses else np.zeros(3)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """How the place of an object in the simulation is known."""
-
-    circumstance: str
-    pose: Pose
-    """world_from_object, with the covariance that perception tells, if any"""
-    velocity: NDArray[np.float64]
-    """(3,) m/s"""
-    age: float = 0.0
-    """s since it was recognised; 0 while it is"""
-    moved: float = 0.0
-    """m, how far the simulation has moved it since"""
-    seen: Pose | None = None
-    """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
-    reach: float = math.inf
-    """m, how far percepts that contradict the pose are away from it; infinite if none do"""
-    constant: NDArray[np.float64] | None = None
-    """(3, 3) m^2 as of `ObjectEvidence`, when it was recognised last"""
 
 
 class WeightedWorlds:
@@ -135,6 +134,7 @@ class WeightedWorlds:
         if missing := [name for name in CIRCUMSTANCES if name not in parameters.noise]:
             raise ConfigError(f"no learned noise for {', '.join(map(repr, missing))}; expected all circumstances")
         self._parameters = parameters
+        self._moved = MovedThing(parameters.elsewhere.level, parameters.elsewhere.height)
         self._shares = shares
         self._watched: dict[str, _Watched] = {}
         self._evidence: Evidence | None = None
@@ -153,6 +153,7 @@ class WeightedWorlds:
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
         work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))
+        staying_now = staying(evidence, self._moved)
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -161,7 +162,8 @@ class WeightedWorlds:
             watched.note(thing.believed, evidence.now)
             if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
                 watched.was_doubted |= thing.is_doubted
-                watched.circumstance = in_view(thing, was_doubted=watched.was_doubted)
+                stays = watched.note_displaced(thing, staying_now.get(name))
+                watched.circumstance = in_view(thing, stays=stays, was_doubted=watched.was_doubted)
                 watched.seen, watched.seen_at, watched.alternatives = thing, evidence.now, None
             elif watched.seen is not None:
                 if watched.alternatives is None:
@@ -256,13 +258,11 @@ class WeightedWorlds:
         if alternatives is None:
             if thing.believed is None:
                 return None
-            reach = math.inf
-            if watched.circumstance == RESTLESS and thing.percept is not None:
-                reach = thing.percept.distance(thing.believed)[0]
-            return Followed(
-                watched.circumstance, thing.believed, watched.velocity,
-                seen=thing.seen, reach=reach, constant=thing.constant,
+            found = Followed(
+                watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, constant=thing.constant,
+                stays=watched.stays if watched.circumstance in (DOUBTED, RESTLESS) else None,
             )  # fmt: skip
+            return reached(found, thing) if watched.circumstance == RESTLESS else found
         pose = alternatives.modes[FOLLOWED].pose
         if pose is None:
             return None
@@ -306,34 +306,49 @@ class WeightedWorlds:
             found |= zip(names, spread, strict=True)
         return found
 
-    def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[_Weighted]:
+    def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[WeightedState]:
         """What the simulation says, and that something unknown is wrong with it."""
         followed = self.followed(name)
         if followed is None:
             return []
-        noise = self._parameters.noise[followed.circumstance]
-        placed = self.poses()[name]
+        noise, placed = self._parameters.noise[followed.circumstance], self.poses()[name]
         x, y, z = followed.velocity.tolist()
         alternatives = self._watched[name].alternatives
         supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
         state = ObjectState(placed, (x, y, z), thing.gripper, thing.containers, supports)
-        perceived = _perceived(followed, noise, placed)
-        rest = 1.0 if perceived is None else 1.0 - perceived[0]
-        parts = [
-            (rest * share, replace(state, pose=scaled(placed, factor)), WRONG if level else followed.circumstance)
-            for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
-        ]
-        if perceived is not None:
-            parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
-        parts = [turned for part in parts for turned in _turned(part, thing)]
+        parts = worlds_of(followed, noise, state)
+        if followed.stays is not None:
+            others = self._otherwise(followed, thing, state)
+            both = (parts, others) if followed.circumstance == DOUBTED else (others, parts)
+            parts = staying_or_not(followed.stays, *both)
+        parts = [one for part in parts for one in turned(part, thing)]
+        if alternatives is None and (former := self._watched[name].former) is not None:
+            parts = self._or_former(parts, former, state)
         if thing.aslant is not None:
-            parts = _or_aslant(parts, state, *thing.aslant, noise)
+            parts = or_aslant(parts, state, *thing.aslant, noise)
         hands = self._holders(name, thing, followed.circumstance) or {state.hand: 1.0}
         return [
             (weight * share * held, replace(one, hand=hand), reason)
             for share, one, reason in parts
             for hand, held in hands.items()
         ]
+
+    def _otherwise(self, followed: Followed, thing: ObjectEvidence, state: ObjectState) -> list[WeightedState]:
+        """The worlds of a thing that is seen displaced, if it stays and that is less probable, or the reverse."""
+        if followed.circumstance == RESTLESS:
+            one = replace(followed, circumstance=DOUBTED, reach=math.inf)
+        else:
+            one = reached(replace(followed, circumstance=RESTLESS), thing)
+        noise = self._parameters.noise[one.circumstance]
+        placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
+        return worlds_of(one, noise, replace(state, pose=placed))
+
+    def _or_former(self, parts: list[WeightedState], former: Former, state: ObjectState) -> list[WeightedState]:
+        """Worlds of an object that the simulation has where it is seen, and those in which its camera moved instead."""
+        noise, stays = self._parameters.noise[DOUBTED], former.stays
+        pose = with_spread(former.pose, noise, 0.0, 0.0, np.zeros(3))
+        there = worlds_of(Followed(DOUBTED, former.pose, np.zeros(3)), noise, replace(state, pose=pose))
+        return staying_or_not(Staying(stays.by_camera, stays.camera, stays.by_camera), there, parts)
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
         """Probabilities of the human hands that may hold an object, and that no known one does; empty if none may."""
@@ -346,12 +361,12 @@ class WeightedWorlds:
 
     def _states(
         self, name: str, watched: _Watched, evidence: Evidence, weights: Mapping[str, float]
-    ) -> list[_Weighted]:
+    ) -> list[WeightedState]:
         """Weighted states of an object, of one that is not recognised by the `weights` of its modes."""
         alternatives, thing = watched.alternatives, evidence.objects[name]
         if alternatives is None:
             return self._simulated(name, 1.0, thing)
-        found: list[_Weighted] = []
+        found: list[WeightedState] = []
         courses: dict[tuple[tuple[str, ...], tuple[str, ...]], list[WeightedPlace]] = {}
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
@@ -405,39 +420,6 @@ class WeightedWorlds:
         return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
 
 
-def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
-    """How probable it is that an object is where percepts have it, and where that is; None if they have it nowhere.
-
-    `placed` is where the simulation has it, with the covariance of the circumstance.
-    """
-    seen = followed.seen
-    if seen is None:
-        return None
-    place, turn = seen.parent_covariances()
-    place = percept_covariance(noise, place, followed.velocity)
-    apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
-    odds = float(odds_of_percepts(noise, apart))
-    if followed.constant is not None:
-        place = place + followed.constant
-    return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
-
-
-def _turned(world: _Weighted, thing: ObjectEvidence) -> Iterator[_Weighted]:
-    """A world, and those that are like it but for the side of the object that is down, which percepts do not tell."""
-    weight, state, reason = world
-    pose = state.pose
-    if pose is None:
-        yield world
-        return
-    yield weight * (1.0 - sum(other.probability for other in thing.otherwise)), state, reason
-    for chance, turn, shift in thing.otherwise:
-        if weight * chance > ROUNDING:
-            (x, y, z), (right, back, up) = pose.t, shift
-            there = Pose.unchecked((x + right, y + back, z + up), quaternions.product(pose.q, turn), pose.stamp)
-            there = with_world_covariances(there, *pose.parent_covariances())
-            yield weight * chance, replace(state, pose=there), OTHER_SIDE
-
-
 def _density(worlds: _Places, seen: Pose) -> float:
     """1/m^2, over the floor, by weighted places, of where an object is seen, times their weight.
 
@@ -451,22 +433,7 @@ def _density(worlds: _Places, seen: Pose) -> float:
     return found
 
 
-def _or_aslant(
-    parts: Sequence[_Weighted], state: ObjectState, chance: float, there: Pose, noise: PlaceNoise
-) -> list[_Weighted]:
-    """Worlds, and those in which the object leans, with the probability `chance`."""
-    return [
-        *(((1.0 - chance) * share, one, reason) for share, one, reason in parts),
-        *(
-            (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
-            for share, factor in zip(*levels_of_wrong(noise), strict=True)
-        ),
-    ]
-
-
 _Places = Sequence[tuple[float, Pose]]
 """Weights of where an object may be"""
-_Weighted = tuple[float, ObjectState, str]
-"""Weight, state and reason of a world"""
 _ANY_TURN = np.eye(3)
 """rad^2, of an object of which nobody knows how it is turned"""

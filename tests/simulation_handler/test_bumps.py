@@ -56,6 +56,18 @@ def test_what_rests_stays_where_it_is_believed_when_the_camera_is_bumped(seed: i
     assert set(world.texts()) == {"camera_moved()"}
 
 
+@pytest.mark.parametrize("motion", BUMPS)
+def test_the_likeliest_world_has_what_rests_where_it_was_from_the_first_percept_on(motion: Pose) -> None:
+    world = cups(0)
+    bump(world, motion)
+    for _ in range(20):
+        world.tick()
+        best = {name: state for island in world.belief.islands() for name, state in island.best.objects.items()}
+        for name in PLACES:
+            pose = best[name].pose
+            assert pose is not None and pose.distance(world.truths[name])[0] < 0.01
+
+
 def test_what_set_out_before_the_others_showed_the_bump_is_put_back() -> None:
     world = cups(0)
     perceive, begin = world.percept, world.now
@@ -82,6 +94,17 @@ def test_what_only_a_camera_in_doubt_shows_elsewhere_stays_until_that_is_known_t
     world.belief.doubt_cameras((), standing={""})
     world.run(3.0)
     assert world.error("cup_1") < 0.01
+
+
+def test_a_thing_that_moved_is_probably_where_its_first_percept_since_has_it() -> None:
+    world = cups(0)
+    world.truths["cup_1"] = standing(0.2, 0.0, SMALL)
+    world.tick()
+    world.tick()
+    assert world.error("cup_1") > 0.15
+    island = next(island for island in world.belief.islands() if "cup_1" in island.names)
+    there = [(one.weight, one.objects["cup_1"].pose) for one in island.worlds]
+    assert sum(weight for weight, pose in there if pose and pose.distance(world.truths["cup_1"])[0] < 0.01) > 0.5
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -18,7 +18,7 @@ from simulation_handler.motion.rolling import rolling
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.weighted import ASLANT
+from simulation_handler.worlds.followed import ASLANT
 from tests.simulation_handler.worlds import BALL, CAMERA, PERIOD, ROUND, TABLE
 
 CAN: Vector3 = (0.09, 0.09, 0.06)

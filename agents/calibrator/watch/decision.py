@@ -14,6 +14,7 @@ from agents.calibrator.solve.robust import OUTLIER
 from agents.calibrator.solve.solution import CalibrationSolution
 from dsr.math3d.transforms import Array, Pose
 from dsr.perception.consensus import agree_beyond_chance, tells_rotation
+from dsr.perception.scales import BUMP
 from dsr.vocabulary import nats
 
 _MOST_LEANING = 8.0  # nats for one object that would lean, though it is not believed to
@@ -21,8 +22,8 @@ _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
 _TILT, _HEIGHT = 0.0175, 0.005  # rad, m by which objects that are moved on a table may seem to leave it, at least
 _SIGMAS = 4.0  # standard deviations, likewise
-_BUMPED = 0.05**2 * np.eye(6)
-"""m^2, rad^2: how far a bump moves a camera. Whoever touches a stand or its head seldom shifts it by more than 0.1."""
+_BUMPED = BUMP**2 * np.eye(6)
+"""m^2, rad^2: how far a bump moves a camera"""
 
 
 def bumped(before: Pose) -> Pose:

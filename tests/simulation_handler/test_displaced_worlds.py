@@ -1,0 +1,134 @@
+"""Weighted worlds of things that are seen displaced: in some their camera moved, in others they did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dsr.math3d.transforms import Pose
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.circumstances import DOUBTED, RESTLESS
+from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
+from simulation_handler.worlds.model import WeightedWorld
+from simulation_handler.worlds.parameters import learned_parameters
+from simulation_handler.worlds.weighted import WeightedWorlds
+
+CAMERA, EYE = "camera", (0.3, -1.0, 0.8)
+PLACES = {"box": (0.2, -0.2, 0.02), "can": (0.55, -0.1, 0.02), "cup": (0.25, 0.25, 0.02), "jug": (0.5, 0.3, 0.02)}
+BUMP = Pose(EYE) @ Pose.from_rotvec((0.01, -0.015, 0.012), (0.02, -0.03, 0.025)) @ Pose(EYE).inverse()
+SHOVE = Pose((0.05, 0.03, 0.0))
+NOISE = np.diag([0.003**2] * 3 + [0.02**2] * 3)
+STEP = 0.1
+
+
+def thing(name: str, believed: Pose, percept: Pose) -> ObjectEvidence:
+    """A thing that one camera sees."""
+    seen = percept.with_covariance(NOISE)
+    return ObjectEvidence(
+        solid=Solid(name, (0.04, 0.04, 0.04), believed.t, believed.q),
+        believed=believed.with_covariance(0.1 * NOISE),
+        velocity=(0.0, 0.0, 0.0),
+        percept=seen,
+        is_recognised=True,
+        agreeing=10,
+        is_moving=believed.distance(percept)[0] > 0.01,
+        seen=seen,
+        seen_by=frozenset({CAMERA}),
+        seen_from=EYE,
+    )
+
+
+class Table:
+    """Four things that rest until 1 s."""
+
+    def __init__(self) -> None:
+        self.worlds = WeightedWorlds(learned_parameters())
+        self.now = 0.0
+        self.believed = {name: Pose(place) for name, place in PLACES.items()}
+        self.percepts = dict(self.believed)
+        self.run(1.0)
+
+    def run(self, seconds: float, changed: Mapping[str, object] | None = None) -> None:
+        """Let time pass, while all evidence is `changed`."""
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            told = {
+                name: thing(name, pose, self.percepts[name].with_stamp(self.now))
+                for name, pose in self.believed.items()
+            }
+            objects = {name: replace(one, **(changed or {})) for name, one in told.items()}  # type: ignore[arg-type]
+            self.worlds.update(Evidence(self.now, objects, {}, None, frozenset()))
+
+    def displace(self, motion: Pose, *names: str) -> None:
+        """Let some things be seen elsewhere from now on."""
+        self.percepts |= {name: motion @ self.believed[name] for name in names}
+
+    def best(self, name: str) -> WeightedWorld:
+        return self.worlds.worlds(name)[0]
+
+    def error(self, name: str, place: Pose) -> float:
+        """Metres from a place to the best guess."""
+        pose = self.best(name).objects[name].pose
+        assert pose is not None
+        return float(pose.distance(place)[0])
+
+    def chance(self, name: str, camera: str) -> float:
+        """Probability that a camera moved, and the thing did not."""
+        return sum(world.weight for world in self.worlds.worlds(name) if camera in world.moved_cameras)
+
+
+@pytest.fixture
+def table() -> Table:
+    return Table()
+
+
+def test_what_a_moved_camera_shows_elsewhere_is_where_it_was_from_the_first_percept_on(table: Table) -> None:
+    table.displace(BUMP, *PLACES)
+    table.run(STEP)
+    for name, place in PLACES.items():
+        assert table.best(name).reason == DOUBTED and table.error(name, Pose(place)) < 0.001
+        assert table.chance(name, CAMERA) > 0.99
+        assert sum(world.weight for world in table.worlds.worlds(name)) == pytest.approx(1.0)
+
+
+def test_what_is_seen_displaced_among_things_that_are_not_may_be_where_it_is_seen(table: Table) -> None:
+    table.displace(SHOVE, "box")
+    table.run(STEP)
+    assert table.chance("box", CAMERA) < 0.01
+    assert table.best("box").reason in (RESTLESS, "as perceived")
+    assert all(table.best(name).reason == "rests in view" for name in PLACES if name != "box")
+
+
+def test_a_thing_that_moved_beside_a_moved_camera_is_told_apart(table: Table) -> None:
+    table.displace(BUMP, "can", "cup", "jug")
+    table.displace(BUMP @ SHOVE, "box")
+    table.run(STEP)
+    assert table.chance("box", CAMERA) < 0.01
+    assert table.chance("can", CAMERA) > 0.99
+
+
+def followed(table: Table) -> None:
+    """The camera moves, and the simulation follows what it shows."""
+    table.displace(BUMP, *PLACES)
+    table.run(0.5)
+    table.believed = dict(table.percepts)
+    table.run(0.5)
+
+
+def test_the_camera_may_have_moved_though_the_simulation_has_followed_it(table: Table) -> None:
+    followed(table)
+    for name, place in PLACES.items():
+        assert table.error(name, Pose(place)) < 0.001 and table.chance(name, CAMERA) > 0.99
+
+
+@pytest.mark.parametrize("changed", [{"driven": True}, {"hand": "hand"}, {"seen_from": (0.3, -1.0, 0.9)}])
+def test_that_ends_once_things_move_or_it_is_known_where_the_camera_is(
+    table: Table, changed: Mapping[str, object]
+) -> None:
+    followed(table)
+    table.run(STEP, changed)
+    table.run(STEP)
+    assert all(table.chance(name, CAMERA) == 0.0 for name in PLACES)
