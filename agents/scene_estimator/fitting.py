@@ -33,7 +33,7 @@ BEHIND, BEFORE = 0.3, -0.3
 """Of the shortest edge: how far the centre is behind what is seen of the outside; of the inside of something hollow"""
 
 _MOST_PIXELS = 1500
-_MODEL_POINTS = 600  # all around the shape
+_MODEL_POINTS = 1500  # all around the shape
 _ITERATIONS = 12
 _SETTLED = 1e-4  # m
 _STEPS = 8
@@ -91,7 +91,7 @@ class ImagePart:
         colored = self._mask[place] & inside
         measured = self._view.depth[place]
         free = inside & (colored | (measured > depth - _IN_FRONT))
-        return free, colored
+        return free, colored, free & (measured > 0.0)
 
     def around(self, position: Array, size: Vector3) -> NDArray[np.bool_]:
         """Which points are near what is at a position (3,) and has a bounding box of that size."""
@@ -130,7 +130,7 @@ def fit(
         if iteration in (0, 2, 5):
             surface, weights = seen_alone(shape, size, rotation.T @ (scene.eye - position), count)
             surface = surface @ rotation.T
-        free, _ = scene.expected(surface + position)
+        _, _, free = scene.expected(surface + position)
         near = scene.around(position, size)
         if not free.any() or not near.any():
             return None
@@ -171,7 +171,7 @@ def judged(
 ) -> Fit:
     """How a shape at a place (3,) with a rotation (3, 3) lies on the points."""
     surface, weights = seen_alone(shape, size, rotation.T @ (scene.eye - position), count)
-    free, colored = scene.expected(surface @ rotation.T + position)
+    free, colored, _ = scene.expected(surface @ rotation.T + position)
     share = float(weights[free].sum())
     near = scene.points[scene.around(position, size)]
     misfit = float(distances(shape, size, (near - position) @ rotation).mean()) if len(near) else math.inf
