@@ -50,6 +50,8 @@ class BelievedObject:
     """
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
+    tagged: bool = True
+    """Whether it is recognised by a tag."""
     path: Path = field(default_factory=Path)
     """The path of the object as it was seen."""
     noise: float = 0.0
@@ -230,7 +232,7 @@ class BelievedObject:
         moved the place sideways: the more, the flatter that ray is.
         """
         estimate = self.track.estimate
-        if estimate is None or self.shows_rotation or estimate.constancy == 0.0:
+        if estimate is None or self.tagged or estimate.constancy == 0.0:
             return None
         error: Array = shares.color * estimate.constancy * estimate.stated
         if self.placement is None or not self.placement.rests:
