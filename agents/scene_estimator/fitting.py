@@ -70,7 +70,7 @@ class Fit(NamedTuple):
     """m, mean distance of the points from the surface"""
 
 
-class Expected(NamedTuple):
+class ExpectedPoints(NamedTuple):
     """Which of some points of a surface should be seen."""
 
     free: NDArray[np.bool_]
@@ -92,7 +92,7 @@ class ImagePart:
         self.weights = weights
         self._camera_from_world = view.world_from_camera.inverse()
 
-    def expected(self, points: Array) -> Expected:
+    def expected(self, points: Array) -> ExpectedPoints:
         """Which points (n, 3) of the world should be seen."""
         local = self._camera_from_world.apply(points)
         depth = np.maximum(local[:, 2], 1e-6)
@@ -103,7 +103,7 @@ class ImagePart:
         colored = self._mask[place] & inside
         measured = self._view.depth[place]
         free = inside & (colored | (measured > depth - _IN_FRONT))
-        return Expected(free, free & (measured > 0.0), colored)
+        return ExpectedPoints(free, free & (measured > 0.0), colored)
 
     def around(self, position: Array, size: Vector3) -> NDArray[np.bool_]:
         """Which points are near what is at a position (3,) and has a bounding box of that size."""
