@@ -120,6 +120,7 @@ class Belief:
         friction: float | None = None,
         rolling_friction: float | None = None,
         shape: Shape = (),
+        tagged: bool = True,
     ) -> None:
         """Let an object exist; it takes part in the simulation once it has a place.
 
@@ -130,11 +131,12 @@ class Belief:
             mass: kg.
             friction: Coulomb coefficient.
             rolling_friction: m, lever arm of the resistance to rolling.
+            tagged: whether it is recognised by a tag.
 
         Raises:
             SimulationError: for a name in use.
         """
-        self._bodies.add_object(name, size, mass, friction, shape, rolling_friction=rolling_friction)
+        self._bodies.add_object(name, size, mass, friction, shape, rolling_friction=rolling_friction, tagged=tagged)
 
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""

@@ -48,6 +48,7 @@ class Reasoner(Protocol):
         friction: float | None = None,
         rolling_friction: float | None = None,
         shape: Shape = (),
+        tagged: bool = True,
     ) -> None:
         """Let an object exist, without a place yet."""
 

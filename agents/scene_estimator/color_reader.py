@@ -32,6 +32,11 @@ class _Known(NamedTuple):
     """Such frames after the next search in vain, twice as many each time, up to `_LONGEST_PAUSE`"""
 
 
+def _lost(known: _Known) -> _Known:
+    """Of what was not found: who knows how it is turned when it is found again."""
+    return known._replace(guess=known.guess._replace(followed=False))
+
+
 class ColorReader:
     """Finds objects by their colour, in one camera's frames or in those of several.
 
@@ -60,6 +65,7 @@ class ColorReader:
         last = self._known[known.name] = last._replace(turns=max(last.turns - 1, 0))
         mask = picture.mask(known.color)
         if not mask.any():
+            self._known[known.name] = _lost(last)
             return None
 
         def may_turn() -> bool:
@@ -72,6 +78,8 @@ class ColorReader:
             frames = 0 if placed.fits else _PATIENCE if may_search else last.frames - 1
             last = last._replace(guess=placed.guess, frames=frames)
             self._known[known.name] = last._replace(turns=0, pause=_PATIENCE) if placed.fits else last
+        else:
+            self._known[known.name] = _lost(self._known[known.name])
         return placed
 
     def _may_turn(self, name: str) -> bool:

@@ -58,6 +58,8 @@ class Guess(NamedTuple):
     """Rotation in the world, applied after the yaw."""
     misfit: float = math.inf
     """m, usual mean distance of the points from the surface; infinite of what was never placed"""
+    followed: bool = False
+    """Whether it surely leaned, and in each frame since then it was sure how it is turned."""
 
 
 class Placed(NamedTuple):
@@ -123,6 +125,7 @@ def place(
     shows_yaw = sure is not None and has_yaw and known.yaw_sigma < _TELLS_YAW
     if shows_yaw and guess.lean == UPRIGHT:
         guess = guess._replace(yaw=guess.yaw + known.yaw_off)
+    guess = guess._replace(followed=sure is not None and (guess.followed or sure != UPRIGHT))
     yaw_sigma = math.hypot(_SURE_OF_YAW, known.yaw_sigma, _TO_COME * known.yaw_off) if shows_yaw else math.inf
     return Placed(position, covariance, guess, found.misfit <= good, sure, yaw_sigma)
 
@@ -130,11 +133,16 @@ def place(
 def _sure_lean(
     scene: ImagePart, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float, sigma: float
 ) -> Quaternion | None:
-    """How it leans, if its tilt is known with a standard deviation of `sigma` rad."""
+    """How it leans, if its tilt is known with a standard deviation of `sigma` rad.
+
+    What was followed from a lean until it stood has the side down on which it was before.
+    """
     if guess.lean != UPRIGHT and tilt(found.rotation) > LEANS:
         return guess.lean if sigma < _TELLS_LEAN else None
     fits = found.misfit <= min(good, _USUALLY * max(guess.misfit, _FLOOR))
-    return UPRIGHT if fits and sigma < _TELLS and is_unlike_fallen(scene, shape, size, found) else None
+    if not fits or sigma >= _TELLS:
+        return None
+    return UPRIGHT if guess.followed or is_unlike_fallen(scene, shape, size, found) else None
 
 
 def _fitting(

@@ -10,6 +10,8 @@ import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from dsr.math3d.polygons import Point, are_apart, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.perception.scales import RESOLUTION
@@ -158,8 +160,13 @@ def near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
 
 def given_height(position: Vector3, covariance: Array, height: float) -> Vector3:
     """Mean of a Gaussian position (3,) m, once its height is known to be `height` m."""
-    x, y, z = (position + covariance[:, 2] / covariance[2, 2] * (height - position[2])).tolist()
+    x, y, z = (position + by_height(covariance) * (height - position[2])).tolist()
     return x, y, z
+
+
+def by_height(covariance: Array) -> Array:
+    """(3,) 1, by how much a Gaussian position moves for each metre that its height turns out to be off."""
+    return np.asarray(covariance[:, 2] / covariance[2, 2])
 
 
 def covariance_given_height(covariance: Array) -> Array:

@@ -44,8 +44,9 @@ OBJECTS = THINGS
 MASSES = (1e-6, 1e6)
 """kg that an object may have: beyond, physics divides by what is as good as zero"""
 
-Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
-"""Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
+Properties = tuple[Vector3, float | None, float | None, float | None, Shape, bool]
+"""Size (m), mass (kg), friction, rolling friction (m) and shape of an object, None where its node does not say; and
+whether it has a tag."""
 
 
 class GraphReader:
@@ -164,10 +165,11 @@ class GraphReader:
         pose = self._belief.pose(name) if known else None
         if known:
             self._belief.remove(name)
-        size, mass, friction, rolling_friction, shape = properties
+        size, mass, friction, rolling_friction, shape, tagged = properties
         self._belief.add_object(
-            name, size, mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape
-        )
+            name, size,
+            mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape, tagged=tagged,
+        )  # fmt: skip
         self._known[name] = properties
         if pose is not None:
             self._belief.recall(name, pose)
@@ -214,7 +216,8 @@ def _properties(node: Node, forms: Forms) -> Properties:
     if mass is not None and not MASSES[0] <= mass <= MASSES[1]:
         raise SchemaError(f"{node}: mass {mass} kg; expected from {MASSES[0]:g} to {MASSES[1]:g}")
     size = _size(node)
-    return size, mass, friction, _number(node, "rolling_friction"), _shape(node, size, forms)
+    rolling_friction, shape = _number(node, "rolling_friction"), _shape(node, size, forms)
+    return size, mass, friction, rolling_friction, shape, "marker_id" in node
 
 
 def _size(node: Node) -> Vector3:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dsr.math3d import quaternions
 from dsr.math3d.batches import matrix_inverses
 from dsr.math3d.quaternions import Quaternion, Vector3
-from dsr.perception.scales import LIKELY_SIGMAS, SAME_PLACE, SURE_SIGMAS
+from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, Covariances, WeighedPercept
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
@@ -59,13 +59,13 @@ class Estimate(Covariances):
         self.stamp = percept.stamp
         self.stated = percept.position_covariance
         """(3, 3) m^2, of the newest percept: as it was stated, of all its errors"""
-        self.scatter = np.zeros((3, 3))
-        """(3, 3) m^2: mean squares of how far percepts were from the estimate before"""
+        self.scatter = 0.0
+        """1: mean square of how far recent percepts were from the estimate before, in standard deviations of that"""
         self.constancy = 0.0
         """How constant the errors of the position are, 0 to 1
 
-        It is 1 if percepts do not scatter. It is 0 if they scatter in all directions together as much as is stated of
-        one: their errors are noise then, which averages take away.
+        It is 1 if recent percepts do not scatter. It is 0 if they scatter in all directions together as much as is
+        expected of one: their errors are noise then, which averages take away.
         """
         self.count = 1
         self.config = config
@@ -175,16 +175,15 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     posterior = (_EYE - gain) @ prior
     posterior = 0.5 * (posterior + posterior.mT)
     steps = (gain @ shifts[..., None])[..., 0]
-    scatter = _stacked([estimate.scatter for estimate in estimates])
-    squares = shifts[:, 0, :, None] * shifts[:, 0, None, :]
-    scatter += (squares - scatter) / np.array([min(one.count - 1, window) for one in estimates])[:, None, None]
-    shown = np.einsum("nij,nji->n", matrix_inverses(stated[:, 0]), scatter)
-    constancy = np.nan_to_num(np.clip(1.0 - shown, 0.0, 1.0)).tolist()
+    squares = np.einsum("ni,nij,nj->n", shifts[:, 0], inverse[:, 0], shifts[:, 0])
+    scatter = np.array([estimate.scatter for estimate in estimates])
+    scatter += (squares - scatter) / [min(estimate.count - 1, RECENT_PERCEPTS) for estimate in estimates]
+    constancy = np.nan_to_num(np.clip(1.0 - scatter, 0.0, 1.0)).tolist()
     told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
     for place in np.flatnonzero(told).tolist():
         estimate, percept = estimates[place], percepts[place]
         estimate.covariances, estimate.stated = posterior[place].copy(), percept.position_covariance
-        estimate.scatter, estimate.constancy = scatter[place].copy(), constancy[place]
+        estimate.scatter, estimate.constancy = float(scatter[place]), constancy[place]
         estimate.position = estimate.position + steps[place, 0]
         x, y, z = steps[place, 1].tolist()
         step = quaternions.from_rotvec((x, y, z))

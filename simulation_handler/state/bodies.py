@@ -74,6 +74,7 @@ class Bodies:
         shape: Shape = (),
         *,
         rolling_friction: float | None = None,
+        tagged: bool = True,
     ) -> BelievedObject:
         """Let an object exist, without a place yet."""
         if name in self.objects or name in self.fixtures:
@@ -81,8 +82,9 @@ class Bodies:
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
         self.objects[name] = BelievedObject(
-            name, size, mass, friction, PerceptTrack(self._config), shape, rolling_friction=rolling_friction
-        )
+            name, size, mass, friction, PerceptTrack(self._config), shape,
+            rolling_friction=rolling_friction, tagged=tagged,
+        )  # fmt: skip
         return self.objects[name]
 
     def remove(self, name: str) -> None:

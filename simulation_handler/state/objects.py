@@ -16,7 +16,7 @@ from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, STEADY
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.contact.placement import Placement
+from simulation_handler.contact.placement import Placement, by_height
 from simulation_handler.contact.stances import OtherStance, Stance, is_sure, other_stances
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate, RayError
@@ -50,6 +50,8 @@ class BelievedObject:
     """
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
+    tagged: bool = True
+    """Whether it is recognised by a tag."""
     path: Path = field(default_factory=Path)
     """The path of the object as it was seen."""
     noise: float = 0.0
@@ -225,19 +227,21 @@ class BelievedObject:
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(self.error_std(config))
 
-    def constant_error(self, shares: ConstantErrors) -> Array | None:
+    def constant_error(self, shares: ConstantErrors, config: BeliefConfig) -> Array | None:
         """(3, 3) m^2, world: covariance of what is wrong with the place in all percepts alike; None if nothing is.
 
-        What carries the object tells its height.
+        What carries the object tells its height. An error in height was taken for one along the viewing ray then, and
+        moved the place sideways: the more, the flatter that ray is.
         """
         estimate = self.track.estimate
-        if estimate is None or self.shows_rotation or estimate.constancy == 0.0:
+        if estimate is None or self.tagged or estimate.constancy == 0.0:
             return None
         error: Array = shares.color * estimate.constancy * estimate.stated
-        if self.placement is not None and self.placement.rests and error[2, 2] > 0.0:
-            error -= np.outer(error[2], error[2]) / error[2, 2]
-            error[2] = error[:, 2] = 0.0
-        return error
+        if self.placement is None or not self.placement.rests:
+            return error
+        moved = np.eye(3)
+        moved[:, 2] -= by_height(self.percept_covariance(config))
+        return np.asarray(moved @ error @ moved.T)
 
     def known_error(self) -> KnownError | None:
         """The systematic error of its percepts, if it rests on something as is believed for sure."""

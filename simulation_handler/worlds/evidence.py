@@ -282,7 +282,7 @@ class EvidenceReader:
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
             late=item.track.late,
             courses=self._courses(name),
-            constant=item.constant_error(self._constant),
+            constant=item.constant_error(self._constant, self._config),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 

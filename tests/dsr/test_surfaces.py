@@ -67,6 +67,16 @@ def test_an_open_box_shows_its_inside_from_above_and_hides_it_from_the_side() ->
     assert points[:, 0] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("count", [600, 1500, 6000])
+def test_what_faces_of_several_parts_have_in_common_counts_once(count: int) -> None:
+    """A box, and a thin wall that overlaps with half of it: from above they look like the box alone."""
+    size = (0.2, 0.2, 0.2)
+    both: Shape = (Part("box", size), Part("box", (0.1, 0.2, 0.2), (0.05, 0.0, 0.0)))
+    points, weights = seen_alone(both, size, np.array([0.0, 0.0, 1.0]), count)
+    assert abs(weights @ points[:, 0]) < 0.002
+    assert weights.sum() == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("eye", [(0.4, 0.3, 0.5), (0.0, 0.0, -1.0), (-0.3, 0.05, 0.2)])
 def test_weights_are_shares_of_the_image(eye: tuple[float, float, float]) -> None:
     """The share that lies in one half of the body, against rays through every pixel."""

@@ -74,6 +74,15 @@ def test_errors_are_constant_as_far_as_percepts_do_not_scatter(scatter: float, c
     assert track.estimate.constancy == pytest.approx(constancy, abs=0.1)
 
 
+def test_a_way_that_has_ended_does_not_count_as_noise() -> None:
+    """A thing is doubted when it is seen elsewhere; where it rests then, its percepts do not scatter."""
+    track, covariance = PerceptTrack(CONFIG), np.diag([0.004**2] * 3 + [0.02**2] * 3)
+    for k, x in enumerate((0.4, 0.412, *[0.424] * 45)):
+        see(track, cube_at(x, 0.1).with_covariance(covariance), 0.1 * (k + 1))
+    assert track.estimate is not None
+    assert track.estimate.constancy > 0.8
+
+
 def test_the_covariance_shrinks_with_the_noise_but_not_with_the_bias() -> None:
     watcher = Watcher()
     watcher.see(HERE, 1)

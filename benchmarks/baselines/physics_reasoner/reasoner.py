@@ -105,6 +105,7 @@ class PublishedReasoner:
         friction: float | None = None,
         rolling_friction: float | None = None,
         shape: Shape = (),
+        tagged: bool = True,
     ) -> None:
         """Let an object exist; it takes part in the simulation once it was seen."""
         if name in self._objects or name in self._fixtures:
