@@ -77,7 +77,8 @@ def leaning(scene: ImagePart, shape: Shape, size: Vector3, guess: Array, good: f
 def anyhow(scene: ImagePart, shape: Shape, size: Vector3, good: float) -> Fit | None:
     """The fit of a shape of which no rotation is known; None if none is good, or if others are as good elsewhere.
 
-    Of rotations that look alike, that is found by which it is tilted least.
+    Of rotations that look alike, that is found by which it is tilted least. Others are elsewhere if any part of the
+    surface is farther off than points are in a good fit.
 
     Args:
         scene: what is seen.
@@ -92,7 +93,7 @@ def anyhow(scene: ImagePart, shape: Shape, size: Vector3, good: float) -> Fit | 
         return None
     rivals = [leaning(scene, shape, size, best.rotation @ fallen, good) for fallen in _FALLEN]
     alike = [best, *(one for one in rivals if one is not None and one.misfit <= _UNLIKE * best.misfit)]
-    if any(_apart(shape, size, best, one) > best.misfit for one in alike):
+    if any(_apart(shape, size, best, one) > good for one in alike):
         return None
     return min(alike, key=lambda one: tilt(one.rotation))
 
@@ -178,9 +179,9 @@ def _slopes(shape: Shape, size: Vector3, points: Array) -> tuple[Array, Array]:
 
 
 def _apart(shape: Shape, size: Vector3, one: Fit, other: Fit) -> float:
-    """m, mean distance of the surface of one fit from that of another."""
+    """m, greatest distance of the surface of one fit from that of another: a cup's bottom is a small part of a cup."""
     points = surface(shape, size).points @ other.rotation.T + other.position
-    return float(distances(shape, size, (points - one.position) @ one.rotation).mean())
+    return float(distances(shape, size, (points - one.position) @ one.rotation).max())
 
 
 @functools.cache
