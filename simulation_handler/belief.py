@@ -76,6 +76,7 @@ class Belief:
         self._evidence = EvidenceReader(
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
             self._explainer.in_doubt, self.config, self._courses.of, lambda: self._explainer.waiting,
+            self._explainer.missing,
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
@@ -308,7 +309,7 @@ class Belief:
         self._spilling.update(self._containment.current(), self._containment.left, now)
         self._courses.update(now)
         self._worlds.update(self.evidence())
-        self._following.update(self._explainer.unanswered(now))
+        self._following.update(self._explainer.expected)
         known = self._worlds.poses()
         bodies = {name: self._bodies.sim.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         self._places = {name: (body, self._located(name, body, known.get(name))) for name, body in bodies.items()}

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from dsr.math3d import quaternions
 from dsr.math3d.boxes import CORNERS
@@ -79,6 +78,8 @@ def _without_overlap(shape: Shape, size: Vector3, count: int) -> Surface:
     Walls that meet in corners overlap, and so do their upper faces. So finer points tell the areas: what each stands
     for is divided among the parts just beneath it, and belongs to the nearest point that looks the same way.
     """
+    from scipy.spatial import cKDTree  # not every process that knows shapes has scipy
+
     whole, fine = surface(shape, size, count), surface(shape, size, _FINER * count)
     if not len(whole.points):
         return whole

@@ -102,10 +102,6 @@ class Explainer:
         """Objects that should be seen where they are believed to be, and are not."""
         return self._discrepancies.missing_for(now).keys()
 
-    def unanswered(self, now: float) -> Set[str]:
-        """Objects that cameras should see, but for those that are missing and that no explanation helps."""
-        return self.expected - (self._left.keys() if now < self._left_until else set())
-
     def in_doubt(self, now: float) -> frozenset[str]:
         """Objects of which only cameras tell, or should tell, that may have moved."""
         return self._discrepancies.told_only_by(self._doubted(now), now)

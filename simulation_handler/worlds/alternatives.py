@@ -326,7 +326,8 @@ class Alternatives:
         absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
         step, self.looked = evidence.now - self.looked, evidence.now
         asked = self._asked(name, evidence, blind=blind)
-        if self._vanishes and (blind or evidence.has_vanished_alone(name)):
+        thing = evidence.objects[name]
+        if self._vanishes and (blind or ((thing.is_missing or thing.gone) and evidence.has_vanished_alone(name))):
             self._vanishes = False
             vanished = 0.0 if blind or evidence.hands else self._parameters.rates.vanished
             share = dict(zip(asked, shares, strict=False)).get(FOLLOWED, 0.0)

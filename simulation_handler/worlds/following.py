@@ -18,18 +18,18 @@ class WeightFollowing:
         self._relations = relations
         self._worlds = worlds
 
-    def update(self, unanswered: Collection[str]) -> None:
+    def update(self, expected: Collection[str]) -> None:
         """Follow what the worlds say now. Only unseen objects have alternatives.
 
         Args:
-            unanswered: names of objects that cameras should see: if they do not, that is explained first.
+            expected: names of objects that cameras should see: if they do not, an explanation tells why.
         """
         for name, item in self._bodies.objects.items():
             found = self._worlds.leading(name)
             if found is None or item.is_led or item.hand:
                 continue
             kind, mode = found
-            if kind == GONE and name in self._bodies.sim and name not in unanswered:
+            if kind == GONE and name in self._bodies.sim and name not in expected:
                 self._bodies.take_away(item)
                 self._relations.forget(name)
             elif item.gone and kind.startswith(INSIDE_OF) and mode.pose is not None:

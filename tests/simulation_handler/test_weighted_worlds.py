@@ -168,7 +168,6 @@ def test_what_is_hidden_stays_believed_and_becomes_less_sure() -> None:
 
 def test_what_should_be_seen_in_part_loses_weight_gradually() -> None:
     course, hidden = Course(share=0.75), Course(share=0.0)
-    course.hands["hand"] = AWAY
     weights = []
     for _ in range(8):
         course.run(10.0)
@@ -180,35 +179,41 @@ def test_what_should_be_seen_in_part_loses_weight_gradually() -> None:
     assert course.weight("gone") + course.weight("elsewhere") > 0.25
 
 
+def missing(box: ObjectEvidence) -> ObjectEvidence:
+    """The box, which cameras should see where it is, and do not."""
+    return replace(box, is_missing=True)
+
+
 @pytest.mark.parametrize("share", [0.5, 1.0])
-def test_what_vanishes_while_no_hand_is_about_was_removed_as_probably_as_it_should_be_seen(share: float) -> None:
-    alone, beside_a_hand = Course(share), Course(share)
+def test_what_is_missing_while_no_hand_is_about_was_removed_as_probably_as_it_should_be_seen(share: float) -> None:
+    alone, beside_a_hand, hidden = Course(share), Course(share), Course(share)
     beside_a_hand.hands["hand"] = AWAY
-    for course in (alone, beside_a_hand):
-        course.run(1.5)
+    for course in (alone, beside_a_hand, hidden):
+        course.run(1.0)
+        course.run(0.5, (lambda box: box) if course is hidden else missing)
     learned = learned_parameters().rates.vanished
-    assert alone.weight("gone") > learned * share > 5.0 * beside_a_hand.weight("gone")
+    assert alone.weight("gone") > learned * share > 5.0 * max(beside_a_hand.weight("gone"), hidden.weight("gone"))
 
 
-def test_what_vanishes_when_another_thing_is_seen_elsewhere_was_not_removed_before_that_is_explained() -> None:
+def test_what_is_missing_when_another_thing_is_seen_elsewhere_was_not_removed_before_that_is_explained() -> None:
     course = Course(share=1.0)
     course.run(1.0)
     course.others["other"] = replace(course.others["other"], is_moving=True)
-    course.run(0.6)
+    course.run(0.6, missing)
     before = course.weight("gone")
     course.others["other"] = replace(course.others["other"], is_moving=False)
-    course.run(0.2)
+    course.run(0.2, missing)
     assert before < 0.1 and course.weight("gone") > learned_parameters().rates.vanished
 
 
-def test_what_vanishes_with_all_else_was_not_removed_because_of_that() -> None:
+def test_what_is_missing_with_all_else_was_not_removed_because_of_that() -> None:
     course = Course(share=1.0)
     course.run(1.0)
     course.others["other"] = _seen(course.others["other"], 1.1)  # a camera that told a little later
     course.watching = False
-    course.run(3.0)
+    course.run(3.0, missing)
     course.watching = True
-    course.run(0.1)
+    course.run(0.1, missing)
     assert course.weight("gone") < 0.2
 
 
