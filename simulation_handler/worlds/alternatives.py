@@ -327,7 +327,7 @@ class Alternatives:
         step, self.looked = evidence.now - self.looked, evidence.now
         asked = self._asked(name, evidence, blind=blind)
         thing = evidence.objects[name]
-        if self._vanishes and (blind or ((thing.is_missing or thing.gone) and evidence.has_vanished_alone(name))):
+        if self._vanishes and (blind or (thing.gone and evidence.has_vanished_alone(name))):
             self._vanishes = False
             vanished = 0.0 if blind or evidence.hands else self._parameters.rates.vanished
             share = dict(zip(asked, shares, strict=False)).get(FOLLOWED, 0.0)

@@ -67,8 +67,6 @@ class ObjectEvidence:
     """Names of the cameras that have seen it lately"""
     seen_from: Vector3 | None = None
     """(3,) m, world: where the camera of the newest percept is believed to be; None if nobody knows"""
-    is_missing: bool = False
-    """Whether cameras should see it where it is believed to be, wherever that is exactly, and do not."""
     is_doubted: bool = False
     """Whether only cameras that may have moved tell of it."""
     gone: bool = False
@@ -182,8 +180,6 @@ class _Moment(NamedTuple):
     """Those of them that may hold it"""
     displaced: Collection[str]
     """Objects that are seen elsewhere than believed, which is not explained yet"""
-    missing: Collection[str]
-    """Objects that cameras should see, and do not"""
     doubted: frozenset[str]
     """Objects of which only cameras tell that may have moved"""
     places: Mapping[str, Pose]
@@ -209,7 +205,6 @@ class EvidenceReader:
         config: how far percepts are trusted.
         courses: gives where an object may be by now that vanished on its way, by name.
         displaced: gives the names of the objects that are seen elsewhere than believed.
-        missing: gives the names of the objects that cameras should see at a time (s), and do not.
     """
 
     def __init__(
@@ -223,12 +218,10 @@ class EvidenceReader:
         config: BeliefConfig,
         courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
         displaced: Callable[[], Collection[str]] = tuple,
-        missing: Callable[[float], Collection[str]] = lambda now: (),
     ) -> None:
         self._bodies = bodies
         self._courses = courses
         self._displaced = displaced
-        self._missing = missing
         self._lead = lead
         self._in_doubt = in_doubt
         self._config = config
@@ -247,7 +240,7 @@ class EvidenceReader:
         places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         moment = _Moment(
             now, contents, below, sorted(self._touching.grasps), sorted(self._touching.holds), self._displaced(),
-            self._missing(now), self._in_doubt(now), places, self._believed(places, now), self._seen(now),
+            self._in_doubt(now), places, self._believed(places, now), self._seen(now),
             self._percepts(),
         )  # fmt: skip
         objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
@@ -270,7 +263,6 @@ class EvidenceReader:
             is_recognised=item.track.is_fresh(now),
             agreeing=0 if estimate is None else estimate.count,
             is_moving=item.track.is_restless or name in moment.displaced,
-            is_missing=name in moment.missing,
             seen=moment.seen.get(name),
             seen_by=item.cameras_at(now - item.track.late),
             seen_from=item.seen_from,

@@ -78,7 +78,7 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     missed: Share
     """1, that it has left the scene when the explanation of its absence says so"""
     vanished: Share
-    """1, that what rested in view has left the scene when cameras should see it and do not, with no hand about"""
+    """1, that what rested in view has left the scene when that is its explanation, and no hand is about"""
 
 
 class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
