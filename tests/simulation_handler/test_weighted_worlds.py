@@ -207,6 +207,13 @@ def test_it_is_so_no_more_probably_while_another_thing_is_seen_elsewhere() -> No
     assert before < 0.6 and course.weight("gone") > 0.8
 
 
+def test_what_vanishes_at_the_time_of_all_else_has_not_vanished_alone() -> None:
+    box, other = thing(Pose((0.3, 0.0, 0.02)), 1.0), thing(Pose((0.0, 0.5, 0.02)), 1.1, name="other")
+    later = replace(other, percept=Pose((0.0, 0.5, 0.02)).with_stamp(1.4))
+    told = [Evidence(1.5, {"box": box, "other": one}, {}, None, frozenset()) for one in (other, later)]
+    assert [evidence.has_vanished_alone("box") for evidence in told] == [False, True]
+
+
 def test_cameras_are_asked_once_about_all_unseen_objects() -> None:
     course = Course(1.0)
     course.others["third"] = thing(Pose((0.0, 0.3, 0.02)), 0.0, name="third")
