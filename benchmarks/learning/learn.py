@@ -147,7 +147,8 @@ def _learn_noise(
     episodes: Sequence[Episode], begun: WorldParameters, circumstances: Sequence[str], tell: Callable[[str], None]
 ) -> tuple[dict[str, PlaceNoise], dict[str, dict[str, float]]]:
     """The noise of each of some circumstances, and standard errors of the logarithms of its values."""
-    errors = errors_of((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    told_of = ((episode.moments, WeightedWorlds(begun, episode.shares)) for episode in episodes)
+    errors = errors_of(told_of, begun.noise)
     noise, deviations = {}, {}
     rng = np.random.default_rng(0)
     for circumstance in circumstances:

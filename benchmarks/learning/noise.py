@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -15,7 +15,7 @@ from benchmarks.honesty.statement import DOUBT, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
-from simulation_handler.worlds.followed import Followed
+from simulation_handler.worlds.followed import Followed, otherwise
 from simulation_handler.worlds.parameters import PlaceNoise
 from simulation_handler.worlds.spread import (
     levels_of_wrong,
@@ -28,6 +28,8 @@ from simulation_handler.worlds.spread import (
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 Array = NDArray[np.float64]
+_Row = tuple[object, ...]
+"""Values of one moment in the order of `Errors`"""
 
 START = PlaceNoise(scale=1.0, level=0.003, height=0.002, growth=0.003, path=0.1, upwards=0.3, lag=0.05, turn=0.03,
               turning=0.3, wide=5.0, wrong=0.05, perceived=0.05, trust=0.5, percept=1.0)  # fmt: skip
@@ -64,6 +66,10 @@ class Errors:
     """(n, 3) rad, from the perceived to the true rotation, world frame; nan as of `turns` and `seen`"""
     own_seen_turns: Array
     """(n, 3, 3) rad^2, covariance of the perceived rotation"""
+    probability: Array
+    """(n,) 1, that objects were in this circumstance, before the truth is known"""
+    otherwise: Array
+    """(n,) nats, log density of the truth if they were not"""
     episode: NDArray[np.int64]
     """(n,) number of the episode"""
 
@@ -72,25 +78,49 @@ class Errors:
         return Errors(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
-def errors_of(episodes: Iterable[tuple[Sequence[Recorded], WeightedWorlds]]) -> dict[str, Errors]:
-    """The errors of recorded moments by circumstance; each episode with worlds that have seen nothing yet."""
-    found: dict[str, list[tuple[object, ...]]] = defaultdict(list)
+def errors_of(
+    episodes: Iterable[tuple[Sequence[Recorded], WeightedWorlds]], known: Mapping[str, PlaceNoise]
+) -> dict[str, Errors]:
+    """The errors of recorded moments by circumstance; each episode with worlds that have seen nothing yet.
+
+    By the noise that is `known`, what is seen displaced may be in another circumstance: a camera moved, or the thing.
+    """
+    found: dict[str, list[_Row]] = defaultdict(list)
+    others: dict[tuple[str, str], dict[int, _Row]] = defaultdict(dict)
     for number, (moments, worlds) in enumerate(episodes):
         for moment in moments:
             worlds.update(moment.evidence)
             for name, truth in moment.truth.items():
-                followed = worlds.followed(name) if name in moment.evidence.objects else None
-                if followed is None:
+                thing = moment.evidence.objects.get(name)
+                followed = None if thing is None else worlds.followed(name)
+                if thing is None or followed is None:
                     continue
-                pose = followed.pose
-                own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
-                turn = _turn(pose, truth) if name in moment.tagged else _UNKNOWN
-                found[followed.circumstance].append(
-                    (*own, followed.age, followed.moved, followed.velocity, followed.reach,
-                     np.subtract(truth.t, pose.t), turn,
-                     *_seen(followed, truth, is_tagged=name in moment.tagged), number)
-                )  # fmt: skip
-    return {key: Errors(*map(np.array, zip(*rows, strict=True))) for key, rows in found.items()}
+                is_tagged, rows = name in moment.tagged, found[followed.circumstance]
+                if followed.stays is not None:
+                    other = otherwise(followed, thing)
+                    pair = followed.circumstance, other.circumstance
+                    others[pair][len(rows)] = _row(other, truth, number, is_tagged=is_tagged)
+                rows.append(_row(followed, truth, number, is_tagged=is_tagged))
+    errors = {key: _errors(rows) for key, rows in found.items()}
+    for (circumstance, instead), told in others.items():
+        densities = _densities(_errors(list(told.values())), known[instead], _logit(DOUBT))
+        errors[circumstance].otherwise[list(told)] = densities
+    return errors
+
+
+def _row(followed: Followed, truth: Pose, episode: int, *, is_tagged: bool) -> _Row:
+    """The values of one moment, in the order of `Errors`; that it is otherwise explains nothing."""
+    pose = followed.pose
+    own = (_NONE, _NONE) if pose.cov is None else pose.parent_covariances()
+    return (
+        *own, followed.age, followed.moved, followed.velocity, followed.reach, np.subtract(truth.t, pose.t),
+        _turn(pose, truth) if is_tagged else _UNKNOWN, *_seen(followed, truth, is_tagged=is_tagged),
+        followed.probability, -np.inf, episode,
+    )  # fmt: skip
+
+
+def _errors(rows: Sequence[_Row]) -> Errors:
+    return Errors(*map(np.array, zip(*rows, strict=True)))
 
 
 def _seen(followed: Followed, truth: Pose, *, is_tagged: bool) -> tuple[Array, Array, Array, Array]:
@@ -137,6 +167,13 @@ def log_densities(errors: Errors, noise: PlaceNoise, astray: float) -> Array:
 
     `astray` is the logit of the probability of something else than the simulation has: alternatives tell of it.
     """
+    with np.errstate(divide="ignore"):  # of what is sure
+        so, not_so = np.log(errors.probability), np.log1p(-errors.probability)
+    return np.asarray(np.logaddexp(so + _densities(errors, noise, astray), not_so + errors.otherwise))
+
+
+def _densities(errors: Errors, noise: PlaceNoise, astray: float) -> Array:
+    """As `log_densities`, if objects were in this circumstance."""
     known = np.isfinite(errors.turns[:, 0])
     covariance = position_covariance(
         noise, errors.own_places, errors.age, errors.moved, errors.velocity, errors.reach

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from simulation_handler.scales import ROUNDING
+from simulation_handler.worlds.circumstances import DOUBTED, RESTLESS
 from simulation_handler.worlds.displaced import Staying
 from simulation_handler.worlds.evidence import ObjectEvidence
 from simulation_handler.worlds.model import ObjectState
@@ -58,6 +59,13 @@ class Followed:
     stays: Staying | None = None
     """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
 
+    @property
+    def probability(self) -> float:
+        """1, that this is the circumstance, and not that of `otherwise`."""
+        if self.stays is None:
+            return 1.0
+        return self.stays.probability if self.circumstance == DOUBTED else 1.0 - self.stays.probability
+
 
 class Former(NamedTuple):
     """Where an object was before the simulation followed what is seen of it."""
@@ -75,6 +83,13 @@ WeightedState = tuple[float, ObjectState, str]
 def reached(followed: Followed, thing: ObjectEvidence) -> Followed:
     """The same, no more unsure than the newest percept of the thing is off."""
     return followed if thing.percept is None else replace(followed, reach=thing.percept.distance(followed.pose)[0])
+
+
+def otherwise(followed: Followed, thing: ObjectEvidence) -> Followed:
+    """The same of a thing that is seen displaced, if it stays and that is less probable, or the reverse."""
+    if followed.circumstance == RESTLESS:
+        return replace(followed, circumstance=DOUBTED, reach=math.inf)
+    return reached(replace(followed, circumstance=RESTLESS), thing)
 
 
 def worlds_of(followed: Followed, noise: PlaceNoise, state: ObjectState) -> list[WeightedState]:

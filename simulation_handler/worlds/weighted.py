@@ -46,6 +46,7 @@ from simulation_handler.worlds.followed import (
     Former,
     WeightedState,
     or_aslant,
+    otherwise,
     reached,
     staying_or_not,
     turned,
@@ -334,11 +335,8 @@ class WeightedWorlds:
         ]
 
     def _otherwise(self, followed: Followed, thing: ObjectEvidence, state: ObjectState) -> list[WeightedState]:
-        """The worlds of a thing that is seen displaced, if it stays and that is less probable, or the reverse."""
-        if followed.circumstance == RESTLESS:
-            one = replace(followed, circumstance=DOUBTED, reach=math.inf)
-        else:
-            one = reached(replace(followed, circumstance=RESTLESS), thing)
+        """The worlds of a thing that is seen displaced, if it is in the less probable circumstance."""
+        one = otherwise(followed, thing)
         noise = self._parameters.noise[one.circumstance]
         placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
         return worlds_of(one, noise, replace(state, pose=placed))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -17,15 +18,17 @@ from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import BEGUN, GROUPS, learn_some, toml_of
-from benchmarks.learning.noise import START, Errors, learn_noise
+from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import ABSENCE, RATES, learn_rates
 from benchmarks.learning.recognition import CURVES, Look, learn_recognition, looks_at
 from benchmarks.learning.recorded import Recorded
 from dsr.believing.absence import Absence
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import HELD, HELD_LYING, RESTS, RIDES
+from simulation_handler.worlds.circumstances import DOUBTED, HELD, HELD_LYING, RESTLESS, RESTS, RIDES
+from simulation_handler.worlds.displaced import Staying
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
+from simulation_handler.worlds.followed import Followed
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.spread import odds_of_percepts, position_covariance
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -67,7 +70,8 @@ def still(places: np.ndarray, seen: np.ndarray | None = None, sigma: float = 0.0
     own = np.tile(sigma**2 * np.eye(3), (count, 1, 1))
     return Errors(
         none, none, np.zeros(count), np.zeros(count), np.zeros((count, 3)), np.full(count, np.inf), places, unknown,
-        unknown if seen is None else seen, own, unknown, none, np.arange(count),
+        unknown if seen is None else seen, own, unknown, none, np.ones(count), np.full(count, -np.inf),
+        np.arange(count),
     )  # fmt: skip
 
 
@@ -91,6 +95,41 @@ def test_who_is_right_where_percepts_and_simulation_differ_is_learned(right: str
     found = learn_noise(errors)
     odds = float(odds_of_percepts(found, np.array((apart / 0.001) ** 2)))
     assert odds > 3.0 if right == "percepts" else odds < 0.3
+
+
+def test_what_another_circumstance_explains_teaches_nothing_of_this_one() -> None:
+    """Half of the things are where percepts have them. The others are not, for a camera moved: that explains them."""
+    rng = np.random.default_rng(1)
+    count, apart = 600, 0.05
+    shift = np.tile((apart, 0.0, 0.0), (count, 1))
+    moved = (np.arange(count) % 2 == 0)[:, None]
+    errors = still(moved * shift + rng.normal(size=(count, 3)) * 0.001, shift + rng.normal(size=(count, 3)) * 0.001)
+    half = replace(errors, probability=np.full(count, 0.5), otherwise=np.where(moved[:, 0], -100.0, 25.0))
+    unsure, told = (
+        float(odds_of_percepts(learn_noise(one), np.array((apart / 0.001) ** 2))) for one in (errors, half)
+    )
+    assert unsure < 2.0 and told > 5.0
+
+
+def test_what_is_seen_displaced_is_counted_in_both_circumstances() -> None:
+    """It stays with 30 %: the truth is 1 m off, and known to 1 mm if so."""
+    known, thing = learned_parameters(), course(gone=False).moments[0].evidence.objects["box"]
+    followed = Followed(RESTLESS, HERE.with_covariance(COVARIANCE), np.zeros(3), stays=Staying(0.3))
+    truth = Pose((1.3, 0.0, 0.02))
+    evidence = Evidence(0.0, {"box": thing}, {}, None, frozenset())
+    moment = Recorded(0.0, evidence, {"box": truth}, frozenset(), {}, frozenset())
+
+    class Worlds(WeightedWorlds):
+        def followed(self, name: str) -> Followed:
+            return followed
+
+    exact = msgspec.structs.replace(START, level=0.001, height=0.001)
+    found = [
+        errors_of([([moment], Worlds(known))], {**known.noise, DOUBTED: noise})[RESTLESS]
+        for noise in (exact, msgspec.structs.replace(START, level=1.0))
+    ]
+    assert [one.probability.tolist() for one in found] == [[pytest.approx(0.7)]] * 2
+    assert found[0].otherwise[0] < found[1].otherwise[0] - 5.0
 
 
 def test_what_leaves_the_scene_in_episodes_is_expected_to_leave() -> None:
