@@ -72,12 +72,12 @@ def judge(things: Sequence[Displacement], loads: Sequence[Displacement], moved: 
     own = told.first(count)
     standing = np.logaddexp(own.if_moved, own.if_still)
     stands = math.log1p(-math.exp(-nats.CAMERA_MOVED)) + float(standing.sum())
-    sets = _likeliest_sets(own)
-    scores = own.scores(sets)
-    best = float(np.logaddexp.reduce(scores))
-    camera = float(_probability(best - nats.CAMERA_MOVED - stands))
-    shares = np.exp(scores - best)
-    with_camera = np.concatenate([shares @ sets, told.stays_with_camera(sets[int(np.argmax(scores))], count)])
+    sets, scores = _likeliest_sets(own)
+    every = float(np.logaddexp.reduce(scores))
+    camera = float(_probability(every - nats.CAMERA_MOVED - stands))
+    shares = np.exp(scores - every)
+    own_with_camera = np.minimum(shares @ sets, 1.0)  # rounding makes more of it
+    with_camera = np.concatenate([own_with_camera, told.stays_with_camera(sets[int(np.argmax(scores))], count)])
     without = _probability(told.if_still - told.if_moved)
     shown_elsewhere = camera * with_camera
     return WhoMoved(camera, shown_elsewhere + (1.0 - camera) * without, shown_elsewhere)
@@ -97,9 +97,26 @@ class _Told(NamedTuple):
 
     @staticmethod
     def of(things: Sequence[Displacement], moved: MovedThing) -> _Told:
-        """What displacements tell."""
-        rows = [_told_by(thing, moved) for thing in things]
-        return _Told(*(np.array(column) for column in zip(*rows, strict=True)))
+        """What displacements tell, worked out of all at once."""
+        shifts, places = np.array([one.shift for one in things]), np.array([one.place for one in things])
+        tells = np.array([one.turn is not None for one in things])
+        turns = np.array([_NO_TURN if one.turn is None else one.turn for one in things])
+        turnings = np.where(tells[:, None, None], [one.turning for one in things], np.eye(3))
+        sideways, height = moved.sideways**2, moved.height**2
+        still, on_level, anyhow = (
+            _log_densities(shifts, places + by_shift) + tells * _log_densities(turns, turnings + by_turn)
+            for by_shift, by_turn in (
+                (0.0, 0.0), (np.diag((sideways, sideways, height)), _UPRIGHT), (sideways * np.eye(3), np.eye(3)),
+            )
+        )  # fmt: skip
+        motions = _shifts_by_motion(np.array([one.from_camera for one in things]))
+        weighing = np.linalg.solve(places, motions)
+        information, weighed = motions.mT @ weighing, (weighing.mT @ shifts[..., None])[..., 0]
+        known = tells[:, None, None] * np.linalg.inv(turnings)
+        information[:, 3:, 3:] += known
+        weighed[:, 3:] += (known @ turns[..., None])[..., 0]
+        some = np.logaddexp(_SELDOM + anyhow, math.log1p(-math.exp(_SELDOM)) + on_level)
+        return _Told(some - nats.MOVED, still + math.log1p(-math.exp(-nats.MOVED)), information, weighed)
 
     def first(self, count: int) -> _Told:
         """That of so many things."""
@@ -115,7 +132,8 @@ class _Told(NamedTuple):
 
     def _of(self, sets: Array) -> tuple[Array, Array]:
         """Information (k, 6, 6) about the motion of the camera by sets (k, n) of things, and (k, 6) that times it."""
-        return _PRIOR + np.einsum("kn,nij->kij", sets, self.information), sets @ self.weighed
+        told = sets @ self.information.reshape(len(self.information), -1)
+        return _PRIOR + told.reshape(-1, *_PRIOR.shape), sets @ self.weighed
 
     def stays_with_camera(self, chosen: Array, count: int) -> Array:
         """(m,) probabilities that things after the first `count` are where they were, if these and the camera moved.
@@ -128,46 +146,37 @@ class _Told(NamedTuple):
         return _probability(self.scores(sets) - self.scores(before))
 
 
-def _told_by(thing: Displacement, moved: MovedThing) -> tuple[float, float, Array, Array]:
-    """The row of a thing in `_Told`."""
-    right, back, up = thing.from_camera
-    lever = np.array([[0.0, up, -back], [-up, 0.0, right], [back, -right, 0.0]])
-    motion = np.hstack([np.eye(3), lever])
-    sideways, height = moved.sideways**2, moved.height**2
-    still = _log_density(thing.shift, thing.place)
-    on_level = _log_density(thing.shift, thing.place + np.diag((sideways, sideways, height)))
-    anyhow = _log_density(thing.shift, thing.place + sideways * np.eye(3))
-    weighing = np.linalg.solve(thing.place, motion)
-    information, weighed = motion.T @ weighing, weighing.T @ thing.shift
-    if thing.turn is not None:
-        still += _log_density(thing.turn, thing.turning)
-        on_level += _log_density(thing.turn, thing.turning + _UPRIGHT)
-        anyhow += _log_density(thing.turn, thing.turning + np.eye(3))
-        known = np.linalg.inv(thing.turning)
-        information[3:, 3:] += known
-        weighed[3:] += known @ thing.turn
-    some = np.logaddexp(_SELDOM + anyhow, math.log1p(-math.exp(_SELDOM)) + on_level)
-    return float(some) - nats.MOVED, still + math.log1p(-math.exp(-nats.MOVED)), information, weighed
+def _shifts_by_motion(from_camera: Array) -> Array:
+    """(n, 3, 6) how things at (n, 3) m from the camera are shifted by its shift, and by its turn."""
+    (right, back, up), zero = from_camera.T, np.zeros(len(from_camera))
+    levers = np.array([[zero, up, -back], [-up, zero, right], [back, -right, zero]])
+    return np.concatenate([np.broadcast_to(np.eye(3), (len(zero), 3, 3)), np.moveaxis(levers, 2, 0)], axis=2)
 
 
-def _likeliest_sets(told: _Told) -> Array:
-    """(k, n) the likeliest sets of things that are where they were while the camera moved, and all next to them.
+def _likeliest_sets(told: _Told) -> tuple[Array, Array]:
+    """(k, n) the likeliest sets of things that are where they were while the camera moved, and all next; (k,) scores.
 
-    Found by changing one thing at a time, from all things, and from those that are seen displaced.
+    Found from all things, and from those that are seen displaced, by changing one thing at a time, or by adding at once
+    all that each alone make a set likelier: of many things, one at a time would take as many looks.
     """
     count = len(told.if_moved)
-    found: dict[bytes, Array] = {}
+    found: dict[bytes, tuple[Array, float]] = {}
     for start in (np.ones(count), (told.if_moved > told.if_still).astype(float)):
         chosen, best = start, float(told.scores(start[None])[0])
+        found[start.tobytes()] = start, best
         while True:
             near = np.abs(chosen - np.eye(count))
-            found |= {one.tobytes(): one for one in (chosen, *near)}
             scores = told.scores(near)
+            found |= {one.tobytes(): (one, score) for one, score in zip(near, scores.tolist(), strict=True)}
             if scores.max() <= best:
                 break
-            chosen, best = near[int(np.argmax(scores))], float(scores.max())
+            ways = np.array([near[int(np.argmax(scores))], np.maximum(chosen, scores > best)])
+            reached = told.scores(ways)
+            chosen, best = ways[int(np.argmax(reached))], float(reached.max())
+            found[chosen.tobytes()] = chosen, best
     found.pop(np.zeros(count).tobytes(), None)
-    return np.array(list(found.values()))
+    sets, every = zip(*found.values(), strict=True)
+    return np.array(sets), np.array(every)
 
 
 def _probability(odds: Array | float) -> Array:
@@ -175,12 +184,14 @@ def _probability(odds: Array | float) -> Array:
     return np.asarray(0.5 + 0.5 * np.tanh(0.5 * np.asarray(odds)))
 
 
-def _log_density(offset: Array, covariance: Array) -> float:
-    """nats, of a Gaussian around 0 at an offset (3,)."""
-    _, scale = np.linalg.slogdet(2.0 * math.pi * covariance)
-    return -0.5 * float(offset @ np.linalg.solve(covariance, offset) + scale)
+def _log_densities(offsets: Array, covariances: Array) -> Array:
+    """(n,) nats, of Gaussians around 0 at offsets (n, 3)."""
+    _, scales = np.linalg.slogdet(2.0 * math.pi * covariances)
+    solved = np.linalg.solve(covariances, offsets[..., None])[..., 0]
+    return np.asarray(-0.5 * ((offsets * solved).sum(axis=1) + scales))
 
 
+_NO_TURN = np.zeros(3)
 _PRIOR = np.eye(6) / BUMP**2
 _UPRIGHT = np.diag((TURN_FLOOR**2, TURN_FLOOR**2, 1.0))
 """rad^2, of a thing that stands again, turned about the vertical anyhow"""

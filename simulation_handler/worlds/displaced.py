@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Set
 from typing import NamedTuple
 
@@ -10,9 +11,9 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
 from dsr.perception.consensus import tells_rotation
-from dsr.perception.scales import ONE_MOMENT
+from dsr.perception.scales import ONE_MOMENT, STEADY
 from simulation_handler.perception.bumped import Displacement, MovedThing, judge
-from simulation_handler.scales import PLACE_FLOOR
+from simulation_handler.scales import GONE_FROM, PLACE_FLOOR
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 
 
@@ -25,6 +26,67 @@ class Staying(NamedTuple):
     """Name of the camera that shows the thing; empty if that is not known"""
     by_camera: float = 0.0
     """1, probability that the thing is there and the camera moved"""
+
+
+class Former(NamedTuple):
+    """Where a thing was before the simulation followed what is seen of it."""
+
+    stays: Staying
+    """Whether it is there yet, because its camera moved"""
+    pose: Pose
+    """world_from_object, with covariance"""
+
+
+class StayingOverTime:
+    """Whether one thing is where the simulation has it, or had it before it followed what is seen, over time."""
+
+    def __init__(self) -> None:
+        self.stays: Staying | None = None
+        """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
+        self.former: Former | None = None
+        """Where it was before the simulation followed what is seen, and still is if the camera moved"""
+        self._before: ObjectEvidence | None = None
+        self._relearned = -math.inf
+        """s, when its camera was last told to be elsewhere; while it is seen displaced since then, that goes on"""
+
+    def note(self, thing: ObjectEvidence, stays: Staying | None, now: float) -> float:
+        """Take in the thing at `now` (s), while it is recognised, and how probable it is that it stays.
+
+        Args:
+            thing: the thing.
+            stays: as of `staying`. What is not known of it now was known before.
+            now: s
+
+        Returns:
+            The probability that it is where the simulation has it though it is seen displaced; 0 if it is not.
+        """
+        before, self._before = self._before, thing
+        is_relearned = before is not None and before.seen_from != thing.seen_from
+        is_off = thing.is_moving or thing.is_doubted
+        if is_relearned or (is_off and now - self._relearned <= STEADY):
+            self._relearned = now
+        if before is None or is_relearned or thing.is_sure or is_led(thing):
+            self.former = None  # it has moved since, or it is known better where its camera is
+        elif before.believed and thing.believed and before.believed.distance(thing.believed)[0] > PLACE_FLOOR:
+            self.former = self._left(before.believed, thing.believed)
+        if not is_off:
+            self.stays = None
+        elif thing.is_sure or thing.driven or thing.rides or now - self._relearned <= STEADY:
+            self.stays = Staying(float(thing.is_doubted))
+        else:
+            self.stays = stays or self.stays or Staying(float(thing.is_doubted))
+        return 0.0 if self.stays is None else self.stays.probability
+
+    def _left(self, place: Pose, new: Pose) -> Former | None:
+        """Where it may be yet, once the simulation has left a place for a new one: there, or where it was before."""
+        former, stays = self.former, self.stays
+        if stays is None:
+            return None if place.distance(new)[0] > GONE_FROM else former
+        if former is not None:
+            both = former.stays.by_camera * stays.probability
+            if both >= (1.0 - former.stays.by_camera) * stays.by_camera:
+                return Former(Staying(both, former.stays.camera, both), former.pose)
+        return Former(stays, place)
 
 
 def staying(evidence: Evidence, moved: MovedThing) -> dict[str, Staying]:
@@ -57,9 +119,9 @@ def is_led(thing: ObjectEvidence) -> bool:
 
 
 def _may_tell(thing: ObjectEvidence) -> bool:
-    """Whether an object is seen, and nothing is known that moves it."""
+    """Whether an object is seen, and neither is it known that its camera stands, nor anything that moves it."""
     is_known = thing.believed is not None and thing.believed.cov is not None and thing.seen_from is not None
-    return thing.is_recognised and is_known and not is_led(thing)
+    return thing.is_recognised and is_known and not (is_led(thing) or thing.is_sure)
 
 
 def _judged(

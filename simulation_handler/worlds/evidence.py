@@ -69,6 +69,8 @@ class ObjectEvidence:
     """(3,) m, world: where the camera of the newest percept is believed to be; None if nobody knows"""
     is_doubted: bool = False
     """Whether only cameras that may have moved tell of it."""
+    is_sure: bool = False
+    """Whether a camera sees it that is known not to have moved."""
     gone: bool = False
     """Whether the simulation has it taken out of the scene."""
     driven: bool = False
@@ -182,6 +184,8 @@ class _Moment(NamedTuple):
     """Objects that are seen elsewhere than believed, which is not explained yet"""
     doubted: frozenset[str]
     """Objects of which only cameras tell that may have moved"""
+    sure: frozenset[str]
+    """Objects that a camera sees that is known not to have moved"""
     places: Mapping[str, Pose]
     """world_from_object of each body"""
     believed: Mapping[str, Pose]
@@ -205,6 +209,7 @@ class EvidenceReader:
         config: how far percepts are trusted.
         courses: gives where an object may be by now that vanished on its way, by name.
         displaced: gives the names of the objects that are seen elsewhere than believed.
+        sure: gives the names of the objects that a camera sees at a time (s) that is known not to have moved.
     """
 
     def __init__(
@@ -218,12 +223,14 @@ class EvidenceReader:
         config: BeliefConfig,
         courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
         displaced: Callable[[], Collection[str]] = tuple,
+        sure: Callable[[float], frozenset[str]] = lambda now: frozenset(),
     ) -> None:
         self._bodies = bodies
         self._courses = courses
         self._displaced = displaced
         self._lead = lead
         self._in_doubt = in_doubt
+        self._sure = sure
         self._config = config
         self._relations = relations
         self._containment = containment
@@ -240,7 +247,7 @@ class EvidenceReader:
         places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         moment = _Moment(
             now, contents, below, sorted(self._touching.grasps), sorted(self._touching.holds), self._displaced(),
-            self._in_doubt(now), places, self._believed(places, now), self._seen(now),
+            self._in_doubt(now), self._sure(now), places, self._believed(places, now), self._seen(now),
             self._percepts(),
         )  # fmt: skip
         objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
@@ -267,6 +274,7 @@ class EvidenceReader:
             seen_by=item.cameras_at(now - item.track.late),
             seen_from=item.seen_from,
             is_doubted=name in moment.doubted,
+            is_sure=name in moment.sure,
             gone=item.gone,
             driven=item.driven,
             rides=item.rides,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,15 +64,6 @@ class Followed:
         if self.stays is None:
             return 1.0
         return self.stays.probability if self.circumstance == DOUBTED else 1.0 - self.stays.probability
-
-
-class Former(NamedTuple):
-    """Where an object was before the simulation followed what is seen of it."""
-
-    stays: Staying
-    """Whether it is there yet, because its camera moved"""
-    pose: Pose
-    """world_from_object, with covariance"""
 
 
 WeightedState = tuple[float, ObjectState, str]

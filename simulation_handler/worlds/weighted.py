@@ -13,7 +13,7 @@ from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 from dsr.perception.scales import FRAME, PRESENT
 from simulation_handler.perception.bumped import MovedThing
-from simulation_handler.scales import PLACE_FLOOR, ROUNDING
+from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
     ELSEWHERE,
@@ -39,11 +39,10 @@ from simulation_handler.worlds.circumstances import (
     is_unseen,
     unseen,
 )
-from simulation_handler.worlds.displaced import Staying, is_led, staying
+from simulation_handler.worlds.displaced import Former, Staying, StayingOverTime, staying
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.followed import (
     Followed,
-    Former,
     WeightedState,
     or_aslant,
     otherwise,
@@ -84,10 +83,8 @@ class _Watched:
     """While it is not recognised"""
     was_doubted: bool = False
     """Whether cameras that saw it have been in doubt"""
-    stays: Staying | None = None
-    """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
-    former: Former | None = None
-    """Where it was before the simulation followed what is seen, and still is if the camera moved"""
+    displaced: StayingOverTime = field(default_factory=StayingOverTime)
+    """Whether it is where the simulation has it, or had it"""
     poses: list[Pose] = field(default_factory=list)
     """Where it was believed lately, oldest first"""
 
@@ -97,22 +94,6 @@ class _Watched:
             self.poses.append(pose)
         while len(self.poses) > 1 and self.poses[1].stamp <= now - LOOK_PERIOD:
             del self.poses[0]
-
-    def note_displaced(self, thing: ObjectEvidence, stays: Staying | None) -> float:
-        """Keep how probable it is that it stays, as of `staying`; what is not known of it now was known before.
-
-        Call this before `seen` is kept.
-        """
-        before, now = None if self.seen is None else self.seen.believed, thing.believed
-        if is_led(thing) or self.seen is None or self.seen.seen_from != thing.seen_from:
-            self.former = None  # it has moved since, or it is known better where its camera is
-        elif self.stays and before and now and before.distance(now)[0] > PLACE_FLOOR:
-            self.former = Former(self.stays, before)
-        if thing.is_moving or thing.is_doubted:
-            self.stays = stays or self.stays or Staying(float(thing.is_doubted))
-        else:
-            self.stays = None
-        return 0.0 if self.stays is None else self.stays.probability
 
     @property
     def velocity(self) -> NDArray[np.float64]:
@@ -163,7 +144,7 @@ class WeightedWorlds:
             watched.note(thing.believed, evidence.now)
             if thing.gripper or not (is_unseen(thing, evidence.now) or thing.believed is None):
                 watched.was_doubted |= thing.is_doubted
-                stays = watched.note_displaced(thing, staying_now.get(name))
+                stays = watched.displaced.note(thing, staying_now.get(name), evidence.now)
                 watched.circumstance = in_view(thing, stays=stays, was_doubted=watched.was_doubted)
                 watched.seen, watched.seen_at, watched.alternatives = thing, evidence.now, None
             elif watched.seen is not None:
@@ -261,7 +242,7 @@ class WeightedWorlds:
                 return None
             found = Followed(
                 watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, constant=thing.constant,
-                stays=watched.stays if watched.circumstance in (DOUBTED, RESTLESS) else None,
+                stays=watched.displaced.stays if watched.circumstance in (DOUBTED, RESTLESS) else None,
             )  # fmt: skip
             return reached(found, thing) if watched.circumstance == RESTLESS else found
         pose = alternatives.modes[FOLLOWED].pose
@@ -323,7 +304,7 @@ class WeightedWorlds:
             both = (parts, others) if followed.circumstance == DOUBTED else (others, parts)
             parts = staying_or_not(followed.stays, *both)
         parts = [one for part in parts for one in turned(part, thing)]
-        if alternatives is None and (former := self._watched[name].former) is not None:
+        if alternatives is None and (former := self._watched[name].displaced.former) is not None:
             parts = self._or_former(parts, former, state)
         if thing.aslant is not None:
             parts = or_aslant(parts, state, *thing.aslant, noise)

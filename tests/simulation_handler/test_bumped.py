@@ -9,6 +9,7 @@ import pytest
 
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
+from simulation_handler.perception import bumped
 from simulation_handler.perception.bumped import Displacement, MovedThing, judge
 
 CAMERA = (0.3, -1.0, 0.8)
@@ -80,3 +81,28 @@ def test_what_a_load_shows_tells_of_the_load_alone(motion: Pose) -> None:
     verdict = judge(shown(3, motion), [with_it, with_it._replace(shift=with_it.shift + np.array(SHIFT.t))], MOVED)
     assert verdict.camera_moved == judge(shown(3, motion), [], MOVED).camera_moved
     assert verdict.stays[3] > 0.99 and verdict.stays[4] < 0.01
+
+
+def test_of_a_hundred_things_few_sets_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Adding them one at a time took longer than the time from one step of the belief to the next."""
+    rng, looks, scores = np.random.default_rng(1), [0], bumped._Told.scores
+
+    def counted(told: bumped._Told, sets: bumped.Array) -> bumped.Array:
+        looks[0] += 1
+        return scores(told, sets)
+
+    monkeypatch.setattr(bumped._Told, "scores", counted)
+    things = [displaced(tuple(place), NOTHING) for place in rng.uniform(-0.5, 0.5, (100, 3))]
+    verdict = judge([one._replace(shift=rng.normal(0.0, NOISE, 3)) for one in things], [], MOVED)
+    assert looks[0] < 20
+    assert verdict.camera_moved < 0.01 and verdict.stays.min() > 0.99
+
+
+def test_no_probability_is_beyond_one() -> None:
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        things = [
+            Displacement(place, 0.001**2 * np.eye(3), turn, 0.02**2 * np.eye(3), CAMERA)
+            for place, turn in zip(rng.normal(0.0, 0.0005, (8, 3)) + 0.05, rng.normal(0.0, 0.01, (8, 3)), strict=True)
+        ]
+        assert judge(things, [], MOVED).stays.max() <= 1.0

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from dsr.math3d.transforms import Pose
+from simulation_handler.belief import Belief
+from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import DOUBTED, RESTLESS
+from simulation_handler.worlds.circumstances import DOUBTED, MOVES, RESTLESS
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
+from simulation_handler.worlds.followed import PERCEIVED
 from simulation_handler.worlds.model import WeightedWorld
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
@@ -132,3 +135,66 @@ def test_that_ends_once_things_move_or_it_is_known_where_the_camera_is(
     table.run(STEP, changed)
     table.run(STEP)
     assert all(table.chance(name, CAMERA) == 0.0 for name in PLACES)
+
+
+def test_what_is_driven_has_moved_though_it_seemed_to_stay_when_it_was_seen_displaced_first(table: Table) -> None:
+    table.displace(BUMP, *PLACES)
+    table.run(STEP)
+    assert table.chance("box", CAMERA) > 0.99
+    table.believed = dict(table.percepts)
+    table.run(STEP, {"driven": True, "is_moving": True})
+    assert table.best("box").reason == MOVES and table.chance("box", CAMERA) == 0.0
+
+
+def test_what_is_followed_bit_by_bit_is_where_it_was_before_all_of_it(table: Table) -> None:
+    table.displace(BUMP, *PLACES)
+    table.run(0.5)
+    for share in (0.7, 0.95, 1.0):
+        for name, place in PLACES.items():
+            there = share * np.array(table.percepts[name].t) + (1.0 - share) * np.array(place)
+            table.believed[name] = Pose(there, table.percepts[name].q)
+        table.run(0.3, {"is_moving": share < 1.0})
+    for name, place in PLACES.items():
+        assert table.error(name, Pose(place)) < 0.001 and table.chance(name, CAMERA) > 0.99
+
+
+def test_what_is_back_where_it_was_once_the_camera_has_a_new_pose_is_there(table: Table) -> None:
+    """Seen by the new pose, all things are displaced from where the simulation has followed them to."""
+    followed(table)
+    found_out: Mapping[str, object] = {"seen_from": (0.31, -1.015, 0.812)}
+    table.percepts = {name: Pose(place) for name, place in PLACES.items()}
+    table.run(3.0, found_out)
+    assert all(table.chance(name, CAMERA) == 0.0 for name in PLACES)
+    table.believed = dict(table.percepts)
+    table.run(1.0, found_out)
+    for name, place in PLACES.items():
+        assert table.error(name, Pose(place)) < 0.001 and table.chance(name, CAMERA) == 0.0
+
+
+def test_what_turns_up_elsewhere_is_not_where_it_was_before_its_camera_moved(table: Table) -> None:
+    followed(table)
+    there = table.believed["box"] = table.percepts["box"] = Pose((0.7, 0.4, 0.02))
+    table.run(STEP)
+    assert table.error("box", there) < 0.001 and table.chance("box", CAMERA) == 0.0
+    assert table.chance("can", CAMERA) > 0.99
+
+
+def test_what_a_camera_shows_that_is_known_not_to_have_moved_has_moved(table: Table) -> None:
+    table.displace(BUMP, *PLACES)
+    table.run(0.5)
+    assert table.chance("box", CAMERA) > 0.99
+    table.run(STEP, {"is_sure": True})
+    assert all(table.best(name).reason in (RESTLESS, PERCEIVED) for name in PLACES)
+    assert all(table.chance(name, CAMERA) == 0.0 for name in PLACES)
+
+
+@pytest.mark.parametrize("standing", [frozenset(), frozenset({CAMERA})])
+def test_the_belief_tells_which_things_are_seen_by_cameras_that_stand(standing: frozenset[str]) -> None:
+    belief = Belief()
+    belief.add_object("box", (0.04, 0.04, 0.04))
+    belief.doubt_cameras((), standing=standing)
+    for count in range(5):
+        belief.observe([SeenObject("box", Pose(PLACES["box"]), 0.1 * count, EYE, CAMERA)])
+        belief.step(0.1 * count)
+    assert belief.evidence().objects["box"].is_sure == bool(standing)
+    belief.close()
