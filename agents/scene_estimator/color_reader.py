@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
+from dsr.perception.scales import LONGEST_GAP
 
 _PATIENCE = 10
 """Frames after which a shape that fits with no yaw is tried with all of them again"""
@@ -30,6 +32,8 @@ class _Known(NamedTuple):
     """Frames for which no other rotation is looked for, seen or not"""
     pause: int = _PATIENCE
     """Such frames after the next search in vain, twice as many each time, up to `_LONGEST_PAUSE`"""
+    stamp: float = math.inf
+    """s, of the last frame in which it was looked for"""
 
 
 def _lost(known: _Known) -> _Known:
@@ -57,12 +61,18 @@ class ColorReader:
             return []
         picture, view = ColorImage(color), FrameView(depth, intrinsics, world_from_camera)
         self._has_searched = False
+        self._known = {known.name: self._looked_for(known.name, frame.stamp) for known in objects}
         found = [(known.name, self._place(known, picture, view)) for known in objects]
         return [self._sighting(name, placed, frame.stamp) for name, placed in found if placed is not None]
 
+    def _looked_for(self, name: str, stamp: float) -> _Known:
+        """What is known of an object as it is looked for at `stamp` (s). Cameras may show nothing for a while."""
+        last = self._known.get(name, _Known())
+        last = last if stamp - last.stamp <= LONGEST_GAP else _lost(last)
+        return last._replace(turns=max(last.turns - 1, 0), stamp=stamp)
+
     def _place(self, known: ColoredObject, picture: ColorImage, view: FrameView) -> Placed | None:
-        last, noise = self._known.get(known.name, _Known()), self._noise.inverse_depth_std
-        last = self._known[known.name] = last._replace(turns=max(last.turns - 1, 0))
+        last, noise = self._known[known.name], self._noise.inverse_depth_std
         mask = picture.mask(known.color)
         if not mask.any():
             self._known[known.name] = _lost(last)

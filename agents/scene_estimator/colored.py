@@ -18,6 +18,7 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape, from_numbers
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.vocabulary.bodies import bodies_by_name
 from dsr.vocabulary.perceived import BY_DEPTH
 from dsr.vocabulary.relations import THINGS
 
@@ -80,7 +81,7 @@ class ColorSighting(NamedTuple):
 
 
 class ColoredObjects:
-    """The working memory's objects that have a colour and no tag."""
+    """The working memory's objects that have a colour and no tag, of those that are simulated."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -93,8 +94,7 @@ class ColoredObjects:
         """Take note of what was written to nodes."""
         news = [watch.poll() for watch in self._watches]
         if any(news):
-            nodes = self._memory.nodes(THINGS)
-            found = map(_colored, sorted(nodes, key=lambda node: node.name))
+            found = map(_colored, bodies_by_name(self._memory, THINGS))
             self.known = [colored for colored in found if colored is not None]
 
     def find(self, color: Vector3) -> ColoredObject | None:

@@ -103,7 +103,7 @@ class ImagePart:
         colored = self._mask[place] & inside
         measured = self._view.depth[place]
         free = inside & (colored | (measured > depth - _IN_FRONT))
-        return ExpectedPoints(free, free & (measured > 0.0), colored)
+        return ExpectedPoints(free, free & (measured > 0.0) & np.isfinite(measured), colored)
 
     def around(self, position: Array, size: Vector3) -> NDArray[np.bool_]:
         """Which points are near what is at a position (3,) and has a bounding box of that size."""

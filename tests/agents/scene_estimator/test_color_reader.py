@@ -15,6 +15,7 @@ from agents.scenario.format.scenario import ObjectSpec
 from agents.scene_estimator import color_reader, placing
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import LEANING, ColorSighting
+from agents.scene_estimator.placing import Guess, Placed
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
 from agents.scene_estimator.turning import nearest_alike
@@ -277,3 +278,25 @@ def test_only_one_object_is_searched_in_a_frame(scene: ColorScene, monkeypatch: 
     shown, known = scene.frame(camera), [one for one in scene.known if one.name in names]
     counts = [count[0] for _ in range(5) if reader.read(shown, known, camera) is not None]
     assert counts == [1, 2, 3, 3, 3]
+
+
+def test_after_a_gap_nobody_knows_how_a_thing_is_turned_that_was_followed(
+    scene: ColorScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And of what is not looked for any more nothing is kept: who makes up names could make up any number."""
+    followed = []
+
+    def noted(*told: object, **_: object) -> Placed:
+        guess = next(one for one in told if isinstance(one, Guess))
+        followed.append(guess.followed)
+        return Placed(np.ones(3), np.eye(3), guess._replace(followed=True), True, None, math.inf)
+
+    monkeypatch.setattr(color_reader, "place", noted)
+    standing(scene, "cup")
+    camera, reader = looking_at((*PLACE, 0.05), 0.9, np.random.default_rng(0)), ColorReader(NO_BIAS)
+    shown, known = scene.frame(camera), [one for one in scene.known if one.name == "cup"]
+    for stamp in (0.0, 0.1, 0.2, 10.0, 10.1):
+        reader.read(msgspec.structs.replace(shown, stamp=stamp), known, camera)
+    assert followed == [False, True, True, False, True]
+    reader.read(shown, scene.known[:1], camera)
+    assert set(reader._known) == {scene.known[0].name}

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from agents.drivers import ColorReading, TagReadings
-from agents.scene_estimator.colored import LEANING, TURNED
-from dsr import Pose
+from agents.scene_estimator.colored import LEANING, TURNED, ColoredObjects
+from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.math3d.shapes import Part, to_numbers
+from dsr.vocabulary.bodies import MOST_BODIES
 
 from .conftest import AGE, PERIOD, SENSORS, Bench, FakeSensor, covariance
 
@@ -164,3 +165,26 @@ def test_readings_that_cannot_be_are_counted(
     tell(bench, sensor, wrong)
     assert bench.agent.skipped == {"malformed": 1}
     assert bench.perceived("ball") is False
+
+
+def test_however_many_coloured_things_somebody_makes_up_few_are_looked_for_and_those_of_others_stay() -> None:
+    """Of 3000, each image took minutes."""
+    network = LocalNetwork(ManualClock())
+    liar, honest = (Memory("g", name, transport=network.connect(name), clock=network.clock) for name in ("liar", "me"))
+    honest.add_node("world", "world")
+    for _ in range(3):
+        for memory in (honest, liar):
+            memory.flush()
+            network.deliver()
+            memory.poll()
+    looked_for = ColoredObjects(liar)
+    liar_made = [liar.add_node(f"a_{number}", "cube", size=SIZE, color=RED) for number in range(2 * MOST_BODIES)]
+    honest.add_node("z", "cube", size=SIZE, color=RED)
+    for _ in range(3):
+        for memory in (honest, liar):
+            memory.flush()
+            network.deliver()
+            memory.poll()
+    looked_for.update()
+    assert len(liar_made) > len(looked_for.known) == MOST_BODIES
+    assert "z" in {one.name for one in looked_for.known}

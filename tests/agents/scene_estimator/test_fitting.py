@@ -15,10 +15,16 @@ from dsr.perception.noise import PerceptNoise
 PLACE = (0.35, 0.02)
 
 
-def seen(scene: ColorScene, camera: Pose, model: str, hidden: float = 0.0) -> ImagePart:
-    """What is seen of a model, but for the share `hidden` of its image's rows, the lowest ones."""
+def seen(
+    scene: ColorScene, camera: Pose, model: str, hidden: float = 0.0, unknown: float = 0.0
+) -> ImagePart:
+    """What is seen of a model, but for the share `hidden` of its image's rows, the lowest ones.
+
+    `unknown` stands for a depth that the camera could not measure.
+    """
     color, depth, intrinsics = images(scene.frame(camera))
     assert depth is not None
+    depth[depth == 0.0] = unknown
     (known,) = (one for one in scene.known if one.name == model)
     mask = ColorImage(color).mask(known.color)
     rows = np.flatnonzero(mask.any(axis=1))
@@ -51,7 +57,8 @@ def test_what_lies_nearly_right_is_moved_onto_the_points(model: str, hidden: flo
         scene.close()
 
 
-def test_edges_without_depth_do_not_pull_the_place_to_one_side() -> None:
+@pytest.mark.parametrize("unknown", [0.0, np.inf, np.nan])
+def test_edges_without_depth_do_not_pull_the_place_to_one_side(unknown: float) -> None:
     """Depth is missing where something far is behind: around the upper edges of a box, and not where it stands."""
     errors = []
     for seed in range(6):
@@ -61,7 +68,7 @@ def test_edges_without_depth_do_not_pull_the_place_to_one_side() -> None:
             truth = Pose((*PLACE, scene.height("large_box")))
             scene.put("large_box", truth)
             camera = looking_at((*PLACE, 0.05), 1.0, rng)
-            points = seen(scene, camera, "large_box")
+            points = seen(scene, camera, "large_box", unknown=unknown)
             (known,) = scene.known
             found = fit(points, known.shape, known.size, truth.rotation_matrix)
             assert found is not None
