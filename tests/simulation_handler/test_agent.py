@@ -98,6 +98,16 @@ def test_percepts_become_a_resting_belief(table: Table) -> None:
     assert table.lockstep.runner(NAME).agent.degraded == ""
 
 
+def test_what_has_a_tag_is_recognised_by_it(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, 0.2))
+    table.memory.update_node("cube_2", marker_id=2)
+    table.run(0.5)
+    handler = table.lockstep.runner(NAME).agent
+    assert isinstance(handler, SimulationHandler) and isinstance(handler.belief, Belief)
+    assert [handler.belief._bodies.objects[name].tagged for name in ("cube_1", "cube_2")] == [False, True]
+
+
 def test_a_resting_scene_is_quiet(table: Table) -> None:
     for index in range(4):
         table.add(f"cube_{index}", cube_at(0.3 + 0.1 * index, 0.1))

@@ -198,3 +198,42 @@ def test_the_belief_tells_which_things_are_seen_by_cameras_that_stand(standing: 
         belief.step(0.1 * count)
     assert belief.evidence().objects["box"].is_sure == bool(standing)
     belief.close()
+
+
+def test_what_stands_on_another_thing_tells_nothing_of_the_camera(table: Table) -> None:
+    """Whoever moves a tray displaces all that is on it by one motion."""
+    table.displace(SHOVE, *PLACES)
+    own = dict.fromkeys(PLACES, True) | {"can": False, "cup": False, "jug": False}
+    table.now += STEP
+    told = {
+        name: replace(
+            thing(name, pose, table.percepts[name].with_stamp(table.now)), supports=() if own[name] else ("box",)
+        )
+        for name, pose in table.believed.items()
+    }
+    table.worlds.update(Evidence(table.now, told, {}, None, frozenset()))
+    assert table.chance("box", CAMERA) < 0.1
+
+
+@pytest.mark.parametrize("others", [frozenset[str](), frozenset({"wrist"})])
+def test_what_several_cameras_see_tells_nothing_of_one(table: Table, others: frozenset[str]) -> None:
+    table.displace(BUMP, *PLACES)
+    table.run(STEP, {"seen_by": frozenset({CAMERA, *others})})
+    assert (table.chance("box", CAMERA) > 0.99) == (not others)
+
+
+def test_what_was_seen_at_another_time_tells_nothing_of_the_camera_now(table: Table) -> None:
+    """Three things were not seen since before the bump: the fourth alone may as well have moved."""
+    table.displace(BUMP, "box")
+    table.now += STEP
+    told = {
+        name: thing(name, pose, table.percepts[name].with_stamp(table.now - (0.0 if name == "box" else 0.3)))
+        for name, pose in table.believed.items()
+    }
+    together, alone = WeightedWorlds(learned_parameters()), WeightedWorlds(learned_parameters())
+    for worlds, names in ((together, PLACES), (alone, ("box",))):
+        worlds.update(Evidence(table.now, {name: told[name] for name in names}, {}, None, frozenset()))
+    chances = [
+        sum(world.weight for world in worlds.worlds("box") if world.moved_cameras) for worlds in (together, alone)
+    ]
+    assert chances[0] == pytest.approx(chances[1]) and chances[0] > 0.01

@@ -26,6 +26,7 @@ from simulation_handler.worlds.circumstances import (
     HELD_LYING,
     HELD_OPENING,
     RESTLESS,
+    TOUCHED,
     WITHIN_REACH,
 )
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence, seen_shares
@@ -205,6 +206,41 @@ def test_it_is_so_no_more_probably_while_another_thing_is_seen_elsewhere() -> No
     course.others["other"] = replace(course.others["other"], is_moving=False)
     course.run(0.1, explained)
     assert before < 0.6 and course.weight("gone") > 0.8
+
+
+def test_it_is_so_no_more_probably_again_and_again() -> None:
+    """An explanation is evidence once: then its place is seen empty, and that has a limit."""
+    course = Course(share=1.0)
+    course.run(1.5)
+    course.run(0.1, explained)
+    before = course.weight("rests unseen")
+    course.run(0.3, explained)
+    assert course.weight("rests unseen") > 0.2 * before
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_it_is_so_only_of_what_rested(moves: bool) -> None:
+    """What was on its way may have gone behind something."""
+    course, rates = Course(share=1.0), learned_parameters().rates
+    course.run(1.5, lambda box: replace(box, driven=moves))
+    course.run(0.1, explained)
+    assert (course.weight("gone") > rates.missed + 0.5 * (1.0 - rates.missed) * rates.vanished) == (not moves)
+
+
+def test_it_is_so_no_more_once_cameras_saw_nothing_at_all() -> None:
+    """It may have been moved then: nobody has seen it vanish alone."""
+    told = []
+    for watching in (True, False):
+        course = Course(share=1.0)
+        course.run(1.0)
+        course.watching = watching
+        course.run(0.5)
+        course.watching = True
+        course.run(0.3)
+        before = course.weight("gone")
+        course.run(0.1, explained)
+        told.append((course.weight("gone") - before) / (1.0 - before))
+    assert told[0] > told[1] + 0.2
 
 
 def test_what_vanishes_at_the_time_of_all_else_has_not_vanished_alone() -> None:
@@ -480,6 +516,15 @@ def test_what_hovers_is_held_no_less_probably_once_a_hand_touches_it() -> None:
         course.hands = {"hand": hidden}
         told.append(_shares_of_hold(course, hovers=True, touched_by=touched)["hand"])
     assert told[0] == told[1] == pytest.approx(learned_parameters().holding[WITHIN_REACH])
+
+
+def test_what_a_hand_touches_is_held_no_more_probably_while_it_is_seen_by_doubted_cameras() -> None:
+    told = []
+    for is_doubted in (False, True):
+        course = Course()
+        course.hands = {"hand": HandEvidence(Pose((0.3, 0.0, 0.06)), True, FINGERTIPS)}
+        told.append(_shares_of_hold(course, touched_by=("hand",), is_doubted=is_doubted)["hand"])
+    assert told == pytest.approx([learned_parameters().holding[TOUCHED]] * 2)
 
 
 @pytest.mark.parametrize(("aloft", "age"), [(False, 0.0), (True, 5.0)])
