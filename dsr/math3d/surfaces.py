@@ -61,6 +61,11 @@ def surface(shape: Shape, size: Vector3, count: int = _POINTS) -> Surface:
 
     None for what is no thing: with edges of less than 10 um, or more than 1 km from end to end.
     """
+    return _sampled(shape, size, count)
+
+
+def _sampled(shape: Shape, size: Vector3, count: int) -> Surface:
+    """As `surface`, and not kept: many points take much memory."""
     parts = shape or box(size)
     if not all(map(_is_thing, parts)):
         return Surface(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
@@ -80,7 +85,7 @@ def _without_overlap(shape: Shape, size: Vector3, count: int) -> Surface:
     """
     from scipy.spatial import cKDTree  # not every process that knows shapes has scipy
 
-    whole, fine = surface(shape, size, count), surface(shape, size, _FINER * count)
+    whole, fine = surface(shape, size, count), _sampled(shape, size, _FINER * count)
     if not len(whole.points):
         return whole
     beneath = (Solids.of(shape).signed_distances(fine.points - GAP * fine.normals) < 0.0).sum(axis=0)

@@ -77,6 +77,14 @@ def test_what_faces_of_several_parts_have_in_common_counts_once(count: int) -> N
     assert weights.sum() == pytest.approx(1.0)
 
 
+def test_of_a_shape_of_several_parts_no_finer_points_are_kept_than_are_asked_for() -> None:
+    """Those took a megabyte for each of 256 shapes, and who makes up things may make up shapes."""
+    surface.cache_clear()
+    both: Shape = (Part("box", (0.2, 0.2, 0.21)), Part("box", (0.1, 0.2, 0.21), (0.05, 0.0, 0.0)))
+    points, _ = seen_alone(both, (0.2, 0.2, 0.21), np.array([0.0, 0.0, 1.0]), 600)
+    assert len(points) > 0 and surface.cache_info().currsize == 1
+
+
 @pytest.mark.parametrize("eye", [(0.4, 0.3, 0.5), (0.0, 0.0, -1.0), (-0.3, 0.05, 0.2)])
 def test_weights_are_shares_of_the_image(eye: tuple[float, float, float]) -> None:
     """The share that lies in one half of the body, against rays through every pixel."""

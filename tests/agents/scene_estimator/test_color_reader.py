@@ -298,5 +298,9 @@ def test_after_a_gap_nobody_knows_how_a_thing_is_turned_that_was_followed(
     for stamp in (0.0, 0.1, 0.2, 10.0, 10.1):
         reader.read(msgspec.structs.replace(shown, stamp=stamp), known, camera)
     assert followed == [False, True, True, False, True]
+    scene.put("cup", AWAY)
+    reader.read(msgspec.structs.replace(scene.frame(camera), stamp=10.2), known, camera)
+    reader.read(msgspec.structs.replace(shown, stamp=10.3), known, camera)
+    assert len(followed) == 6 and not followed[-1], "it was out of view in between"
     reader.read(shown, scene.known[:1], camera)
     assert set(reader._known) == {scene.known[0].name}
