@@ -46,6 +46,8 @@ class WorldPresence:
             self._watches.pop(channel).close()
         for channel in keys.keys() - self._watches.keys():
             self._watches[channel] = self._watch(channels.get(channel, BASE), keys[channel])
+        for world in self._tokens.keys() - {BASE, *channels.values()}:
+            del self._tokens[world]
 
     def agents(self, but: Collection[str] = ()) -> dict[str, list[str]]:
         """Names of those who have each world open, by world, without those in `but`."""

@@ -84,6 +84,18 @@ def test_who_follows_all_worlds_follows_so_many_and_those_of_others(net: Net) ->
     assert there["base"] == there["zebra"] == ["me"] and len(there) == 2 * MOST_FOLLOWED + 2
 
 
+def test_of_worlds_that_are_gone_nothing_is_kept_by_who_follows_all(net: Net) -> None:
+    memory = net.join("me")
+    memory.create_world("zebra")
+    net.pump(0.2)
+    presence = WorldPresence(memory)
+    assert set(presence._tokens) == {"base", "zebra"}
+    memory.delete_world("zebra")
+    net.pump(0.2)
+    presence.follow()
+    assert set(presence._tokens) == {"base"} and list(presence._watches) == [""]
+
+
 def test_a_record_with_a_name_that_nothing_has_lists_no_world(net: Net, caplog: pytest.LogCaptureFixture) -> None:
     """An error quotes what a world shows: with a record of a megabyte, it was as long."""
     memory = net.join("me")
