@@ -149,8 +149,8 @@ class _Told(NamedTuple):
 def _shifts_by_motion(from_camera: Array) -> Array:
     """(n, 3, 6) how things at (n, 3) m from the camera are shifted by its shift, and by its turn."""
     (right, back, up), zero = from_camera.T, np.zeros(len(from_camera))
-    levers = np.array([[zero, up, -back], [-up, zero, right], [back, -right, zero]])
-    return np.concatenate([np.broadcast_to(np.eye(3), (len(zero), 3, 3)), np.moveaxis(levers, 2, 0)], axis=2)
+    levers = np.moveaxis(np.array([[zero, up, -back], [-up, zero, right], [back, -right, zero]]), 2, 0)
+    return np.concatenate([np.broadcast_to(np.eye(3), levers.shape), levers], axis=2)
 
 
 def _likeliest_sets(told: _Told) -> tuple[Array, Array]:
