@@ -43,8 +43,7 @@ class StayingOverTime:
     def __init__(self) -> None:
         self.stays: Staying | None = None
         """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
-        self.former: Former | None = None
-        """Where it was before the simulation followed what is seen, and still is if the camera moved"""
+        self._former: Former | None = None
         self._before: ObjectEvidence | None = None
         self._relearned = -math.inf
         """s, when its camera was last told to be elsewhere; while it is seen displaced since then, that goes on"""
@@ -66,9 +65,9 @@ class StayingOverTime:
         if is_relearned or (is_off and now - self._relearned <= STEADY):
             self._relearned = now
         if before is None or is_relearned or thing.is_sure or is_led(thing):
-            self.former = None  # it has moved since, or it is known better where its camera is
+            self._former = None  # it has moved since, or it is known better where its camera is
         elif before.believed and thing.believed and before.believed.distance(thing.believed)[0] > PLACE_FLOOR:
-            self.former = self._left(before.believed, thing.believed)
+            self._former = self._left(before.believed, thing.believed)
         if not is_off:
             self.stays = None
         elif thing.is_sure or thing.driven or thing.rides or now - self._relearned <= STEADY:
@@ -77,15 +76,24 @@ class StayingOverTime:
             self.stays = stays or self.stays or Staying(float(thing.is_doubted))
         return 0.0 if self.stays is None else self.stays.probability
 
+    @property
+    def former(self) -> Former | None:
+        """Where it was before the simulation followed what is seen, and still is if the camera moved.
+
+        If it is not where the simulation has it because it has moved again, it is not there, either.
+        """
+        if self._former is None or self.stays is None:
+            return self._former
+        chance = self._former.stays.by_camera * self.stays.probability
+        return Former(Staying(chance, self._former.stays.camera, chance), self._former.pose)
+
     def _left(self, place: Pose, new: Pose) -> Former | None:
         """Where it may be yet, once the simulation has left a place for a new one: there, or where it was before."""
-        former, stays = self.former, self.stays
+        stays, before, former = self.stays, self._former, self.former
         if stays is None:
             return None if place.distance(new)[0] > GONE_FROM else former
-        if former is not None:
-            both = former.stays.by_camera * stays.probability
-            if both >= (1.0 - former.stays.by_camera) * stays.by_camera:
-                return Former(Staying(both, former.stays.camera, both), former.pose)
+        if before and former and former.stays.by_camera >= (1.0 - before.stays.by_camera) * stays.by_camera:
+            return former
         return Former(stays, place)
 
 

@@ -179,6 +179,15 @@ def test_what_turns_up_elsewhere_is_not_where_it_was_before_its_camera_moved(tab
     assert table.chance("can", CAMERA) > 0.99
 
 
+def test_what_has_moved_again_is_not_where_it_was_before_its_camera_moved(table: Table) -> None:
+    """From the first percept on, before the simulation has followed that."""
+    followed(table)
+    there = table.percepts["box"] = Pose((0.7, 0.4, 0.02))
+    table.run(STEP)
+    assert table.error("box", there) < 0.001 and table.chance("box", CAMERA) < 0.01
+    assert table.chance("can", CAMERA) > 0.99
+
+
 def test_what_a_camera_shows_that_is_known_not_to_have_moved_has_moved(table: Table) -> None:
     table.displace(BUMP, *PLACES)
     table.run(0.5)
