@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import replace
 
 from dsr.math3d.tolerance import PoseTolerance
@@ -263,26 +263,28 @@ class Correction:
         """Put bodies where they are believed to be, and what was placed or has `moved` out of others' way."""
         items, scene = {item.name: item for item in moving}, around.scene
         before, in_motion = self._bodies.scene(leaving_out=()), self._bodies.in_motion()
-        contents = with_contents({name: scene[name] for name in items if name in before}, before, stay=items)
+        free = self._free(before, now)
+        contents = with_contents({name: scene[name] for name in items if name in before}, before, before.keys() - free)
         scene |= contents
         softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
         still = [solid for name, solid in scene.items() if name in items or name not in in_motion]
         pushed = separate(still, softness, around.placed | contents.keys() | set(moved))
         scene |= {name: scene[name].moved(position) for name, position in pushed.items()}
         aside = {name: scene[name] for name in pushed.keys() - items.keys()}
-        loads = self._loads_of(aside, before, contents.keys(), now) if aside else {}
+        loads = self._loads_of(aside, before, free - contents.keys()) if aside else {}
         scene |= loads
-        for name in sorted(items.keys() | pushed.keys() | loads.keys()):
+        for name in sorted(items.keys() | contents.keys() | pushed.keys() | loads.keys()):
             self._bodies.put(self._bodies.object(name), scene[name].position, scene[name].rotation)
         for item in items.values():
             self._bodies.set_static(item, item.strikes >= self._config.strikes or not item.is_carried())
 
-    def _loads_of(
-        self, pushed: Mapping[str, Solid], before: Mapping[str, Solid], stay: Collection[str], now: float
-    ) -> dict[str, Solid]:
-        """Where what nobody sees goes that is on or in objects which are pushed aside, but for what is to `stay`."""
-        items = [item for item in self._bodies.objects.values() if item.name in before and item.name not in stay]
-        free = {item.name for item in items if not (item.is_led or item.static or item.estimate_at(now))}
+    def _free(self, before: Collection[str], now: float) -> set[str]:
+        """Names of what nobody sees or moves: it goes along with what it is in or on. All had a place `before`."""
+        items = [item for item in self._bodies.objects.values() if item.name in before]
+        return {item.name for item in items if not (item.is_led or item.static or item.estimate_at(now))}
+
+    def _loads_of(self, pushed: Mapping[str, Solid], before: Mapping[str, Solid], free: Set[str]) -> dict[str, Solid]:
+        """Where what is `free` goes that is on or in objects which are pushed aside."""
         if free <= pushed.keys():
             return {}
         solids = {name: before[name] for name in sorted(free | pushed.keys())}

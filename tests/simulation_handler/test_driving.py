@@ -94,6 +94,22 @@ def test_what_rolls_easily_does_not_roll_on_when_its_box_is_seen_to_stop(seed: i
         assert math.dist(before.t, after.t) < 0.022
 
 
+@pytest.mark.parametrize("shift", [0.003, 0.006, 0.01])
+def test_what_nobody_sees_in_a_box_goes_along_where_percepts_put_the_box_right(shift: float) -> None:
+    """No explanation and no way tells of so little: the box is put elsewhere, with what is in it."""
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cube_1": Pose((0.3, 0.0, 0.023))})
+    world.run(2.0)
+    world.seen = {"box"}
+    world.run(1.0)
+    before = world.pose("box").inverse() @ world.pose("cube_1")
+    world.truths["box"] = standing(0.3 + shift, 0.0, BOX)
+    world.run(1.0)
+    assert world.error("box") < 0.001
+    after = world.pose("box").inverse() @ world.pose("cube_1")
+    assert before.distance(after)[0] < 0.0005
+    assert world.texts() == []
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ball_goes_along_in_a_box_that_is_pushed_lifted_and_put_down(seed: int) -> None:
     world = ball_in_a_box(seed)
