@@ -82,8 +82,7 @@ def staged_system(run: Run) -> System:
     So is a finder of hands where none would be found by it: the tracker alone would go on by colour.
     """
     system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
-    if run.untagged:
-        _check_finds_blocks(run, system)
+    _check_finds_blocks(run, system)
     if run.scenario.mission is None or run.untagged:
         system = without(system, MISSION)
     if run.scenario.mission is not None:
@@ -102,9 +101,15 @@ def staged_system(run: Run) -> System:
 
 
 def _check_finds_blocks(run: Run, system: System) -> None:
-    if run.sensor != "pixels":
-        raise ConfigError("without tags, objects are found in images only; expected the sensor `pixels`")
-    if ESTIMATOR not in _names(system):
+    """Raise `ConfigError` if what has no tag, and of which nobody is told, is to be found where nothing would find it."""
+    is_found = ESTIMATOR in _names(system) and bool(system.agent(ESTIMATOR).config.get("blocks"))
+    blocks = [spec.name for spec in run.scenario.objects if spec.by_depth]
+    if run.sensor != "pixels" and blocks and (run.untagged or is_found):
+        raise ConfigError(
+            f"{run.scenario.name!r}: without tags, {', '.join(blocks)} are found in images only; expected the sensor "
+            f"`pixels`, not `{run.sensor}`"
+        )
+    if run.untagged and ESTIMATOR not in _names(system):
         raise ConfigError(
             f"the system {run.scenario.system!r} has no agent {ESTIMATOR!r}, which would find objects without tags"
         )
