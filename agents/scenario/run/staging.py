@@ -101,7 +101,7 @@ def staged_system(run: Run) -> System:
 
 
 def _check_finds_blocks(run: Run, system: System) -> None:
-    """Raise `ConfigError` if what has no tag, and of which nobody is told, is to be found where nothing would find it."""
+    """Raise `ConfigError` if things without tags, of which nobody is told, are expected where nothing finds them."""
     is_found = ESTIMATOR in _names(system) and bool(system.agent(ESTIMATOR).config.get("blocks"))
     blocks = [spec.name for spec in run.scenario.objects if spec.by_depth]
     if run.sensor != "pixels" and blocks and (run.untagged or is_found):

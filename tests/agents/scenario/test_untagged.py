@@ -74,7 +74,7 @@ def test_the_agents_are_told_and_the_mission_waits_for_names() -> None:
 def test_where_nothing_would_be_found_the_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="`pixels`"):
         staged_system(make_run("cube_removed", untagged=True, sensor="poses"))
-    with pytest.raises(ConfigError, match="'untagged_blocks': without tags, red, .* expected the sensor `pixels`"):
+    with pytest.raises(ConfigError, match=r"'untagged_blocks': without tags, red, .* expected the sensor `pixels`"):
         staged_system(make_run("untagged_blocks", sensor="poses"))
     staged_system(make_run("untagged_blocks"))
     file = tmp_path / "blind.toml"
