@@ -13,6 +13,7 @@ from agents.scenario.judge.accuracy import TrueRelations, thinned, true_holders
 from agents.scenario.truth.actions import compare
 from agents.scenario.truth.history import History, Inferred, Sample
 from benchmarks.honesty.answers import Answer
+from benchmarks.honesty.hands import by_true_hands
 from benchmarks.honesty.statement import Statement, log_score, region_of, stated
 from benchmarks.honesty.watching import ToldWorlds
 from dsr.math3d.tolerance import PoseTolerance
@@ -102,6 +103,7 @@ SPEAKERS: dict[str, Speaker] = {"belief": believed, "one world": simulated, "per
 
 def scores_of(family: str, seed: int, history: History, worlds: Mapping[float, ToldWorlds]) -> RunScores:
     """Score all that was told in a finished run from its `settle` on; the worlds by the times of the samples (s)."""
+    worlds = by_true_hands(history.samples, worlds)
     window = thinned(history.window(history.scenario.settle, history.end))
     moments = [moment for spec in history.scenario.objects for moment in _moments_of(spec, history, window, worlds)]
     return RunScores(family, seed, moments, [*_relations(history, window, worlds), _actions(history)])

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from agents.scenario.truth.history import History
 from benchmarks.honesty.statement import Likely, Statement, stated
+from dsr.math3d.quaternions import Vector3
 from dsr.memory import Memory
 from dsr.runtime.system import System
 from simulation_handler.agent import SimulationHandler
@@ -28,6 +29,8 @@ class ToldWorlds(NamedTuple):
     """Of each object, by the simulated world alone"""
     relations: dict[str, dict[Relation, float]]
     """By kind and pair, as in edges: the probability of it"""
+    palms: dict[str, Vector3]
+    """(3,) m, world, of each hand that is in sight, by its node"""
 
 
 def watched(system: System) -> tuple[System, list[SimulationHandler]]:
@@ -64,8 +67,11 @@ def told_by(belief: Belief) -> ToldWorlds:
     """What a belief says now."""
     islands = belief.islands()
     places = {name: statement_of(island, name) for island in islands for name in island.names}
-    simulated = {name: stated(thing.believed, gone=thing.gone) for name, thing in belief.evidence().objects.items()}
-    return ToldWorlds(places, simulated, {kind: told_relations(islands, kind) for kind in (GRASPING, INSIDE, ON)})
+    evidence = belief.evidence()
+    simulated = {name: stated(thing.believed, gone=thing.gone) for name, thing in evidence.objects.items()}
+    relations = {kind: told_relations(islands, kind) for kind in (GRASPING, INSIDE, ON)}
+    palms = {name: hand.pose.t for name, hand in evidence.hands.items() if hand.is_seen}
+    return ToldWorlds(places, simulated, relations, palms)
 
 
 def statement_of(island: Island, name: str) -> Statement:

@@ -225,6 +225,7 @@ class Judge:
             grasped=truth.grasped,
             apart=truth.apart,
             touched=truth.touched,
+            hands={f"human_hand_{number}": landmarks for number, landmarks in truth.hands.items()},
             moving=truth.moving,
             in_view=truth.in_view,
             surprising=frozenset(self._flagged),

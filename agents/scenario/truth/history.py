@@ -10,6 +10,7 @@ import msgspec
 
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.units import Size
+from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import Action
 
@@ -64,6 +65,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """m, true: the least distance between two arms since the sample before; None if they were far apart."""
     touched: dict[str, str] = {}
     """True: objects on which fingertips just lie, and the node of the hand."""
+    hands: dict[str, tuple[Vector3, ...]] = {}
+    """True: 21 landmarks (m, world) of each human hand in the scene, by its node."""
     moving: frozenset[str] = frozenset()
     """True: objects that do not lie still."""
     in_view: frozenset[str] = frozenset()

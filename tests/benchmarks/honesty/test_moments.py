@@ -67,7 +67,7 @@ def said(one: Sample) -> ToldWorlds:
     names = one.beliefs.keys() | one.absent
     places = {name: stated(one.beliefs.get(name), gone=name in one.absent) for name in names}
     pairs = {kind: {(a, b): 1.0 for type, a, b in one.edges if type == kind} for kind in ("on", "in", "grasping")}
-    return ToldWorlds(places, places, pairs)
+    return ToldWorlds(places, places, pairs, {})
 
 
 def scores(family: str, seed: int, made: History) -> RunScores:
@@ -135,6 +135,15 @@ def test_relations_and_actions_are_answers() -> None:
     assert sorted(on) == [(1.0, False), (1.0, True), (1.0, True)], "what is held does not count; what is gone is not on"
     assert answers["on"].questions == 3
     assert list(answers["actions"].answers) == [Answer(0.4, False, 2.5, ("Pick", "other"))]
+
+
+def test_holders_are_compared_by_where_hands_are() -> None:
+    one = sample(2.0, HERE, HERE, grasped={"box": "human_hand_1"}, hands={"human_hand_1": (HERE.t,) * 21})
+    held = {"grasping": {("human_hand_0", "box"): 1.0}}
+    told = said(one)._replace(relations=said(one).relations | held, palms={"human_hand_0": THERE.t})
+    made = history([sample(0.5, HERE, HERE), one])
+    answers = {told.kind: told for told in scores_of("f", 0, made, {2.0: told}).answers}
+    assert list(answers["grasping"].answers) == [Answer(1.0, True, 2.0, ("human_hand_1", "box"))]
 
 
 def test_relations_of_what_no_camera_has_seen_are_kept_apart() -> None:
