@@ -1,25 +1,32 @@
 """Where a shape of known rotation lies on the pixels that show it: its visible surface is put where it is seen.
 
-The middle of what is seen is compared with the middle of what should be seen of the shape at a supposed place, which is
-then moved by the difference, and so on: an iterated closest point method (Besl and McKay, PAMI 1992) with all points
-matched at once. What something nearer hides, or lies outside the image, should not be seen, so that it does not pull
-the place to one side. The same is so of pixels without depth. They are at edges before something far, so at an upper
-edge more than at one on a table. Where most is hidden that may end at a wrong place; each point's distance from the
-surface then leads on.
+What is seen is compared with what should be seen of the shape at a supposed place, which is then moved by the
+difference, and so on: an iterated closest point method (Besl and McKay, PAMI 1992) with all points matched at once. All
+pixels of the colour tell where it is across the view, by the middle of their rays. Those with a depth tell how far away
+it is, each by the difference from the depth that it should have. What should be seen is where rays meet the shape that
+are spread evenly over its image: an area of the image counts as much there as it does in pixels. Points that are spread
+over the surface would be denser in one place than in another, and pull the place to one side, alike in each frame.
+
+What something nearer hides, or lies outside the image, should not be seen. A pixel without depth, of another colour, is
+hidden if what is beside it is. Where most is hidden the middle may lead to a wrong place. Each point's distance from
+the surface then leads on.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.segmentation import Mask
+from dsr.math3d.boxes import CORNERS
 from dsr.math3d.quaternions import Vector3
-from dsr.math3d.shapes import Shape
-from dsr.math3d.surfaces import distances, seen_alone
+from dsr.math3d.shapes import Shape, box
+from dsr.math3d.surfaces import Solids, distances
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -27,14 +34,14 @@ SMALLEST = 8
 """px, the width of the smallest spot that is used"""
 ROUGH = 4
 """Iterations, and"""
-ROUGH_POINTS = 200
-"""points of a shape, enough to tell rotations apart"""
+ROUGH_RAYS = 400
+"""rays about a shape, enough to tell rotations apart"""
 
 BEHIND, BEFORE = 0.3, -0.3
 """Of the shortest edge: how far the centre is behind what is seen of the outside; of the inside of something hollow"""
 
-_MOST_PIXELS = 1500
-_MODEL_POINTS = 1500  # all around the shape: some 4 mm apart on a cup
+_MOST_POINTS = 1500
+_RAYS = 3000  # about a shape: the middle of what they meet is known to a thousandth of its extent
 _ITERATIONS = 12
 _SETTLED = 1e-4  # m
 _STEPS = 8
@@ -44,6 +51,8 @@ _FAR_OFF = 0.004  # m from the surface, beyond which a point counts less and les
 _HELD = 0.02  # of the points' weight: what keeps the place where they do not tell it
 _LONGEST_STEP = 0.02  # m
 _IN_FRONT = 0.015  # m, by which something must be nearer to hide a point
+_LEAST = 1e-9  # share of an image that stands for none
+_PLASTIC = 1.324717957244746  # the real root of x^3 = x + 1
 
 
 class FrameView(NamedTuple):
@@ -70,56 +79,135 @@ class Fit(NamedTuple):
     """m, mean distance of the points from the surface"""
 
 
-class ExpectedPoints(NamedTuple):
-    """Which of some points of a surface should be seen."""
+class Rays(NamedTuple):
+    """Viewing rays of some pixels, and what is at their ends."""
+
+    directions: Array
+    """(n, 3) in the world, as long as they go 1 m along the optical axis"""
+    weights: Array
+    """(n,) sr, or another unit, solid angles"""
+    depths: Array
+    """(n,) m along the optical axis; 0 where unknown"""
+
+    def only(self, which: NDArray[np.bool_]) -> Rays:
+        """Some of them."""
+        return Rays(self.directions[which], self.weights[which], self.depths[which])
+
+
+class ExpectedPixels(NamedTuple):
+    """Which of some pixels should show what their rays meet."""
 
     free: NDArray[np.bool_]
     """(n,) whether nothing hides it"""
-    measured: NDArray[np.bool_]
-    """(n,) those of them whose pixel has a depth: at an edge before something far away, most have none"""
     colored: NDArray[np.bool_]
-    """(n,) whether its pixel has the colour"""
+    """(n,) whether it has the colour"""
+    depths: Array
+    """(n,) m along the optical axis, as measured; 0 where unknown: at an edge before something far, most are"""
 
 
 class ImagePart:
-    """The visible points and their camera, in the world frame."""
+    """The pixels of one colour, and what they and those around them show.
 
-    def __init__(self, view: FrameView, mask: Mask, points: Array, weights: Array) -> None:
+    Args:
+        view: depth and camera.
+        mask: (h, w) those pixels.
+    """
+
+    def __init__(self, view: FrameView, mask: Mask) -> None:
         self._view = view
         self._mask = mask
-        self.eye = view.world_from_camera.translation
-        self.points = view.world_from_camera.apply(points)
-        self.weights = weights
+        self._around_holes = _filled(view.depth)
         self._camera_from_world = view.world_from_camera.inverse()
+        self.eye = view.world_from_camera.translation
+        rows, columns = np.nonzero(mask)
+        directions, weights = self._looks(np.column_stack([columns, rows]).astype(np.float64))
+        colored = Rays(directions, weights, _known(view.depth[rows, columns]))
+        self._colored = colored.only(np.isfinite(weights))
+        measured = self._colored.only(self._colored.depths > 0.0)
+        directions, self.weights, depths = (each[:: max(1, math.ceil(len(each) / _MOST_POINTS))] for each in measured)
+        self.points = self.eye + directions * depths[:, None]
+        """(n, 3) m, world, of some of those whose depth is known; with solid angles `weights` (n,)"""
+        self.is_large = len(self.points) > 0 and min(np.ptp(rows), np.ptp(columns)) >= SMALLEST
+        """Whether the spot is large enough to be used"""
+        self.squared_depth = float((depths**2).mean()) if self.is_large else 0.0
+        """m^2, mean of these points"""
 
-    def expected(self, points: Array) -> ExpectedPoints:
-        """Which points (n, 3) of the world should be seen."""
-        local = self._camera_from_world.apply(points)
-        depth = np.maximum(local[:, 2], 1e-6)
+    def _looks(self, pixels: Array) -> tuple[Array, Array]:
+        """Directions (n, 3) and solid angles (n,) of pixels (n, 2), as of `Rays`."""
+        rays = self._view.intrinsics.rays(pixels)
+        return rays @ self._view.world_from_camera.rotation_matrix.T, (rays * rays).sum(axis=1) ** -1.5
+
+    def shown(self, shape: Shape, size: Vector3, rotation: Array, position: Array, rays: int = _RAYS) -> Rays:
+        """Rays spread evenly over the image of a shape, as it would be with nothing else there.
+
+        Args:
+            shape: without parts, a box of `size` m.
+            size: edge lengths of its bounding box, m.
+            rotation: (3, 3) world_from_object.
+            position: (3,) m, of its centre in the world.
+            rays: as many are cast about it.
+
+        Returns:
+            None where the bounding box reaches beyond the camera. The weights are 1 together.
+        """
+        corners = self._camera_from_world.apply(position + (0.5 * CORNERS * size) @ rotation.T)
+        if corners[:, 2].min() <= 0.0:
+            return Rays(np.empty((0, 3)), np.empty(0), np.empty(0))
+        outline = self._view.intrinsics.project(corners)
+        first, last = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
+        directions, weights = self._looks(first + (last - first) * _evenly(rays))
+        solids = Solids.of(shape or box(size))
+        depths = solids.first_met(rotation.T @ (self.eye - position), directions @ rotation)
+        found = Rays(directions, weights, depths).only(np.isfinite(depths))
+        return found._replace(weights=found.weights / max(float(found.weights.sum()), _LEAST))
+
+    def expected(self, shown: Rays) -> ExpectedPixels:
+        """Which of the pixels of some rays should show what these meet."""
+        local = shown.directions @ self._view.world_from_camera.rotation_matrix
         height, width = self._mask.shape
-        column, row = np.rint(self._view.intrinsics.project(np.column_stack([local[:, :2], depth]))).T
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (local[:, 2] > 0.0)
+        column, row = np.rint(self._view.intrinsics.project(local)).T
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         place = np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int)
         colored = self._mask[place] & inside
-        measured = self._view.depth[place]
-        free = inside & (colored | (measured > depth - _IN_FRONT))
-        return ExpectedPoints(free, free & (measured > 0.0) & np.isfinite(measured), colored)
+        free = inside & (colored | (self._around_holes[place] > shown.depths - _IN_FRONT))
+        return ExpectedPixels(free, colored, _known(self._view.depth[place]))
 
     def around(self, position: Array, size: Vector3) -> NDArray[np.bool_]:
         """Which points are near what is at a position (3,) and has a bounding box of that size."""
-        near: NDArray[np.bool_] = np.linalg.norm(self.points - position, axis=1) < math.hypot(*size) + 2.0 * _IN_FRONT
-        return near
+        return _are_near(self.points, position, size)
+
+    def colored_around(self, position: Array, size: Vector3) -> Rays:
+        """The rays of the pixels of the colour that may show what is at a position (3,) and has a box of that size."""
+        usual = float(self._camera_from_world.apply(position)[2])
+        colored = self._colored
+        places = self.eye + colored.directions * np.where(colored.depths > 0.0, colored.depths, usual)[:, None]
+        return colored.only(_are_near(places, position, size))
 
 
-def cloud(view: FrameView, mask: Mask) -> tuple[Array, Array]:
-    """Points (n, 3) of the mask's pixels with known depth, in the camera frame, and their solid angles (n,)."""
-    rows, columns = np.nonzero(mask & (view.depth > 0.0) & np.isfinite(view.depth))
-    step = max(1, math.ceil(len(rows) / _MOST_PIXELS))
-    rows, columns = rows[::step], columns[::step]
-    if len(rows) == 0 or min(np.ptp(rows), np.ptp(columns)) < SMALLEST:
-        return np.empty((0, 3)), np.empty(0)
-    rays = view.intrinsics.rays(np.column_stack([columns, rows]).astype(np.float64))
-    return rays * view.depth[rows, columns, None].astype(np.float64), (rays * rays).sum(axis=1) ** -1.5
+def _are_near(points: Array, position: Array, size: Vector3) -> NDArray[np.bool_]:
+    near: NDArray[np.bool_] = np.linalg.norm(points - position, axis=1) < math.hypot(*size) + 2.0 * _IN_FRONT
+    return near
+
+
+def _known(depths: NDArray[np.float32]) -> Array:
+    """Depths (n,) m; 0 where unknown."""
+    return np.where(np.isfinite(depths), depths, 0.0).astype(np.float64)
+
+
+def _filled(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depths (h, w) m, 0 where unknown; a pixel without one has the least of those beside it.
+
+    At an edge many have none, on both sides. What is before the edge hides what is behind it up to there.
+    """
+    is_known = (depth > 0.0) & np.isfinite(depth)
+    least = cv2.erode(np.where(is_known, depth, np.float32(np.inf)), np.ones((3, 3), np.uint8))
+    return np.where(is_known, depth, np.where(np.isfinite(least), least, np.float32(0.0)))
+
+
+@functools.cache
+def _evenly(count: int) -> Array:
+    """(count, 2) spread evenly over the unit square, and in no rows: Kronecker's sequence of the plastic number."""
+    return np.asarray((0.5 + np.outer(np.arange(count), (_PLASTIC**-1, _PLASTIC**-2))) % 1.0)
 
 
 def fit(
@@ -128,7 +216,7 @@ def fit(
     size: Vector3,
     rotation: Array,
     iterations: int = _ITERATIONS,
-    count: int = _MODEL_POINTS,
+    rays: int = _RAYS,
     start: float = BEHIND,
 ) -> Fit | None:
     """The place at which a shape with a rotation (3, 3) lies on the points; None if none of it could be seen there.
@@ -138,20 +226,21 @@ def fit(
     centre = _middle(scene.points, scene.weights)
     ahead = (centre - scene.eye) / np.linalg.norm(centre - scene.eye)
     position = centre + start * min(size) * ahead
-    for iteration in range(iterations):
-        if iteration in (0, 2, 5):
-            surface, weights = seen_alone(shape, size, rotation.T @ (scene.eye - position), count)
-            surface = surface @ rotation.T
-        compared = scene.expected(surface + position).measured
-        near = scene.around(position, size)
-        if not compared.any() or not near.any():
+    for _ in range(iterations):
+        shown = scene.shown(shape, size, rotation, position, rays)
+        expected = scene.expected(shown)
+        compared, seen = shown.only(expected.free), scene.colored_around(position, size)
+        common = expected.colored & (expected.depths > 0.0)
+        if not common.any() or not len(seen.weights):
             return None
-        seen, expected = (scene.points[near], scene.weights[near]), (surface[compared], weights[compared])
-        difference = _middle(*seen) - _middle(*expected) - position
+        towards = _middle(seen.directions, seen.weights)
+        aside = _middle(compared.depths, compared.weights) * (towards - _middle(compared.directions, compared.weights))
+        farther = _middle(expected.depths[common] - shown.depths[common], shown.weights[common])
+        difference = aside + farther * towards
         position = position + difference
         if np.linalg.norm(difference) < _SETTLED:
             break
-    return judged(scene, shape, size, rotation, position, count)
+    return judged(scene, shape, size, rotation, position, rays)
 
 
 def settled(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> Fit:
@@ -180,15 +269,15 @@ def _step(points: Array, shape: Shape, size: Vector3, rotation: Array, position:
 
 
 def judged(
-    scene: ImagePart, shape: Shape, size: Vector3, rotation: Array, position: Array, count: int = _MODEL_POINTS
+    scene: ImagePart, shape: Shape, size: Vector3, rotation: Array, position: Array, rays: int = _RAYS
 ) -> Fit:
     """How a shape at a place (3,) with a rotation (3, 3) lies on the points."""
-    surface, weights = seen_alone(shape, size, rotation.T @ (scene.eye - position), count)
-    free, _, colored = scene.expected(surface @ rotation.T + position)
-    share = float(weights[free].sum())
+    shown = scene.shown(shape, size, rotation, position, rays)
+    free, colored, _ = scene.expected(shown)
+    share = float(shown.weights[free].sum())
     near = scene.points[scene.around(position, size)]
     misfit = float(distances(shape, size, (near - position) @ rotation).mean()) if len(near) else math.inf
-    return Fit(position, rotation, share, float(weights[colored].sum()) / max(share, 1e-9), misfit)
+    return Fit(position, rotation, share, float(shown.weights[colored].sum()) / max(share, _LEAST), misfit)
 
 
 def _middle(points: Array, weights: Array) -> Array:

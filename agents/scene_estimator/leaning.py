@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, ImagePart, fit, judged
+from agents.scene_estimator.fitting import ROUGH, ROUGH_RAYS, Fit, ImagePart, fit, judged
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
@@ -59,7 +59,7 @@ def leaning(scene: ImagePart, shape: Shape, size: Vector3, guess: Array, good: f
         guess: (3, 3) world_from_object.
         good: m, mean distance of the points from the surface in a good fit.
     """
-    found = fit(scene, shape, size, guess, ROUGH, ROUGH_POINTS)
+    found = fit(scene, shape, size, guess, ROUGH, ROUGH_RAYS)
     if found is None:
         return None
     rotation, position = guess, found.position
@@ -86,7 +86,7 @@ def anyhow(scene: ImagePart, shape: Shape, size: Vector3, good: float) -> Fit | 
         size: edge lengths of its bounding box, m.
         good: m, mean distance of the points from the surface in a good fit.
     """
-    rough = [fit(scene, shape, size, rotation, ROUGH, ROUGH_POINTS) for rotation in _all_rotations()]
+    rough = [fit(scene, shape, size, rotation, ROUGH, ROUGH_RAYS) for rotation in _all_rotations()]
     starts = sorted((one for one in rough if one is not None), key=lambda one: one.misfit)[:_REFINED]
     best = _best(leaning(scene, shape, size, start.rotation, good) for start in starts)
     if best is None or best.misfit > good:
@@ -135,7 +135,7 @@ def turned(scene: ImagePart, shape: Shape, size: Vector3, found: Fit, sigma: flo
 
 def is_unlike_fallen(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> bool:
     """Whether what stands could not as well lie on a side, or on its head: as a cube could, or a box from below."""
-    others = (fit(scene, shape, size, found.rotation @ fallen, ROUGH, ROUGH_POINTS) for fallen in _FALLEN)
+    others = (fit(scene, shape, size, found.rotation @ fallen, ROUGH, ROUGH_RAYS) for fallen in _FALLEN)
     return all(other is None or other.misfit > _UNLIKE * found.misfit for other in others)
 
 

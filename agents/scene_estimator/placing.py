@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.scene_estimator.colored import LEANS, UPRIGHT
-from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_POINTS, Fit, FrameView, ImagePart, cloud, fit, settled
+from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_RAYS, Fit, FrameView, ImagePart, fit, settled
 from agents.scene_estimator.leaning import anyhow, is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
 from agents.scene_estimator.turning import ROUND, nearest_alike, order
@@ -105,11 +105,10 @@ def place(
     Returns:
         None if too little of it is seen, or if what is seen is not its surface.
     """
-    points, weights = cloud(view, mask)
-    if len(points) == 0:
+    scene = ImagePart(view, mask)
+    if not scene.is_large:
         return None
-    scene = ImagePart(view, mask, points, weights)
-    expected = noise * float((points[:, 2] ** 2).mean())
+    expected = noise * scene.squared_depth
     good = _GOOD_FIT * expected
     is_familiar = guess.misfit < math.inf
     found, guess = _fitting(scene, shape, size, guess, good, search=search)
@@ -222,7 +221,7 @@ def _best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> floa
     for angles in ((yaw, *_YAWS), *((-step, step) for step in _FINER)):
         best = min(misfits, key=lambda angle: misfits[angle]) if misfits else 0.0
         for angle in (float(best + step) for step in angles):
-            found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_POINTS)
+            found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_RAYS)
             misfits[angle] = math.inf if found is None else found.misfit
     return nearest_alike(min(misfits, key=lambda angle: misfits[angle]), yaw, order(shape, size))
 

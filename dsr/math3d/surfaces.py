@@ -99,8 +99,6 @@ def seen_alone(shape: Shape, size: Vector3, eye: Array, count: int = _POINTS) ->
 
     Nothing else is there; `count` points are sampled all around it.
 
-    By `count` points all around it.
-
     Returns:
         The points of its surface that face the eye and that the body itself does not hide (n, 3), and the share of its
         image that each stands for (n,), 1 together.
@@ -201,6 +199,13 @@ class Solids(NamedTuple):
     def into(self, points: Array) -> Array:
         """(n, k, 3) points (k, 3) in the frame of each part."""
         return np.asarray(np.einsum("nkj,nji->nki", points[None] - self.centre[:, None], self.rotation))
+
+    def first_met(self, eye: Array, rays: Array) -> Array:
+        """(n,) parameters at which rays (n, 3) from `eye` (3,) meet the first of these; infinite if they meet none."""
+        start = np.einsum("nj,nji->ni", eye - self.centre, self.rotation)
+        enters, leaves = crossings(self.kinds, self.half, start[:, None], rays[None] @ self.rotation)
+        met = (enters < leaves) & (enters > 0.0)
+        return np.asarray(np.where(met, enters, math.inf).min(axis=0))
 
     def cut_off(self, eye: Array, targets: Array) -> Flags:
         """(n, rays) which rays from `eye` (3,) to `targets` (rays, 3) meet each part before their end."""

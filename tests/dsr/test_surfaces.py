@@ -114,6 +114,13 @@ def test_rays_against_round_parts() -> None:
     assert Solids.of(parts).cut_off(eye, targets).tolist() == expected
 
 
+def test_where_rays_meet_the_first_part() -> None:
+    solids = Solids.of((Part("sphere", (0.2, 0.2, 0.2)), Part("box", (2.0, 2.0, 0.2), (0.0, 0.0, -0.9))))
+    rays = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -2.0], [0.4, 0.0, -1.0], [0.0, 0.0, 1.0], [5.0, 0.0, -1.0]])
+    met = solids.first_met(np.array([0.0, 0.0, 1.2]), rays).tolist()
+    assert met == pytest.approx([1.1, 0.55, 2.0, math.inf, math.inf])
+
+
 def test_distances_from_the_surface() -> None:
     size = (1.0, 1.0, 1.0)
     ball, cylinder = (Part("sphere", (0.2, 0.2, 0.2)),), (Part("cylinder", (0.2, 0.2, 0.4), (1.0, 0.0, 0.0)),)

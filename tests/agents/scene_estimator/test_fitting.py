@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from agents.frame_images import images
-from agents.scene_estimator.fitting import BEFORE, FrameView, ImagePart, cloud, fit, judged, settled
+from agents.scene_estimator.fitting import BEFORE, FrameView, ImagePart, fit, judged, settled
 from agents.scene_estimator.segmentation import ColorImage
 from benchmarks.color_scene import ColorScene, looking_at
 from dsr import Pose
 from dsr.perception.noise import PerceptNoise
+from dsr.vocabulary.intrinsics import Intrinsics
 
 PLACE = (0.35, 0.02)
 
@@ -32,7 +33,7 @@ def seen(
     mask[first:] = False
     depth[first:] = 0.3  # something near
     view = FrameView(depth, intrinsics, camera)
-    return ImagePart(view, mask, *cloud(view, mask))
+    return ImagePart(view, mask)
 
 
 @pytest.mark.parametrize("noise", range(3))
@@ -76,6 +77,41 @@ def test_edges_without_depth_do_not_pull_the_place_to_one_side(unknown: float) -
         finally:
             scene.close()
     assert abs(np.mean(errors, axis=0)[1]) < 0.0005, "up and down in the image"
+
+
+@pytest.mark.parametrize("model", ["large_box", "container_green", "cup"])
+def test_a_shape_is_put_where_its_image_is_to_a_fraction_of_a_pixel(model: str) -> None:
+    """A pixel is 1.6 mm wide there."""
+    errors = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        scene = ColorScene([model], rng, [])
+        try:
+            truth = Pose((*PLACE, scene.height(model)))
+            scene.put(model, truth)
+            camera = looking_at((*PLACE, 0.05), 1.0, rng)
+            (known,) = scene.known
+            found = fit(seen(scene, camera, model), known.shape, known.size, truth.rotation_matrix)
+            assert found is not None
+            errors.append(camera.rotation_matrix.T @ (found.position - truth.translation))
+        finally:
+            scene.close()
+    across = np.sqrt(np.mean(np.square(errors), axis=0))[:2]
+    assert across.max() < 0.0004
+
+
+@pytest.mark.parametrize(("beyond", "is_free"), [(2.0, True), (0.3, False)])
+def test_pixels_without_depth_hide_something_only_beside_what_is_near(beyond: float, is_free: bool) -> None:
+    """Around an edge, both what is before it and what is behind it are without depth."""
+    intrinsics = Intrinsics(50.0, 50.0, 39.5, 29.5, 80, 60)
+    depth, mask = np.full((60, 80), beyond, np.float32), np.zeros((60, 80), bool)
+    mask[20:40, 30:50] = True
+    depth[mask], depth[:, 50] = 1.0, 0.0
+    depth[:, 51:] = beyond
+    part = ImagePart(FrameView(depth, intrinsics, Pose.identity()), mask)
+    plate = part.shown((), (0.46, 0.36, 0.02), np.eye(3), np.array([0.0, 0.0, 1.01]))
+    at_edge = np.rint(intrinsics.project(plate.directions))[:, 0] == 50
+    assert at_edge.any() and (part.expected(plate).free[at_edge] == is_free).all()
 
 
 def test_where_it_is_looked_for_first_does_not_matter_for_what_is_seen_well() -> None:
