@@ -110,12 +110,14 @@ def _size_and_shape(link: ET.Element) -> tuple[Vector3, Shape]:
 def size_and_shape(parts: Shape) -> tuple[Vector3, Shape]:
     """The edge lengths (m) of the bounding box of some parts, and the parts in the frame at its centre.
 
-    A single upright box has no parts. Raises `ValueError` for too many parts, and for parts too thin or too large.
+    A single upright box has no parts. Raises `ValueError` for too many parts, and for parts too thin, too large, or
+    round with unequal diameters.
     """
     if not 1 <= len(parts) <= MOST_PARTS:
         raise ValueError(f"{len(parts)} parts; expected 1 to {MOST_PARTS}")
     for index, part in enumerate(parts, start=1):
         _check_thickness(f"part {index} ({part.kind})", part.size)
+        _check_roundness(index, part)
     shape, _ = centred(parts)
     low, high = bounds(shape)
     x, y, z = (round(b - a, _DIGITS) for a, b in zip(low, high, strict=True))
@@ -140,6 +142,13 @@ def _check_thickness(what: str, size: Vector3) -> None:
     if min(size) < _THINNEST:
         found = " x ".join(f"{edge:g}" for edge in size)
         raise ValueError(f"{what}: expected lengths of at least {_THINNEST} m, got {found}")
+
+
+def _check_roundness(index: int, part: Part) -> None:
+    across = part.size[: {"box": 1, "cylinder": 2, "sphere": 3}[part.kind]]  # the diameters
+    if len(set(across)) > 1:
+        found = " x ".join(f"{edge:g}" for edge in across)
+        raise ValueError(f"part {index} ({part.kind}): expected equal diameters, got {found} m")
 
 
 def _mass(link: ET.Element) -> float:

@@ -53,5 +53,6 @@ UNITS = {
     "impulse": "N s",
     "speed": "m/s (tilt: rad/s)",
     "grey_noise": "grey levels",
+    "shape": "kind, three lengths in m (of round parts, too), position, rotation of each part",
 }
 """Unit by field name, for error messages."""
