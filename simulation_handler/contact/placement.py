@@ -38,6 +38,8 @@ class Placement:
     """Names of the bodies it rests on; empty if nothing within reach carries it."""
     covariance: Array
     """(3, 3) m^2 of the position, given its support"""
+    is_held: bool = False
+    """Whether something unknown keeps it there, beside its supports: physics alone would not"""
 
     @property
     def rests(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -36,6 +36,8 @@ class Lean(NamedTuple):
     """The body there"""
     supports: tuple[str, ...]
     """Names of what carries it then, sorted"""
+    is_steady: bool = False
+    """Whether a simulation leaves it there"""
 
 
 class Judged(NamedTuple):
@@ -86,7 +88,8 @@ class Leaning:
             around: the solids that are its `neighbours`.
             scene: all other solids.
 
-        What is believed to lean does so while standing explains what is perceived only as well.
+        What is believed to lean does so while standing explains what is perceived only as well. Where only a lean
+        that no simulation tells is likelier than standing, it leans in the way that fits best, steady or not.
         """
         is_held = not flat.rests  # by something unknown, unless it leans
         is_upright = seen.solid.face_down()[1] <= self._config.tilt_tolerance
@@ -99,15 +102,18 @@ class Leaning:
         leans = self._leans(item, seen, flat, around, scene)
         ways = [(seen.cost(lean.solid, PLACE_FLOOR) + nats.LEANS, lean) for lean in leans]
         ways.sort(key=lambda way: way[0])
-        costs = [cost for cost, _ in ways]
-        if not item.shows_stance:
-            costs.append(seen.cost(seen.solid, _heights(seen.solid)) + nats.LEANS)
-        least = min(costs, default=math.inf)
+        steady = [way for way in ways if way[1].is_steady]
+        unknown = math.inf if item.shows_stance else seen.cost(seen.solid, _heights(seen.solid)) + nats.LEANS
+        least = min([unknown, *(cost for cost, _ in steady)])
         aslant = 1.0 / (1.0 + math.exp(min(least - standing, nats.MOST_MISFIT)))
-        if ways and ways[0][0] < standing + (0.0 if is_flat else nats.AS_GOOD):
-            _, (solid, supports) = ways[0]
-            return Judged(Placement(solid, supports, covariance_given_height(seen.covariance)), aslant)
-        return Judged(None, aslant)
+        likelier = standing + (0.0 if is_flat else nats.AS_GOOD)
+        lean = next((lean for cost, lean in steady if cost < likelier), None)
+        if lean is None and ways and unknown < likelier:  # some friction or contact is not as simulated
+            lean = ways[0][1]
+        if lean is None:
+            return Judged(None, aslant)
+        covariance = covariance_given_height(seen.covariance)
+        return Judged(Placement(lean.solid, lean.supports, covariance, is_held=not lean.is_steady), aslant)
 
     def _leans(
         self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Mapping[str, Solid],
@@ -116,9 +122,10 @@ class Leaning:
         """The ways in which an object may lean; they are worked out anew when something has changed."""
         known = self._found.get(item.name)
         if known is None or not self._holds(known, flat, around):
-            starts = [seen.solid] if item.shows_stance else self._tipped(item, seen, flat, list(around.values()))
-            leans = [lean for start in starts if (lean := self._settled(item, start, scene)) is not None]
-            known = self._found[item.name] = _Found(flat, around, tuple(leans))
+            told = [Lean(seen.solid, ())] if item.shows_stance else self._tipped(item, seen, flat, around.values())
+            starts = [*self._as_before(item), *told]
+            leans = [self._settled(item, start.solid, scene) or start for start in starts]
+            known = self._found[item.name] = _Found(flat, around, tuple(lean for lean in leans if lean.supports))
         return known.leans
 
     def _holds(self, known: _Found, flat: Placement, around: Mapping[str, Solid]) -> bool:
@@ -131,22 +138,29 @@ class Leaning:
             and all(math.dist(other.position, around[name].position) < near for name, other in known.around.items())
         )
 
+    def _as_before(self, item: BelievedObject) -> list[Lean]:
+        """How the body leans in the simulation, if it does."""
+        if item.placement is None or item.name not in self._bodies.sim:
+            return []
+        body = self._bodies.solid(item.name)
+        return [] if self._is_flat(body) else [Lean(body, item.placement.supports)]
+
     def _is_flat(self, solid: Solid) -> bool:
         return solid.face_down()[1] <= self._config.divergence_angle
 
     def _tipped(
-        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Sequence[Solid]
-    ) -> list[Solid]:
+        self, item: BelievedObject, seen: PerceivedBody, flat: Placement, around: Collection[Solid]
+    ) -> list[Lean]:
         """The tilts with which the body touches a neighbour about where it is perceived; those that fit best."""
         found = [
-            solid
+            Lean(solid, tuple(sorted({other.name, *flat.supports})))
             for other in around
             for way in _ways_to(other, flat.solid)
             for rotation in _facing(flat.solid, way, turns=not item.shows_rotation)
             for solid in _touching(seen, rotation, way, flat.solid.bottom, other)
             if not self._is_flat(solid)
         ]
-        return sorted(found, key=lambda solid: seen.cost(solid, PLACE_FLOOR))[:BREADTH]
+        return sorted(found, key=lambda lean: seen.cost(lean.solid, PLACE_FLOOR))[:BREADTH]
 
     def _settled(self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]) -> Lean | None:
         """How an object leans a short time after it was put there, and on what; None if it does not, or moves."""
@@ -171,7 +185,7 @@ class Leaning:
             return None
         pairs = [{contact.upper, contact.lower} for contact in outcome.contacts]
         supports = {name for pair in pairs if item.name in pair for name in pair - {item.name}}
-        return Lean(solid, tuple(sorted(supports))) if supports else None
+        return Lean(solid, tuple(sorted(supports)), is_steady=True) if supports else None
 
 
 def _heights(solid: Solid) -> float:

@@ -273,7 +273,9 @@ class BelievedObject:
 
     def is_carried(self) -> bool:
         """Whether a body of the simulation carries the object, so that it needs no holding."""
-        return self.placement is not None and any(name != UNKNOWN for name in self.placement.supports)
+        if self.placement is None or self.placement.is_held:
+            return False
+        return any(name != UNKNOWN for name in self.placement.supports)
 
     def adopt(self, placement: Placement) -> None:
         """Take over a new placement."""

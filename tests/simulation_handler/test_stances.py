@@ -14,7 +14,9 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
+from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.stances import is_sure, likeliest_stance, probabilities, stances
+from simulation_handler.motion.leaning import Leaning
 from simulation_handler.motion.rolling import rolling
 from simulation_handler.perception.paths import Path
 from simulation_handler.perception.percepts import SeenObject
@@ -235,6 +237,44 @@ def test_a_board_that_sinks_after_its_wall_leans_where_it_comes_to_rest() -> Non
     assert world.off("wall") < 0.005
     assert world.off("board") < 0.005
     assert world.tilt("board") == pytest.approx(math.asin(reach / BOARD[2]), abs=0.06)
+
+
+def test_a_board_leans_where_it_is_seen_though_the_simulation_lets_it_slip() -> None:
+    """Its friction is not what the memory says. Lying on an edge, the board would be 23 mm lower."""
+    world, angle = World(), 0.9
+    for k, y in enumerate((-0.3, -0.2, 0.2, 0.3)):
+        world.add(f"cube_{k}", (0.04, 0.04, 0.04), (0.1, y, 0.02))
+    wall = 0.25 + BOARD[2] * math.sin(angle) + BOARD[0] * math.cos(angle) + 0.5 * WALL[0]
+    world.add("wall", WALL, (wall, 0.0, 0.09))
+    world.belief.add_object("board", BOARD, mass=0.2, friction=0.05, tagged=False)
+    world.truths["board"] = leaning_at(angle, 0.25)
+    world.run(3.0)
+    for _ in range(4):
+        world.run(0.5)
+        assert world.off("board") < 0.004
+        assert world.tilt("board") == pytest.approx(angle, abs=0.06)
+    assert world.off("wall") < 0.003
+    assert ("board", "table") in world.belief.supports()
+
+
+def test_how_a_body_leans_already_is_one_of_the_ways_however_far_off_it_would_stand() -> None:
+    """A plank once was put on its end 0.15 m away: from there, no tilt towards its neighbours was as it leant."""
+    world, angle = World(), 0.45
+    leaning = leaning_at(angle, 0.25)
+    world.add("cube", (0.04, 0.04, 0.04), (0.1, -0.2, 0.02))
+    world.add("wall", WALL, (0.25 + BOARD[2] * math.sin(angle) + BOARD[0] * math.cos(angle) + 0.045, 0.0, 0.09))
+    world.add("board", BOARD, leaning)
+    world.run(2.0)
+    bodies = world.belief._bodies
+    item, scene = bodies.object("board"), bodies.scene(leaving_out={"board"})
+    x, y, _ = leaning
+    seen = PerceivedBody(item.percept().moved(leaning), 1e-6 * np.eye(3), UNTOLD * np.eye(3))
+    flat = Placement(seen.solid.turned((0.0, 0.0, 0.0, 1.0)).moved((x + 0.03, y + 0.15, 0.095)), ("table",), np.eye(3))
+    judge = Leaning(bodies, CONFIG)
+    placement, aslant = judge.judge(item, seen, flat, {"wall": scene["wall"]}, scene)
+    judge.close()
+    assert placement is not None and not placement.is_held and aslant > 0.99
+    assert math.dist(placement.solid.position, leaning) < 0.002
 
 
 def test_a_board_that_stands_free_is_not_believed_to_lean() -> None:

@@ -624,7 +624,7 @@ def test_a_leaning_object_lies_before_it_is_turned():
         ('shape = [["box", [0.1, 0.1, 0.1], [0, 0, 0], [0, 0, 0, 1], [[0, 0, 0]]]]', "a part with corners"),
         ('shape = [["cylinder", [0.03, 0.1]]]', "kind, three lengths in m (of round parts, too), position, rotation"),
         ('shape = [["cylinder", [0.06, 0.05, 0.1]]]', "part 1 (cylinder): expected equal diameters, got 0.06 x 0.05 m"),
-        ('shape = [["sphere", [0.06, 0.06, 0.1]]]', "part 1 (sphere): expected equal diameters, got 0.06 x 0.06 x 0.1 m"),
+        ('shape = [["sphere", [0.06, 0.06, 0.1]]]', "expected equal diameters, got 0.06 x 0.06 x 0.1 m"),
         ("lean = [90.0, 0.0, 0.0]", "lean"),
     ],
 )
