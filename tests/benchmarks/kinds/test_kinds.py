@@ -79,7 +79,7 @@ def found(
         name: Statement(tuple(Likely(weight, pose.with_covariance(SURE)) for weight, pose in ways))
         for name, ways in told.items()
     }
-    said = {one.time: ToldWorlds(places, {}, {}) for one in made.samples}
+    said = {one.time: ToldWorlds(places, {}, {}, {}) for one in made.samples}
     return [one for one in cases(0, made, said, {one.time: palms or {} for one in made.samples}) if one.kind == kind]
 
 
@@ -99,7 +99,7 @@ def test_what_leans_in_view_may_be_believed_with_a_face_down() -> None:
     flat = found(made, LEANING, {"can": [(1.0, UPRIGHT)]})
     assert all(case.wrong and case.told > 0.99 for case in flat)
     nobody_knows = Statement((Likely(1.0, UPRIGHT.with_covariance(np.diag([1e-4] * 3 + [1.0] * 3))),))
-    said = {one.time: ToldWorlds({"can": nobody_knows}, {}, {}) for one in made.samples}
+    said = {one.time: ToldWorlds({"can": nobody_knows}, {}, {}, {}) for one in made.samples}
     assert not any(case.wrong for case in cases(0, made, said, {}) if case.kind == LEANING)
 
 
