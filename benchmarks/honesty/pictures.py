@@ -64,19 +64,21 @@ def _calibration(runs: Sequence[RunScores]) -> Any:
 def _log_scores(report: Report) -> Any:
     """Log scores by family, less is better."""
     families = list(dict.fromkeys(scores.family for scores in report.places))
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 0.34 * len(families) + 1.2), sharey=True)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 0.42 * len(families) + 1.2), sharey=True)
+    thick = 0.8 / len(SPEAKERS)
     sides: tuple[tuple[Any, Seen], ...] = ((left, "seen"), (right, "unseen"))
     for axes, seen in sides:
         for number, speaker in enumerate(SPEAKERS):
             found = {one.family: one for one in report.places if one.speaker == speaker and one.seen == seen}
-            places = [place + 0.38 * number - 0.19 for place, family in enumerate(families) if family in found]
+            shift = thick * (number - 0.5 * (len(SPEAKERS) - 1))
+            places = [place + shift for place, family in enumerate(families) if family in found]
             values = [found[family].log_score for family in families if family in found]
             errors = [found[family].log_score_error or 0.0 for family in families if family in found]
-            axes.barh(places, values, 0.36, xerr=errors, color=_COLORS.get(speaker), label=speaker)
+            axes.barh(places, values, thick, xerr=errors, color=_COLORS.get(speaker), label=speaker)
         axes.set(title=f"{seen}: nats, less is better")
     left.set_yticks(range(len(families)), families)
     left.invert_yaxis()
-    left.legend(loc="lower left")
+    figure.legend(*left.get_legend_handles_labels(), loc="lower center", ncols=len(SPEAKERS))
     return figure
 
 
