@@ -148,7 +148,7 @@ class ImagePart:
             rays: as many are cast about it.
 
         Returns:
-            None where the bounding box reaches beyond the camera. The weights are 1 together.
+            Those that meet the shape, none if its bounding box reaches behind the camera. Their weights are 1 together.
         """
         corners = self._camera_from_world.apply(position + (0.5 * CORNERS * size) @ rotation.T)
         if corners[:, 2].min() <= 0.0:
