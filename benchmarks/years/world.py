@@ -296,18 +296,21 @@ class World:
         """What those know who have seen these dots; all samples of streams have dots by now.
 
         A removal of a dead replica may have reached newcomers alone, who do as it says and leave it unaccounted for.
-        Then it holds if they do not hold any more what it removed.
+        Then it holds if they do not hold any more what it removed. Of several incarnations of a node some may be left,
+        though an edge went with all of them.
         """
-        known = Knowledge()
+        known, by_the_dead = Knowledge(), set[Dot]()
         for delta in self.committed:
             facts = facts_of(delta)
             durable = {(w.owner, w.attribute, w.stamp, w.writer) for w in delta.writes if w.dot and w.dot in seen}
             known.added |= {dot: add for dot, add in facts.added.items() if dot in seen}
-            accounted_for = all(last in seen for last in _lasts(delta))
-            gone = all(rid in self.dead for rid, _ in _lasts(delta))
-            done = {dot for dot in facts.removed if gone and dot in seen and dot not in held}
-            known.removed |= facts.removed if accounted_for else done
             known.written |= {fact: value for fact, value in facts.written.items() if fact in durable}
+            if all(last in seen for last in _lasts(delta)):  # it is accounted for
+                known.removed |= facts.removed
+            elif all(rid in self.dead for rid, _ in _lasts(delta)) and not all(map(held.__contains__, facts.removed)):
+                by_the_dead |= facts.removed
+        over = known.added.keys() - Knowledge(known.added, known.removed | by_the_dead).held()
+        known.removed |= {dot for dot in over if dot not in held}
         return known
 
     def _check_drift(self) -> None:

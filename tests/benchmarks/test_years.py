@@ -48,6 +48,11 @@ def test_a_failure_of_ten_years_stays_mended() -> None:
     assert not run(Setting(100948), EMPTY_FORK).problem
 
 
+def test_an_edge_may_go_with_a_node_of_which_one_incarnation_is_left() -> None:
+    """Who removed the node died, and others had heard of a part of the removal alone."""
+    assert not run(Setting(700135)).problem
+
+
 def test_a_history_follows_from_its_seed() -> None:
     first, again, other = (run(Setting(seed, days=1)) for seed in (7, 7, 8))
     assert first == again and first != other
