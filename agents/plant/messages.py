@@ -98,6 +98,8 @@ class Truth(msgspec.Struct, frozen=True):
     """21 landmarks (m, world) of each hand in the scene, by number: centres of the joints, as in MediaPipe's order"""
     touched: dict[str, str] = {}
     """Objects on which fingertips of a human hand just lie, and the node of the hand."""
+    pinched: dict[str, str] = {}
+    """What each human hand grasps, by the node of the hand: two hands may grasp one object."""
     persons: dict[str, Seven] = {}
     """world_from_person of those in the scene, by name: between the eyes, x along the gaze, y left"""
     arms: dict[str, ArmTruth] = {}

@@ -107,6 +107,7 @@ class Reality:
             given_up=dict(self.experimenter.given_up),
             hands={hand.number: _points(hand.landmarks) for hand in self.hands.present},
             touched=dict(self.hands.holding("touch")),
+            pinched={hand.name: hand.held for hand in self.hands.present if hand.held and hand.style == "pinch"},
             persons={person.name: seven(person.pose) for person in self.persons.present},
             arms={
                 name: ArmTruth(arm.positions, arm.opening, arm.held)

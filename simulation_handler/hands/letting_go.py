@@ -8,7 +8,7 @@ from statistics import median
 from typing import NamedTuple
 
 from dsr.math3d.transforms import Pose
-from dsr.perception.scales import CONTACT_DELAY
+from dsr.perception.scales import CONTACT_DELAY, SURE_SIGMAS
 from dsr.vocabulary.handling import ENDED, Handling
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.relation import DROPPED, LET_GO, PUT_DOWN
@@ -108,11 +108,11 @@ def _has_fallen(hand: Hand, item: BelievedObject, holds: Sequence[_Hold], now: f
     """
     if not holds or not _is_known(hand, now) or item.path.newest <= holds[-1].time:
         return False
-    low = item.path.last.t[2] + 0.5 * ASTRAY
+    low = item.path.last.t[2] + 0.5 * _by_noise(item)
     down = next(pose for pose in item.path.since(holds[0].time) if pose.t[2] <= low)
     palm = hand.path.at(down.stamp)
     with_hand = median(hold.height_with(palm) for hold in holds)  # palms are noisy, and it may fall already
-    return _is_lower(item, holds) and with_hand > item.path.last.t[2] + ASTRAY
+    return _is_lower(item, holds) and with_hand > item.path.last.t[2] + _by_noise(item)
 
 
 def _is_known(hand: Hand, now: float) -> bool:
@@ -122,4 +122,9 @@ def _is_known(hand: Hand, now: float) -> bool:
 
 def _is_lower(item: BelievedObject, holds: Sequence[_Hold]) -> bool:
     """Whether an object is lower than it was in the hand, by more than noise."""
-    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + math.sqrt(2.0) * ASTRAY  # both are percepts
+    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + math.sqrt(2.0) * _by_noise(item)  # both are percepts
+
+
+def _by_noise(item: BelievedObject) -> float:
+    """Metres by which a percept of an object may be too low by noise alone: the farther it is seen from, the more."""
+    return max(ASTRAY, SURE_SIGMAS * item.noise)

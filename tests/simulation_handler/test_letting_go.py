@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from dsr.math3d.transforms import Pose
@@ -16,11 +17,24 @@ from tests.simulation_handler.occluded import PERIOD, SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")
 G = 9.81
+FAR = 0.007
+"""m, standard deviation of each coordinate of a percept from a far camera"""
 
 
-def lifted_and_lowered(seed: int, to: float) -> Occlusion:
+class FarOcclusion(Occlusion):
+    """Percepts of a far camera, which tell how noisy they are."""
+
+    def __init__(self, truths: dict[str, Pose], seed: int) -> None:
+        super().__init__(truths, seed, noise=FAR)
+
+    def percept(self, name: str) -> Pose:
+        """Where an object is seen, with covariance."""
+        return super().percept(name).with_covariance(np.diag([FAR**2] * 3 + [0.01**2] * 3))
+
+
+def lifted_and_lowered(seed: int, to: float, kind: type[Occlusion] = Occlusion) -> Occlusion:
     """A cup that a hand took up and holds again with its bottom at that height (m)."""
-    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)}, seed)
+    world = kind({"cup": standing(0.3, 0.0, SMALL)}, seed)
     world.run(2.0)
     world.hand("cup")
     world.run(0.8)
@@ -61,6 +75,13 @@ def test_what_lies_where_a_hand_opens_was_put_down(seed: int) -> None:
     world = lifted_and_lowered(seed, 0.0)
     opened(world, 0.0)
     assert world.belief.let_go()[HELD].state is PUT_DOWN
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_lies_where_a_hand_opens_does_not_fall_by_the_noise_of_a_far_camera(seed: int) -> None:
+    world = lifted_and_lowered(seed, 0.0, FarOcclusion)
+    opened(world, 0.0)
+    assert world.belief.let_go()[HELD].state is not DROPPED
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -109,8 +109,11 @@ def _is_same(a: Sample, b: Sample) -> bool:
 
 
 def true_holders(sample: Sample) -> tuple[_Pairs, _Pairs]:
-    """Who truly holds what; what the experimenter holds without a hand, and mere touch, does not count."""
-    true = frozenset((by, name) for name, by in sample.grasped.items() if by != UNKNOWN)
+    """Who truly holds what; what the experimenter holds without a hand, and mere touch, does not count.
+
+    While a thing is handed over, both hands hold it.
+    """
+    true = frozenset((by, name) for name, by in sample.grasped.items() if by != UNKNOWN) | sample.pinched.items()
     ignored = frozenset((by, name) for name, by in sample.touched.items()) - true
     return true, ignored
 

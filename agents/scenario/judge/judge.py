@@ -61,6 +61,8 @@ class TruthReader(msgspec.Struct, frozen=True):
     """world_from_camera of the scenario's camera, by the plant's name of it."""
     touched: dict[str, str] = {}
     """Objects on which fingertips of a human hand just lie, and the node of the hand."""
+    pinched: dict[str, str] = {}
+    """What each human hand grasps, by the node of the hand."""
 
     def poses(self) -> dict[str, Pose]:
         """world_from_object of each object."""
@@ -225,6 +227,7 @@ class Judge:
             grasped=truth.grasped,
             apart=truth.apart,
             touched=truth.touched,
+            pinched=truth.pinched,
             hands={f"human_hand_{number}": landmarks for number, landmarks in truth.hands.items()},
             moving=truth.moving,
             in_view=truth.in_view,

@@ -65,6 +65,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """m, true: the least distance between two arms since the sample before; None if they were far apart."""
     touched: dict[str, str] = {}
     """True: objects on which fingertips just lie, and the node of the hand."""
+    pinched: dict[str, str] = {}
+    """True: what each human hand grasps, by its node; two hands may grasp one object, of which `grasped` names one."""
     hands: dict[str, tuple[Vector3, ...]] = {}
     """True: 21 landmarks (m, world) of each human hand in the scene, by its node."""
     moving: frozenset[str] = frozenset()

@@ -241,6 +241,32 @@ def test_a_load_stays_on_what_a_hand_holds_still(play: Play) -> None:
     reality.close()
 
 
+HANDED_OVER = """
+name = "handed_over"
+title = "A cup goes from the right hand to the left one"
+duration = 12.0
+object = [{name = "cup", model = "container_blue", known = true, position = [0.35, 0.0, 0.06]}]
+event = [
+  {at = 0.0, do = "hand_grasp", object = "cup", hand = 0},
+  {at = 2.0, do = "hand_move", by = [0.0, 0.0, 0.1], hand = 0},
+  {at = 4.0, do = "hand_grasp", object = "cup", hand = 1, side = [-1.0, 0.0]},
+  {at = 8.0, do = "hand_leave", hand = 0},
+]
+"""
+
+
+def test_the_truth_names_both_hands_that_hold_one_thing(play: Play) -> None:
+    reality = Reality(parse_scenario(HANDED_OVER), PlantConfig(sensor="poses"), 0)
+    both = {"human_hand_0": "cup", "human_hand_1": "cup"}
+    play(reality, 3.5)
+    assert reality.truth(3.5).pinched == {"human_hand_0": "cup"}
+    play(reality, 4.2, start=3.5)
+    assert reality.truth(7.7).pinched == both
+    play(reality, 4.0, start=7.7)
+    assert reality.truth(11.7).pinched == {"human_hand_1": "cup"}
+    reality.close()
+
+
 def test_what_was_held_is_as_heavy_as_before(play: Play) -> None:
     reality = Reality(parse_scenario(LOADED), PlantConfig(sensor="poses"), 0)
     body = reality.world.body("blue")

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from agents.scenario.format.scenario import parse_scenario
-from agents.scenario.judge.accuracy import accuracy, unseen_curves
+from agents.scenario.judge.accuracy import accuracy, true_holders, unseen_curves
 from agents.scenario.judge.metrics import measure
 from agents.scenario.truth.actions import compare, true_actions
 from agents.scenario.truth.history import History, Inferred, Sample
@@ -168,3 +168,9 @@ def test_errors_of_unseen_objects_are_told_apart():
     curve = dict(unseen_curves(history, history.samples)["unseen_error_cube_m"])
     assert sorted(curve) == [4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0]
     assert curve[5.0] == pytest.approx(0.1) and curve[4.0] == curve[6.0] == 0.0
+
+
+def test_both_hands_hold_what_goes_from_one_to_the_other() -> None:
+    other = "human_hand_1"
+    sample = Sample(time=1.0, truth={}, grasped={"cube": other}, pinched={HAND: "cube", other: "cube"})
+    assert true_holders(sample) == ({(HAND, "cube"), (other, "cube")}, frozenset())
