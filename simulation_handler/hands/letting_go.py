@@ -122,7 +122,8 @@ def _is_known(hand: Hand, now: float) -> bool:
 
 def _is_lower(item: BelievedObject, holds: Sequence[_Hold]) -> bool:
     """Whether an object is lower than it was in the hand, by more than noise."""
-    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + math.sqrt(2.0) * _by_noise(item)  # both are percepts
+    noise = math.sqrt(2.0) * _by_noise(item)  # both are percepts
+    return max(hold.place.t[2] for hold in holds) > item.path.last.t[2] + noise
 
 
 def _by_noise(item: BelievedObject) -> float:
