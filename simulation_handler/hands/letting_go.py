@@ -49,6 +49,7 @@ class LettingGo:
 
     def __init__(self) -> None:
         self._holds: dict[Relation, tuple[_Hold, ...]] = {}  # of the last moments
+        self._aloft: dict[Relation, float] = {}  # s, when each was last seen in the air while its hand was not seen
         self._ended: dict[Relation, LetGo] = {}
 
     @property
@@ -58,9 +59,17 @@ class LettingGo:
 
     def keep(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
         """Fingertips have hold of an object at time `now` (s); for a moment they may seem to, as it falls."""
-        recent = [hold for hold in self._holds.get(relation, ()) if now - hold.time <= _REMEMBERED]
+        recent = self._recent(relation, now)
         if not _has_fallen(hand, item, recent, now):
             self._holds[relation] = (*recent, _Hold(min(now, item.path.newest), hand.path.last, item.path.last))
+
+    def keep_aloft(self, relation: Relation, item: BelievedObject, now: float) -> None:
+        """An object is seen in the air at time `now` (s), and its hand is out of sight: that has hold of it still."""
+        self._holds[relation] = tuple(self._recent(relation, now))  # where the palm was before tells nothing any more
+        self._aloft[relation] = item.path.newest
+
+    def _recent(self, relation: Relation, now: float) -> list[_Hold]:
+        return [hold for hold in self._holds.get(relation, ()) if now - hold.time <= _REMEMBERED]
 
     def has_fallen(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen to have come down since the hand last had hold of it, by more than the hand."""
@@ -70,6 +79,7 @@ class LettingGo:
         """A hand holds an object again."""
         self._ended = {known: end for known, end in self._ended.items() if known[1] != relation[1]}
         self._holds = {known: hold for known, hold in self._holds.items() if known[1] != relation[1]}
+        self._aloft = {known: time for known, time in self._aloft.items() if known[1] != relation[1]}
 
     def end(self, relation: Relation, state: Handling, latest: float) -> None:
         """A hand does not hold an object any more, since `latest` (s) at the latest.
@@ -78,7 +88,9 @@ class LettingGo:
         """
         if state not in ENDED and state is not PUT_DOWN:
             return
-        last = max((hold.time for hold in self._holds.get(relation, ())), default=latest)
+        aloft = self._aloft.get(relation, -math.inf)
+        last = max((*(hold.time for hold in self._holds.get(relation, ())), aloft))
+        last = latest if last == -math.inf else last
         self._ended[relation] = LetGo(state, min(last, latest))
 
     def resolve(self, relation: Relation, hand: Hand, item: BelievedObject, now: float) -> None:
@@ -98,6 +110,7 @@ class LettingGo:
     def forget(self, name: str) -> None:
         """Forget an object or a hand that is no more."""
         self._holds = {relation: hold for relation, hold in self._holds.items() if name not in relation}
+        self._aloft = {relation: time for relation, time in self._aloft.items() if name not in relation}
         self._ended = {relation: end for relation, end in self._ended.items() if name not in relation}
 
 

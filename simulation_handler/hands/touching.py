@@ -187,6 +187,8 @@ class Touching:
         for item in held:
             relation = item.hand, item.name
             if not self._hands[item.hand].perceived:
+                if item.is_in_air and not item.falls and now - item.track.last_stamp <= UNSEEN:
+                    self._letting_go.keep_aloft(relation, item, now)
                 continue
             if not self.opens(relation):
                 self._letting_go.keep(relation, self._hands[item.hand], item, now)

@@ -184,6 +184,22 @@ def test_what_is_seen_to_lie_where_a_hidden_hand_cannot_have_it_was_not_seen_to_
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_hidden_hand_has_what_is_seen_in_the_air_until_that_lies(seed: int) -> None:
+    world = lifted_and_lowered(seed, 0.12)
+    world.hand_seen = False
+    world.run(0.3)
+    world.move("cup", standing(0.3, 0.2, SMALL, on=0.12))
+    world.run(0.5)
+    world.move("cup", standing(0.3, 0.2, SMALL))
+    at = world.now
+    world.held, world.palm = "", Pose((0.5, 0.3, 0.3))
+    world.run(2.0)
+    assert world.belief.grasps() == {}
+    assert world.belief.deeds("cup")[-1].kind == PLACE
+    assert world.belief.deeds("cup")[-1].time == pytest.approx(at, abs=0.3)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_what_is_seen_to_fall_from_a_hidden_hand_was_dropped(seed: int) -> None:
     world = lifted_and_lowered(seed, 0.5)
     world.hand_seen = False
