@@ -89,6 +89,8 @@ class _Hold:
     """Who holds it, or held it last"""
     sure: float
     """1, probability that it does, or did until its fingers opened"""
+    since: float
+    """s, from when on: what ended before was another hold"""
     lifted: bool
     """Whether it was taken up from where it lay."""
     begun: Vector3
@@ -248,7 +250,8 @@ class Deeds:
     def _resume(self, name: str, picked: Deed, moment: HoldMoment) -> None:
         """It has a place again. Who had taken it up has it still, as far as is known: nobody saw it meanwhile."""
         by = picked.by if picked.by in self._touching.hands else UNKNOWN
-        self._holds[name] = _Hold(by, picked.probability * GUESSED, True, moment.pose.t, moment, moment)
+        held = picked.probability * GUESSED
+        self._holds[name] = _Hold(by, held, moment.time, True, moment.pose.t, moment, moment)
 
     def _begin(self, name: str, moment: HoldMoment) -> None:
         """It is held from now on if it is higher than it lay, or was never seen to lie, and somebody has it."""
@@ -259,7 +262,7 @@ class Deeds:
         by, lay = moment.holder or moment.near or UNKNOWN, self._lay.get(name)
         if lay is not None and moment.above(lay) <= ASTRAY:
             self._low[name] = moment.time
-        hold = _Hold(by, moment.held, lay is not None, moment.pose.t, moment, moment)
+        hold = _Hold(by, moment.held, moment.time, lay is not None, moment.pose.t, moment, moment)
         if lay is None:
             if moment.holder and moment.hovers:
                 self._holds[name] = hold
@@ -267,6 +270,7 @@ class Deeds:
             self._holds[name] = hold
             del self._lay[name]
             self._add(name, Deed(PICK, _left_at(lay, self._low.get(name, lay.time), moment), by, hold.sure))
+            hold.since = self.of(name)[-1].time
 
     def _go_on(self, name: str, hold: _Hold, moment: HoldMoment) -> None:
         """It is held until nobody has it any more, and it falls or rests."""
@@ -282,8 +286,8 @@ class Deeds:
                 hold.last = moment
             return
         end = self._touching.let_go.get((hold.by, name))
-        if end is not None and hold.lifted and end.since < self.of(name)[-1].time:
-            end = None  # of an earlier hold
+        if end is not None and end.since < hold.since:
+            end = None
         found = _outcome(hold, moment, end)
         if found is None:
             return

@@ -240,6 +240,19 @@ def test_what_comes_back_was_put_down_by_a_guess_and_only_by_a_hand_that_is_stil
     assert [(deed.kind, deed.by, deed.probability) for deed in cup.deeds.of("cup")[1:]] == [(PLACE, by, GUESS)]
 
 
+def test_how_a_hold_ended_before_it_was_gone_does_not_count_once_it_is_back() -> None:
+    cup = Moments()
+    cup.lift(0.1)
+    cup.let_go(Handling.LEFT_BEHIND)
+    picked = cup.deeds.of("cup")[-1]
+    cup.deeds = Deeds(*cast(Any, (None, cup.touching, None, None)))
+    cup.deeds.recall("cup", [picked])
+    cup.now += 10.0
+    back = cup.now
+    cup.run(0.5, 0.0, rests=True)
+    assert cup.deeds.of("cup")[-1] == Deed(PLACE, pytest.approx(back, abs=0.1), "hand", GUESS)
+
+
 def test_what_comes_back_in_its_hand_is_as_surely_held_as_is_believed_then() -> None:
     cup = Moments()
     cup.deeds.recall("cup", [Deed(PICK, 999.0, "gripper", 0.5)])
