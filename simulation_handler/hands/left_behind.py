@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from dsr.vocabulary.nats import RARE, SURPRISING
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.perception.visibility import ExpectedVisibility
+from simulation_handler.scales import GONE_FROM
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -28,6 +30,8 @@ class _Unseen:
     """s, since when the hand is in sight and the object should be"""
     was_hidden: bool = False
     """The hand, too, was out of sight meanwhile."""
+    hides: bool = False
+    """The hand hides the object as it holds it: it is not seen there since the hand took hold, whatever a model says."""
 
 
 class LeftBehind:
@@ -55,9 +59,12 @@ class LeftBehind:
 
         None while it need not be seen: it goes with the hand then. If the hand was always in sight, the object surely
         was at `sure` before; what is not seen there either is in the hand, held in another way than it seems. A hand
-        that hides some of it may, rarely, hide all of it and not seem to.
+        that hides some of it may, rarely, hide all of it and not seem to. Where it was seen last it would be missed as
+        much without the hand: a hand that is still there hides it.
         """
         unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
+        if unseen.hides and not unseen.was_hidden:
+            return None
         seen, needed, is_due = self._expected(item, there, visibility), SURPRISING, True
         if not unseen.was_hidden and seen.hidden_by == relation[0]:
             needed += RARE
@@ -67,7 +74,11 @@ class LeftBehind:
             return None
         if unseen.absent_since is None:
             unseen.absent_since, unseen.place = now, unseen.place or sure
-        return missed((now - unseen.absent_since) / FRAME, seen.recognised) >= needed
+        if missed((now - unseen.absent_since) / FRAME, seen.recognised) < needed:
+            return False
+        last_seen = item.path.at(item.track.last_stamp)
+        unseen.hides = not unseen.was_hidden and math.dist(there.t, last_seen.t) <= GONE_FROM
+        return None if unseen.hides else True
 
     def part(self, relation: Relation, sure: Pose, now: float) -> None:
         """The hand has gone where it cannot have taken the object, which surely was at `sure` before."""

@@ -275,6 +275,23 @@ def test_a_hand_in_sight_may_have_what_it_hides_in_part_but_not_what_it_cannot_h
     assert (world.belief.grasps().keys() == {HELD}) is holds
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_not_seen_since_a_hand_took_hold_of_it_is_in_that_though_nothing_seems_to_hide_it(seed: int) -> None:
+    """Nobody left it there either: it would be missed as much."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)}, seed)
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    world.visibility = covered_by(1.0, "")
+    world.seen.discard("cup")
+    world.run(2.0)
+    assert world.belief.grasps().keys() == {HELD}
+    world.move("cup", SHOWN)
+    world.run(2.0)
+    assert world.belief.grasps().keys() == {HELD}
+    assert world.error("cup") < 0.03
+
+
 def put_down_and_hidden() -> Occlusion:
     """A cup that a hand was seen to put down and to open about, and that something hides since."""
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
