@@ -31,7 +31,7 @@ class _Unseen:
     was_hidden: bool = False
     """The hand, too, was out of sight meanwhile."""
     hides: bool = False
-    """The hand hides the object as it holds it: it is not seen there since the hand took hold, whatever a model says."""
+    """The hand hides the object as it holds it: it is not seen since the hand took hold, whatever a model says."""
 
 
 class LeftBehind:
