@@ -7,9 +7,12 @@ it is, each by the difference from the depth that it should have. What should be
 are spread evenly over its image: an area of the image counts as much there as it does in pixels. Points that are spread
 over the surface would be denser in one place than in another, and pull the place to one side, alike in each frame.
 
-What something nearer hides, or lies outside the image, should not be seen. A pixel without depth, of another colour, is
-hidden if what is beside it is. Where most is hidden the middle may lead to a wrong place. Each point's distance from
-the surface then leads on.
+What something nearer hides, or lies outside the image, should not be seen. What stands on a shape touches it, so it is
+hardly nearer there than what it hides. What carries a shape touches it as well, and is nearer than a shape that is
+supposed too low. But what carries a shape hides nothing, as nothing is sunk in what carries it. So a pixel above the
+shape's centre hides what it is nearer than, and one beneath the centre only if it is clearly nearer. A pixel without
+depth, of another colour, is hidden if what is beside it is. Where most is hidden the middle may lead to a wrong place.
+Each point's distance from the surface then leads on.
 """
 
 from __future__ import annotations
@@ -50,7 +53,7 @@ _DIFFERENCE = 1e-4  # m, for derivatives
 _FAR_OFF = 0.004  # m from the surface, beyond which a point counts less and less
 _HELD = 0.02  # of the points' weight: what keeps the place where they do not tell it
 _LONGEST_STEP = 0.02  # m
-_IN_FRONT = 0.015  # m, by which something must be nearer to hide a point
+_IN_FRONT = 0.015  # m, by which what may carry a thing, or has no depth itself, must be nearer to hide a point of it
 _LEAST = 1e-9  # share of an image that stands for none
 _PLASTIC = 1.324717957244746  # the real root of x^3 = x + 1
 
@@ -161,16 +164,19 @@ class ImagePart:
         found = Rays(directions, weights, depths).only(np.isfinite(depths))
         return found._replace(weights=found.weights / max(float(found.weights.sum()), _LEAST))
 
-    def expected(self, shown: Rays) -> ExpectedPixels:
-        """Which of the pixels of some rays should show what these meet."""
+    def expected(self, shown: Rays, position: Array) -> ExpectedPixels:
+        """Which of the pixels of some rays should show what these meet: a shape with its centre at a position (3,)."""
         local = shown.directions @ self._view.world_from_camera.rotation_matrix
         height, width = self._mask.shape
         column, row = np.rint(self._view.intrinsics.project(local)).T
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         place = np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int)
         colored = self._mask[place] & inside
-        free = inside & (colored | (self._around_holes[place] > shown.depths - _IN_FRONT))
-        return ExpectedPixels(free, colored, _known(self._view.depth[place]))
+        depths, around = _known(self._view.depth[place]), self._around_holes[place]
+        is_above = self.eye[2] + shown.directions[:, 2] * around > position[2]
+        nearer = np.where(is_above & (depths > 0.0), 0.0, _IN_FRONT)
+        free = inside & (colored | (around > shown.depths - nearer))
+        return ExpectedPixels(free, colored, depths)
 
     def around(self, position: Array, size: Vector3) -> NDArray[np.bool_]:
         """Which points are near what is at a position (3,) and has a bounding box of that size."""
@@ -228,7 +234,7 @@ def fit(
     position = centre + start * min(size) * ahead
     for _ in range(iterations):
         shown = scene.shown(shape, size, rotation, position, rays)
-        expected = scene.expected(shown)
+        expected = scene.expected(shown, position)
         compared, seen = shown.only(expected.free), scene.colored_around(position, size)
         common = expected.colored & (expected.depths > 0.0)
         if not common.any() or not len(seen.weights):
@@ -273,7 +279,7 @@ def judged(
 ) -> Fit:
     """How a shape at a place (3,) with a rotation (3, 3) lies on the points."""
     shown = scene.shown(shape, size, rotation, position, rays)
-    free, colored, _ = scene.expected(shown)
+    free, colored, _ = scene.expected(shown, position)
     share = float(shown.weights[free].sum())
     near = scene.points[scene.around(position, size)]
     misfit = float(distances(shape, size, (near - position) @ rotation).mean()) if len(near) else math.inf

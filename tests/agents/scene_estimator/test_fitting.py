@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from agents.frame_images import images
+from agents.scenario.format.scenario import ObjectSpec
 from agents.scene_estimator.fitting import BEFORE, FrameView, ImagePart, fit, judged, settled
 from agents.scene_estimator.segmentation import ColorImage
 from benchmarks.color_scene import ColorScene, looking_at
 from dsr import Pose
+from dsr.math3d.quaternions import Vector3
 from dsr.perception.noise import PerceptNoise
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -29,7 +31,7 @@ def seen(
     (known,) = (one for one in scene.known if one.name == model)
     mask = ColorImage(color).mask(known.color)
     rows = np.flatnonzero(mask.any(axis=1))
-    first = rows[int((1.0 - hidden) * (len(rows) - 1))] + 1
+    first = rows[int((1.0 - hidden) * (len(rows) - 1))] + 1 if hidden else len(mask)
     mask[first:] = False
     depth[first:] = 0.3  # something near
     view = FrameView(depth, intrinsics, camera)
@@ -109,9 +111,38 @@ def test_pixels_without_depth_hide_something_only_beside_what_is_near(beyond: fl
     depth[mask], depth[:, 50] = 1.0, 0.0
     depth[:, 51:] = beyond
     part = ImagePart(FrameView(depth, intrinsics, Pose.identity()), mask)
-    plate = part.shown((), (0.46, 0.36, 0.02), np.eye(3), np.array([0.0, 0.0, 1.01]))
+    position = np.array([0.0, 0.0, 1.01])
+    plate = part.shown((), (0.46, 0.36, 0.02), np.eye(3), position)
     at_edge = np.rint(intrinsics.project(plate.directions))[:, 0] == 50
-    assert at_edge.any() and (part.expected(plate).free[at_edge] == is_free).all()
+    assert at_edge.any() and (part.expected(plate, position).free[at_edge] == is_free).all()
+
+
+@pytest.mark.parametrize("beneath", ["table", "plate"])
+def test_what_stands_on_a_thing_and_what_carries_it_do_not_shift_it(beneath: str) -> None:
+    """Where two things touch, both are equally far: the upper one hides the lower one, which hides nothing of it."""
+    plate, cube = spec_of("plate", (0.14, 0.14, 0.03), (0.1, 0.6, 0.7)), spec_of("cube", (0.04,) * 3, (0.3, 0.7, 0.1))
+    errors = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        scene = ColorScene(["box"], rng, [plate, cube])
+        try:
+            base = 0.0 if beneath == "table" else plate.size[2]
+            truth = Pose((*PLACE, base + scene.height("box")))
+            scene.put("box", truth)
+            scene.put("cube", Pose((*PLACE, base + 2.0 * scene.height("box") + scene.height("cube"))))
+            if base:
+                scene.put("plate", Pose((*PLACE, scene.height("plate"))))
+            (known,) = scene.known
+            found = fit(seen(scene, looking_at((*PLACE, 0.05), 1.0, rng), "box"), (), known.size, np.eye(3))
+            assert found is not None
+            errors.append(found.position - truth.translation)
+        finally:
+            scene.close()
+    assert np.sqrt(np.mean(np.square(errors), axis=0)).max() < 0.0006
+
+
+def spec_of(name: str, size: Vector3, color: Vector3) -> ObjectSpec:
+    return ObjectSpec(name=name, type="box", size=size, color=color, position=(0.0, 0.0, -9.0))
 
 
 def test_where_it_is_looked_for_first_does_not_matter_for_what_is_seen_well() -> None:
