@@ -76,7 +76,7 @@ class Belief:
         self._evidence = EvidenceReader(
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
             self._explainer.in_doubt, self.config, self._courses.of, lambda: self._explainer.waiting,
-            self._explainer.sure,
+            self._explainer.sure, self._driving.set_out_from,
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)
@@ -288,9 +288,8 @@ class Belief:
             item.note_lateness(late)
         self._touching.update(now)
         self._correction.leave_to_physics(now, self._let_go(now))
-        touched = {name for _, name in self._touching.grasps}
-        unmoved = self._bodies.objects.keys() - touched - self._explainer.sure(now)
-        self._driving.update(now, unmoved, self._explainer.in_doubt(now), self._explainer.expected)
+        staying = self._worlds.staying() - self._explainer.sure(now)
+        self._driving.update(now, staying, self._explainer.in_doubt(now), self._explainer.expected)
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
         self._explainer.drag(now)

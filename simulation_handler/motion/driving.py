@@ -39,7 +39,6 @@ from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.drafting import UNSEEN_COVARIANCE
 from simulation_handler.explaining.scoring import seems_displaced
 from simulation_handler.hands.state import ELSEWHERE, UNSEEN, Hand
-from simulation_handler.motion.bumps import seem_bumped
 from simulation_handler.motion.drives import (
     CATCHING_UP,
     Drive,
@@ -89,14 +88,14 @@ class Driving:
         self._now = -math.inf
 
     def update(
-        self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset(),
+        self, now: float, staying: Set[str] = frozenset(), in_doubt: Set[str] = frozenset(),
         expected: Set[str] = frozenset(),
     ) -> None:  # fmt: skip
         """Begin, continue and end drives at time `now` (s).
 
         Args:
             now: s
-            unmoved: objects that no hand touches, and that only cameras see that may have been bumped.
+            staying: objects that rather are where they were, while their camera moved: what has set out is put back.
             in_doubt: objects of which only cameras tell that probably were: those set out in a hand alone.
             expected: objects that cameras should see where they are.
         """
@@ -109,9 +108,10 @@ class Driving:
                 self._go_on(item, self._drives[item.name], now, seconds)
             elif (start := self._start(item, now)) is not None:
                 starts[item.name] = start
-        stay = self._seem_bumped(starts, unmoved) | in_doubt
+        for name in sorted(staying & {name for name in self._drives if self.set_out_from(name)}):
+            self._put_back(name)
         for name, start in starts.items():
-            if name not in stay or self._bodies.objects[name].hand:
+            if name not in staying | in_doubt or self._bodies.objects[name].hand:
                 self._begin(self._bodies.objects[name], start)
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now, expected)
@@ -120,25 +120,6 @@ class Driving:
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in supported and not self._is_lost(item, now)
-
-    def _seem_bumped(self, starts: Mapping[str, float], unmoved: Set[str]) -> frozenset[str]:
-        """What rests, as the camera may show all of it elsewhere; what of that has just set out is put back first."""
-        objects, now = self._bodies.objects, self._now
-        new = {n for n, drive in self._drives.items() if now - drive.begun <= _SHORTEST and not objects[n].hand}
-        if not new and all(objects[name].hand for name in starts):
-            return frozenset()
-        rested, beneath, moving = dict[str, Solid](), self._supported.beneath(), self._bodies.in_motion()
-        for name in sorted(unmoved & objects.keys() - (self._drives.keys() | moving) | new & unmoved):
-            item = objects[name]
-            if item.estimate_at(now) is None or item.hand or item.holder or item.rides or name not in self._bodies.sim:
-                continue
-            if objects.keys().isdisjoint(beneath.get(name, ())):
-                origin = self._drives[name].origin if name in new else self._bodies.pose(name)
-                rested[name] = item.solid(origin.t, origin.q)
-        alike = seem_bumped(objects, rested, self._config, now)
-        for name in sorted(new & alike):
-            self._put_back(name)
-        return alike
 
     def _put_back(self, name: str) -> None:
         """Let an object and its load be where it has set out, and be driven no more."""
@@ -236,6 +217,14 @@ class Driving:
         late = min(self._now - drive.played, _BODY_LAG)
         x, y, z = (late * speed for speed in item.path.steady_velocity)
         return x, y, 0.0 if drive.rests else z
+
+    def set_out_from(self, name: str) -> Pose | None:
+        """World_from_object where a driven object has set out, if no hand moves it; None for others.
+
+        It may still be there, and its camera has moved.
+        """
+        drive = self._drives.get(name)
+        return None if drive is None or drive.by_hand or self._bodies.objects[name].hand else drive.origin
 
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and the object does not move any more."""

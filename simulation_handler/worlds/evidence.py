@@ -21,8 +21,10 @@ from simulation_handler.contact.stances import OtherStance
 from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.explaining.recognition import recognised_about
 from simulation_handler.hands.touching import Touching
+from simulation_handler.motion.movers import Movers
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.perception.ways import by_way
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -75,6 +77,12 @@ class ObjectEvidence:
     """Whether the simulation has it taken out of the scene."""
     driven: bool = False
     """Whether it is driven along its seen path."""
+    set_out_from: Pose | None = None
+    """world_from_object where it was before it was driven, with covariance; None if it is not, or a hand moves it"""
+    near_hand: bool = False
+    """Whether a hand is within reach of where it was seen last."""
+    by_way: float = 0.0
+    """nats by which its percepts tell rather that it got on bit by bit than at once"""
     rides: bool = False
     """Whether it is in or on something that is driven."""
     hovers: bool = False
@@ -210,6 +218,7 @@ class EvidenceReader:
         courses: gives where an object may be by now that vanished on its way, by name.
         displaced: gives the names of the objects that are seen elsewhere than believed.
         sure: gives the names of the objects that a camera sees at a time (s) that is known not to have moved.
+        set_out_from: gives where a driven object was before, by name, if no hand moves it.
     """
 
     def __init__(
@@ -224,6 +233,7 @@ class EvidenceReader:
         courses: Callable[[str], tuple[SupportedPose, ...]] = lambda name: (),
         displaced: Callable[[], Collection[str]] = tuple,
         sure: Callable[[float], frozenset[str]] = lambda now: frozenset(),
+        set_out_from: Callable[[str], Pose | None] = lambda name: None,
     ) -> None:
         self._bodies = bodies
         self._courses = courses
@@ -231,11 +241,13 @@ class EvidenceReader:
         self._lead = lead
         self._in_doubt = in_doubt
         self._sure = sure
+        self._set_out_from = set_out_from
         self._config = config
         self._relations = relations
         self._containment = containment
         self._touching = touching
-        self._constant = learned_parameters().constant
+        self._movers = Movers(bodies.objects, touching.hands)
+        self._constant, self._reach = learned_parameters().constant, learned_parameters().elsewhere.level
 
     def read(self, now: float) -> Evidence:
         """The evidence of time `now` (s), after a step of the belief."""
@@ -262,6 +274,7 @@ class EvidenceReader:
 
     def _read_object(self, item: BelievedObject, moment: _Moment) -> ObjectEvidence:
         name, now, estimate, pose = item.name, moment.now, item.track.estimate, moment.places.get(item.name)
+        is_moving = item.track.is_restless or name in moment.displaced
         return ObjectEvidence(
             solid=None if pose is None else self._bodies.solid(name),
             believed=moment.believed.get(name),
@@ -269,7 +282,7 @@ class EvidenceReader:
             percept=moment.percepts.get(name),
             is_recognised=item.track.is_fresh(now),
             agreeing=0 if estimate is None else estimate.count,
-            is_moving=item.track.is_restless or name in moment.displaced,
+            is_moving=is_moving,
             seen=moment.seen.get(name),
             seen_by=item.cameras_at(now - item.track.late),
             seen_from=item.seen_from,
@@ -277,6 +290,9 @@ class EvidenceReader:
             is_sure=name in moment.sure,
             gone=item.gone,
             driven=item.driven,
+            set_out_from=self._set_out(item),
+            near_hand=bool(item.track.trail) and self._movers.has_hand_near(item),
+            by_way=self._by_way(item, pose) if item.driven or is_moving else 0.0,
             rides=item.rides,
             hovers=item.static and not item.holder,
             hand=item.hand,
@@ -294,6 +310,19 @@ class EvidenceReader:
             constant=item.constant_error(self._constant, self._config),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
+
+    def _by_way(self, item: BelievedObject, pose: Pose | None) -> float:
+        """As `ObjectEvidence.by_way`."""
+        before = self._set_out_from(item.name) or pose
+        if before is None or item.noise == 0.0:
+            return 0.0
+        offsets = np.array([percept.t for percept in item.path.since(-math.inf)]).reshape(-1, 3) - before.t
+        return by_way(offsets, item.noise**2 / len(before.t), self._reach)
+
+    def _set_out(self, item: BelievedObject) -> Pose | None:
+        """As `ObjectEvidence.set_out_from`."""
+        pose, known = self._set_out_from(item.name), item.covariances()
+        return pose if pose is None or known is None else with_world_covariances(pose, *known)
 
     def _believed(self, places: Mapping[str, Pose], now: float) -> dict[str, Pose]:
         """world_from_object, with the covariance of perception: the pose of its body and how far it is beyond that."""

@@ -135,7 +135,8 @@ class WeightedWorlds:
             for name, alternatives in self._unseen().items():
                 alternatives.settle(self._ratios.get(name, 1.0))
         work = self._blackouts.update(evidence, sum(one.unshown for one in self._unseen().values()))
-        staying_now = staying(evidence, self._moved)
+        rather = {name: at for name, one in self._watched.items() if (at := one.displaced.rather_at) is not None}
+        staying_now = staying(evidence, self._moved, rather)
         unseen_names: list[str] = []
         for name, thing in evidence.objects.items():
             if thing.percept is None or not (names is None or name in names):
@@ -253,6 +254,14 @@ class WeightedWorlds:
             circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved,
             constant=watched.seen.constant,
         )  # fmt: skip
+
+    def staying(self) -> frozenset[str]:
+        """Things that rather are where they were than where they are seen now, for their camera has moved.
+
+        Of a thing that is driven, that is where it has set out.
+        """
+        chances = {name: one.displaced.by_camera for name, one in self._watched.items()}
+        return frozenset(name for name, by_camera in chances.items() if by_camera > 1.0 - by_camera)
 
     def leading(self, name: str) -> tuple[str, Mode] | None:
         """The mode of an unseen object that is more probable than all others together, by its kind; None without."""

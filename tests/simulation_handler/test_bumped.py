@@ -75,6 +75,26 @@ def test_two_bare_places_that_are_displaced_alike_leave_it_open() -> None:
     assert 0.01 < judge([moved(place, SHIFT) for place in PLACES[:2]], [], MOVED).camera_moved < 0.99
 
 
+@pytest.mark.parametrize("tagged", [False, True])
+def test_two_that_are_moved_alike_on_the_level_may_have_moved_together(tagged: bool) -> None:
+    verdict = judge([moved(place, SHIFT, tagged=tagged) for place in PLACES[:2]], [], MOVED)
+    assert 0.1 < verdict.camera_moved < 0.9
+    assert verdict.stays == pytest.approx(verdict.shown_elsewhere, abs=0.01)
+
+
+def test_what_a_hand_may_have_lifted_has_moved() -> None:
+    lifted = moved(PLACES[0], Pose((0.0, 0.0, 0.04)), tagged=True)
+    assert judge([lifted], [], MOVED).camera_moved > 0.5
+    assert judge([lifted._replace(near_hand=True)], [], MOVED).camera_moved < 0.1
+
+
+@pytest.mark.parametrize("near_hand", [False, True])
+def test_a_hand_near_one_thing_does_not_hide_that_the_camera_moved(near_hand: bool) -> None:
+    one, *others = shown(4, BUMP)
+    verdict = judge([one._replace(near_hand=near_hand), *others], [], MOVED)
+    assert verdict.camera_moved > 0.99 and verdict.stays.min() > 0.99
+
+
 @pytest.mark.parametrize("motion", [BUMP, NOTHING])
 def test_what_a_load_shows_tells_of_the_load_alone(motion: Pose) -> None:
     with_it = displaced(PLACES[3], motion)
@@ -85,13 +105,13 @@ def test_what_a_load_shows_tells_of_the_load_alone(motion: Pose) -> None:
 
 def test_of_a_hundred_things_few_sets_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """Adding them one at a time took longer than the time from one step of the belief to the next."""
-    rng, looks, scores = np.random.default_rng(1), [0], bumped._Told.scores
+    rng, looks, scores = np.random.default_rng(1), [0], bumped._OneMotion.scores
 
-    def counted(told: bumped._Told, sets: bumped.Array) -> bumped.Array:
+    def counted(told: bumped._OneMotion, sets: bumped.Array) -> bumped.Array:
         looks[0] += 1
         return scores(told, sets)
 
-    monkeypatch.setattr(bumped._Told, "scores", counted)
+    monkeypatch.setattr(bumped._OneMotion, "scores", counted)
     things = [displaced(tuple(place), NOTHING) for place in rng.uniform(-0.5, 0.5, (100, 3))]
     verdict = judge([one._replace(shift=rng.normal(0.0, NOISE, 3)) for one in things], [], MOVED)
     assert looks[0] < 20
