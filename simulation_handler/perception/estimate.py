@@ -59,8 +59,11 @@ class Estimate(Covariances):
         self.stamp = percept.stamp
         self.stated = percept.position_covariance
         """(3, 3) m^2, of the newest percept: as it was stated, of all its errors"""
-        self.scatter = 0.0
-        """1: mean square of how far recent percepts were from the estimate before, in standard deviations of that"""
+        self.scatter = float(len(percept.position))
+        """1: mean square of how far recent percepts were from the estimate before, in standard deviations of that
+
+        It is first what is expected: one for each direction. That counts as one percept.
+        """
         self.constancy = 0.0
         """How constant the errors of the position are, 0 to 1
 
@@ -112,6 +115,14 @@ class Estimate(Covariances):
         """Covariance (3, 3) of the rotation, rad^2: remaining noise, and what is no noise of percepts."""
         total: Array = self.rotation_covariance + TURN_FLOOR**2 * _EYE
         return total
+
+    @property
+    def noise_share(self) -> float:
+        """Which share of the stated covariance is noise, as recent percepts scatter: that much remains of an average.
+
+        It is that of one direction at least: what scatters less has constant errors, see `constancy`.
+        """
+        return max(self.scatter, 1.0) / len(self.position)
 
     def standard_deviations(self) -> tuple[float, float]:
         """The remaining noise sideways (m, of one axis) and in yaw (rad)."""
@@ -177,7 +188,7 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     steps = (gain @ shifts[..., None])[..., 0]
     squares = np.einsum("ni,nij,nj->n", shifts[:, 0], inverse[:, 0], shifts[:, 0])
     scatter = np.array([estimate.scatter for estimate in estimates])
-    scatter += (squares - scatter) / [min(estimate.count - 1, RECENT_PERCEPTS) for estimate in estimates]
+    scatter += (squares - scatter) / [min(estimate.count, RECENT_PERCEPTS) for estimate in estimates]
     constancy = np.nan_to_num(np.clip(1.0 - scatter, 0.0, 1.0)).tolist()
     told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
     for place in np.flatnonzero(told).tolist():

@@ -288,11 +288,13 @@ class BelievedObject:
     def know(self, placement: Placement) -> None:
         """Take in how well perception knows by now where the object is, whose body stays at its placement.
 
-        The covariance is about that: it has the noise of all percepts so far, and how far they are from there.
+        The covariance is about that: it has the noise of all percepts so far, and how far they are from there. Once
+        its height is known, noise is all that is left, and the scatter of percepts tells how much that is.
         """
-        assert self.placement is not None
+        assert self.placement is not None and self.track.estimate is not None
         off = np.subtract(placement.solid.position, self.placement.solid.position)
-        self.placement = replace(self.placement, covariance=placement.covariance + np.outer(off, off))
+        share = self.track.estimate.noise_share if placement.rests else 1.0
+        self.placement = replace(self.placement, covariance=share * placement.covariance + np.outer(off, off))
 
     def rest(self, placement: Placement, solid: Solid, now: float) -> None:
         """Take over the placement of an explanation, put at `solid` at time `now` (s).

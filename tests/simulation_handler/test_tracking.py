@@ -59,9 +59,11 @@ def test_averaging_brings_the_estimate_closer() -> None:
     assert after < 0.0006
 
 
-@pytest.mark.parametrize(("scatter", "constancy"), [(0.0, 1.0), (0.3, 0.73), (1.0, 0.0)])
-def test_errors_are_constant_as_far_as_percepts_do_not_scatter(scatter: float, constancy: float) -> None:
-    """Percepts with stated deviations of 2 mm and 0.02 rad scatter by a part of these, in all directions."""
+@pytest.mark.parametrize(
+    ("scatter", "constancy", "noise"), [(0.0, 1.0, 1 / 3), (0.3, 0.73, 1 / 3), (0.8, 0.0, 0.64), (1.0, 0.0, 1.0)]
+)
+def test_scatter_tells_what_is_noise_and_what_is_constant(scatter: float, constancy: float, noise: float) -> None:
+    """Percepts with stated deviations of 2 mm and 0.02 rad scatter by a multiple of these, in all directions."""
     rng, track = np.random.default_rng(3), PerceptTrack(CONFIG)
     covariance = np.diag([0.002**2] * 3 + [0.02**2] * 3)
     (stated,) = weighed([SeenObject("cube", HERE.with_covariance(covariance), 0.0, CAMERA)], CONFIG)
@@ -72,6 +74,14 @@ def test_errors_are_constant_as_far_as_percepts_do_not_scatter(scatter: float, c
         see(track, there, 0.1 * (k + 1))
     assert track.estimate is not None
     assert track.estimate.constancy == pytest.approx(constancy, abs=0.1)
+    assert track.estimate.noise_share == pytest.approx(noise, rel=0.3)
+
+
+def test_until_percepts_scatter_their_noise_is_as_stated() -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 1)
+    assert watcher.track.estimate is not None
+    assert watcher.track.estimate.noise_share == 1.0
 
 
 def test_a_way_that_has_ended_does_not_count_as_noise() -> None:

@@ -11,7 +11,7 @@ from simulation_handler.contact.placement import separate
 from simulation_handler.motion import correction
 from simulation_handler.scales import GAP
 from simulation_handler.shapes.geometry import Solid
-from tests.simulation_handler.worlds import CUBE, World, cube_at
+from tests.simulation_handler.worlds import CUBE, SyntheticCamera, World, cube_at
 
 
 @pytest.fixture
@@ -42,6 +42,28 @@ def test_what_rests_is_placed_anew_seldom_and_known_ever_better(placed: Counter[
     world.run(2.0)
     assert 1 <= placed["cube_1"] <= 8, "of twenty percepts"
     assert _deviation(world, "cube_1") < 0.8 * before
+
+
+def test_how_well_a_place_is_known_follows_from_the_scatter_of_its_percepts() -> None:
+    """All cameras state the same noise, so only the scatter tells that percepts err by more or by less."""
+    quiet, loud = (World({"cube_1": cube_at(0.3, 0.1)}) for _ in range(2))
+    for world, amplitude in ((quiet, 0.0), (loud, 1.5)):
+        world.camera = _ScatteringCamera(amplitude)
+        world.run(4.0)
+    assert _deviation(loud, "cube_1") > 3.0 * _deviation(quiet, "cube_1")
+
+
+class _ScatteringCamera(SyntheticCamera):
+    """Errs by a multiple of the noise that it states."""
+
+    def __init__(self, amplitude: float) -> None:
+        super().__init__(bias=(0.0, 0.0))
+        self.amplitude = amplitude
+
+    def percept(self, name: str, truth: Pose, stamp: float) -> Pose:
+        told = super().percept(name, truth, stamp)
+        there = truth.translation + self.amplitude * (told.translation - truth.translation)
+        return Pose(there, told.q, stamp, told.covariance)
 
 
 def test_of_what_stays_percepts_have_told_that_it_rests(placed: Counter[str]) -> None:
