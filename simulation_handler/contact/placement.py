@@ -14,10 +14,9 @@ import numpy as np
 
 from dsr.math3d.polygons import Point, are_apart, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
-from dsr.perception.scales import RESOLUTION
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array
-from simulation_handler.scales import GAP, PLACE_FLOOR, even_spread
+from simulation_handler.scales import GAP, PLACE_FLOOR
 from simulation_handler.shapes.geometry import Solid
 
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
@@ -171,11 +170,10 @@ def by_height(covariance: Array) -> Array:
     return np.asarray(covariance[:, 2] / covariance[2, 2])
 
 
-def covariance_given_height(covariance: Array) -> Array:
-    """(3, 3) m^2 of a Gaussian position, once its height is known, up to what counts as touching."""
-    column = covariance[:, 2]
-    rest: Array = covariance - column[:, None] * column / column[2]
-    rest[2, 2] += even_spread(RESOLUTION) ** 2
+def covariance_given_height(covariance: Array, error: float = GAP) -> Array:
+    """(3, 3) m^2 of a Gaussian position, once its height is known up to `error` (m, standard deviation)."""
+    column, along = covariance[:, 2], by_height(covariance)
+    rest: Array = covariance - column[:, None] * column / column[2] + error**2 * along[:, None] * along
     return rest
 
 

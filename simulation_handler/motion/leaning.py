@@ -112,7 +112,7 @@ class Leaning:
             lean = ways[0][1]
         if lean is None:
             return Judged(None, aslant)
-        covariance = covariance_given_height(seen.covariance)
+        covariance = covariance_given_height(seen.covariance, PLACE_FLOOR)
         return Judged(Placement(lean.solid, lean.supports, covariance, is_held=not lean.is_steady), aslant)
 
     def _leans(

@@ -2,7 +2,7 @@
 
 An information filter averages the noise of the percepts, which changes from frame to frame. The systematic error
 along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`. So does
-whatever else of their stated covariance does not show in their scatter: see `Estimate.constancy`.
+whatever else of their stated covariance does not show in their scatter: see `Estimate.constancy`, `noise_shares`.
 
 Each of many objects has three numbers of place and three of rotation. What is worked out of them in one piece costs a
 fifth of what it costs object by object.
@@ -59,10 +59,11 @@ class Estimate(Covariances):
         self.stamp = percept.stamp
         self.stated = percept.position_covariance
         """(3, 3) m^2, of the newest percept: as it was stated, of all its errors"""
-        self.scatter = float(len(percept.position))
-        """1: mean square of how far recent percepts were from the estimate before, in standard deviations of that
+        self.scatter = np.full(2, float(len(percept.position)))
+        """(2,) 1, of place and rotation: mean squares of how far recent percepts were from the estimate before
 
-        It is first what is expected: one for each direction. That counts as one percept.
+        In standard deviations of that. They are first what is expected, one for each direction. That counts as one
+        percept.
         """
         self.constancy = 0.0
         """How constant the errors of the position are, 0 to 1
@@ -117,12 +118,12 @@ class Estimate(Covariances):
         return total
 
     @property
-    def noise_share(self) -> float:
-        """Which share of the stated covariance is noise, as recent percepts scatter: that much remains of an average.
+    def noise_shares(self) -> Array:
+        """(2,) 1: which share of the stated covariances of place and rotation is noise, as recent percepts scatter.
 
         It is that of one direction at least: what scatters less has constant errors, see `constancy`.
         """
-        return max(self.scatter, 1.0) / len(self.position)
+        return np.asarray(np.maximum(self.scatter, 1.0) / len(self.position))
 
     def standard_deviations(self) -> tuple[float, float]:
         """The remaining noise sideways (m, of one axis) and in yaw (rad)."""
@@ -186,15 +187,16 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     posterior = (_EYE - gain) @ prior
     posterior = 0.5 * (posterior + posterior.mT)
     steps = (gain @ shifts[..., None])[..., 0]
-    squares = np.einsum("ni,nij,nj->n", shifts[:, 0], inverse[:, 0], shifts[:, 0])
+    squares = np.einsum("nki,nkij,nkj->nk", shifts, inverse, shifts)
     scatter = np.array([estimate.scatter for estimate in estimates])
-    scatter += (squares - scatter) / [min(estimate.count, RECENT_PERCEPTS) for estimate in estimates]
-    constancy = np.nan_to_num(np.clip(1.0 - scatter, 0.0, 1.0)).tolist()
+    counts = np.array([[min(estimate.count, RECENT_PERCEPTS)] for estimate in estimates])
+    scatter += np.where(np.isfinite(squares), squares - scatter, 0.0) / counts
+    constancy = np.clip(1.0 - scatter[:, 0], 0.0, 1.0).tolist()
     told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
     for place in np.flatnonzero(told).tolist():
         estimate, percept = estimates[place], percepts[place]
         estimate.covariances, estimate.stated = posterior[place].copy(), percept.position_covariance
-        estimate.scatter, estimate.constancy = float(scatter[place]), constancy[place]
+        estimate.scatter, estimate.constancy = scatter[place], constancy[place]
         estimate.position = estimate.position + steps[place, 0]
         x, y, z = steps[place, 1].tolist()
         step = quaternions.from_rotvec((x, y, z))

@@ -293,7 +293,7 @@ class BelievedObject:
         """
         assert self.placement is not None and self.track.estimate is not None
         off = np.subtract(placement.solid.position, self.placement.solid.position)
-        share = self.track.estimate.noise_share if placement.rests else 1.0
+        share = self.track.estimate.noise_shares[0] if placement.rests else 1.0
         self.placement = replace(self.placement, covariance=share * placement.covariance + np.outer(off, off))
 
     def rest(self, placement: Placement, solid: Solid, now: float) -> None:
@@ -337,6 +337,7 @@ class BelievedObject:
 
     def covariances(self) -> tuple[Array, Array] | None:
         """(3, 3) m^2 and rad^2 of the believed position and rotation, in the world frame, once it was perceived."""
-        if self.placement is None or self.track.estimate is None:
+        estimate = self.track.estimate
+        if self.placement is None or estimate is None:
             return None
-        return self.placement.covariance, self.track.estimate.rotation_covariance
+        return self.placement.covariance, estimate.noise_shares[1] * estimate.rotation_covariance

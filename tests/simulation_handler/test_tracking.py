@@ -74,14 +74,14 @@ def test_scatter_tells_what_is_noise_and_what_is_constant(scatter: float, consta
         see(track, there, 0.1 * (k + 1))
     assert track.estimate is not None
     assert track.estimate.constancy == pytest.approx(constancy, abs=0.1)
-    assert track.estimate.noise_share == pytest.approx(noise, rel=0.3)
+    assert track.estimate.noise_shares == pytest.approx((noise, noise), rel=0.4)
 
 
 def test_until_percepts_scatter_their_noise_is_as_stated() -> None:
     watcher = Watcher()
     watcher.see(HERE, 1)
     assert watcher.track.estimate is not None
-    assert watcher.track.estimate.noise_share == 1.0
+    assert watcher.track.estimate.noise_shares.tolist() == [1.0, 1.0]
 
 
 def test_a_way_that_has_ended_does_not_count_as_noise() -> None:
