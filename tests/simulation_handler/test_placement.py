@@ -14,7 +14,15 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact import placement
-from simulation_handler.contact.placement import Pairs, find_support, place, separate
+from simulation_handler.contact.placement import (
+    Pairs,
+    covariance_given_height,
+    find_support,
+    given_height,
+    place,
+    separate,
+)
+from simulation_handler.scales import GAP
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, ROUND, WALL, container
 
@@ -48,6 +56,19 @@ def test_a_depth_error_is_undone_along_the_viewing_ray(x: float, y: float, bias:
     assert placement.supports == ("table",)
     assert placement.solid.position == pytest.approx(truth.position, abs=0.0003)
     assert placement.solid.position[2] == pytest.approx(0.02, abs=1e-9)
+
+
+@pytest.mark.parametrize("error", [GAP, 0.002])
+def test_a_place_is_known_across_the_ray_and_as_well_as_its_height(error: float) -> None:
+    """An error of the height moves the place along the viewing ray."""
+    truth, rng = np.array((0.5, 0.1, 0.02)), np.random.default_rng(0)
+    told = covariance(tuple(truth.tolist()))
+    percepts = rng.multivariate_normal(truth, told, 4000)
+    heights = truth[2] + error * rng.normal(size=len(percepts))
+    found = [given_height(tuple(one), told, height) for one, height in zip(percepts, heights, strict=True)]
+    expected = np.cov(np.transpose(found))
+    assert covariance_given_height(told, error) == pytest.approx(expected, abs=0.1 * np.linalg.norm(expected))
+    assert covariance_given_height(told, error)[2, 2] == pytest.approx(error**2)
 
 
 def test_tilt_is_removed_and_yaw_kept() -> None:
