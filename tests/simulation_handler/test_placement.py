@@ -67,7 +67,7 @@ def test_a_place_is_known_across_the_ray_and_as_well_as_its_height(error: float)
     heights = truth[2] + error * rng.normal(size=len(percepts))
     found = [given_height(tuple(one), told, height) for one, height in zip(percepts, heights, strict=True)]
     expected = np.cov(np.transpose(found))
-    assert covariance_given_height(told, error) == pytest.approx(expected, abs=0.1 * np.linalg.norm(expected))
+    assert covariance_given_height(told, error) == pytest.approx(expected, abs=0.1 * float(np.linalg.norm(expected)))
     assert covariance_given_height(told, error)[2, 2] == pytest.approx(error**2)
 
 
