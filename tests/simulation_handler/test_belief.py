@@ -158,7 +158,7 @@ def test_bodies_stay_where_the_mean_of_noisy_percepts_has_them() -> None:
 
 def test_what_rests_is_known_as_well_as_the_noise_of_percepts_allows() -> None:
     distances = []
-    for seed in range(3):
+    for seed in range(6):
         world = World(grid(4, seed), seed)
         world.camera.lateral_noise = world.camera.depth_noise = 0.005  # m
         world.run(1.5)
