@@ -15,6 +15,7 @@ from benchmarks.honesty.statement import DOUBT, VOLUME
 from benchmarks.learning.recorded import Recorded
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Pose
+from simulation_handler.scales import GAP
 from simulation_handler.worlds.followed import Followed, otherwise
 from simulation_handler.worlds.parameters import PlaceNoise
 from simulation_handler.worlds.spread import (
@@ -248,8 +249,11 @@ _WIDEST = 12.0  # 1, factor of a wide world at most: what is further off is told
 
 
 def _bounds_of(name: str) -> tuple[float, float]:
-    """Of a logarithm or logit. Nothing is known better than its grain; a wide world is twice as wide at least."""
-    least = {"level": 2 * _GRAIN, "height": 2 * _GRAIN, "turn": 2 * _GRAIN_TURN, "wide": 2.0}.get(name)
+    """Of a logarithm or logit. Nothing is known better than its grain; a wide world is twice as wide at least.
+
+    The height of what rests is no matter of percepts, and known to the gap between bodies.
+    """
+    least = {"level": 2 * _GRAIN, "height": GAP, "turn": 2 * _GRAIN_TURN, "wide": 2.0}.get(name)
     return (-12.0 if least is None else float(np.log(least)), float(np.log(_WIDEST)))
 
 
