@@ -40,6 +40,7 @@ class ExposureSightings(NamedTuple):
 class SceneEstimator(Agent):
     """Recognises objects by AprilTags, colours and depth in all cameras' frames, and publishes poses with covariance.
 
+    A tag that is read tells more than a colour. An object whose tag no camera reads is looked for by its colour.
     Objects that no camera has seen for `max_age` are not `perceived`; their last percept stays.
     """
 
@@ -67,7 +68,7 @@ class SceneEstimator(Agent):
         self._closing = ExitStack()
         take = self._closing.enter_context
         self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
-        self._colored = take(closing(ColoredObjects(self.memory)))
+        self._colored = take(closing(ColoredObjects(self.memory, config.max_age)))
         self._untagged = take(closing(UntaggedObjects(self.memory, config, self.log)))
         self._tag_readers = {
             camera: FrameSource(self._objects.size, config.tag_ratio, config.noise)
@@ -110,6 +111,7 @@ class SceneEstimator(Agent):
                 self._describe(camera, readings.intrinsics)
                 try:
                     tags = read_sensor(readings, self.config.noise) + self._tag_readers[camera].read_corners(readings)
+                    self._note_read(tags, readings.stamp)
                     yield camera, readings.stamp, ExposureSightings(tags, self._sensed_colors(camera, readings), None)
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
@@ -133,16 +135,22 @@ class SceneEstimator(Agent):
             self._skip("malformed", f"{camera}: {error}")
             return None
         self._show(camera, frame.stamp, outlines)
+        self._note_read(sightings, frame.stamp)
         return ExposureSightings(
             sightings, self._read_colors(camera, frame), self._read_blocks(camera, frame, sightings)
         )
 
+    def _note_read(self, tags: list[Sighting], stamp: float) -> None:
+        nodes = (self._objects.find(tag.marker_id) for tag in tags)
+        self._colored.note_read((node.name for node in nodes if node is not None), min(stamp, self.clock.now()))
+
     def _read_colors(self, camera: str, frame: Frame) -> list[ColorSighting]:
         self._note_depth(camera, "depth" in frame.arrays or not self._colored.known)
-        world_from_camera = self._world_from_camera(camera, frame.stamp) if self._colored.known else None
+        looked_for = self._colored.looked_for(frame.stamp)
+        world_from_camera = self._world_from_camera(camera, frame.stamp) if looked_for else None
         if world_from_camera is None:
             return []
-        return self._color_reader.read(frame, self._colored.known, world_from_camera)
+        return self._color_reader.read(frame, looked_for, world_from_camera)
 
     def _read_blocks(self, camera: str, frame: Frame, tags: list[Sighting]) -> SeenBlocks | None:
         color, depth, intrinsics = images(frame)

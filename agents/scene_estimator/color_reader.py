@@ -62,8 +62,8 @@ class ColorReader:
         picture, view = ColorImage(color), FrameView(depth, intrinsics, world_from_camera)
         self._has_searched = False
         self._known = {known.name: self._looked_for(known.name, frame.stamp) for known in objects}
-        found = [(known.name, self._place(known, picture, view)) for known in objects]
-        return [self._sighting(name, placed, frame.stamp) for name, placed in found if placed is not None]
+        found = [(known, self._place(known, picture, view)) for known in objects]
+        return [self._sighting(known, placed, frame.stamp) for known, placed in found if placed is not None]
 
     def _looked_for(self, name: str, stamp: float) -> _Known:
         """What is known of an object as it is looked for at `stamp` (s). Cameras may show nothing for a while."""
@@ -82,7 +82,10 @@ class ColorReader:
             return self._may_turn(known.name)
 
         may_search = last.frames == 0
-        placed = place(view, mask, known.shape, known.size, noise, last.guess, search=may_search, may_turn=may_turn)
+        placed = place(
+            view, mask, known.shape, known.size, noise, last.guess,
+            tagged=known.tagged, search=may_search, may_turn=may_turn,
+        )  # fmt: skip
         if placed is not None:
             last = self._known[known.name]
             frames = 0 if placed.fits else _PATIENCE if may_search else last.frames - 1
@@ -101,7 +104,9 @@ class ColorReader:
         self._known[name] = last._replace(turns=last.pause + 1, pause=min(2 * last.pause, _LONGEST_PAUSE))
         return True
 
-    def _sighting(self, name: str, placed: Placed, stamp: float) -> ColorSighting:
+    def _sighting(self, known: ColoredObject, placed: Placed, stamp: float) -> ColorSighting:
+        """Of rotations that look alike only a tag tells which it is: of what has one, colours tell no turn."""
         ray = placed.position / np.linalg.norm(placed.position)
         covariance = placed.covariance + self._noise.depth_bias_std**2 * np.outer(ray, ray)
-        return ColorSighting(name, placed.position, covariance, stamp, placed.lean, placed.guess.yaw, placed.yaw_sigma)
+        lean, yaw_sigma = (None, math.inf) if known.tagged else (placed.lean, placed.yaw_sigma)
+        return ColorSighting(known.name, placed.position, covariance, stamp, lean, placed.guess.yaw, yaw_sigma)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
-from agents.colors import TOLERANCE, spectral_angle
+from agents.colors import APART, TOLERANCE, spectral_angle
 from agents.drivers import ColorReading, TagReadings
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.turning import ROUND, nearest_turn, order
@@ -37,7 +38,7 @@ _ROUNDING = 1e-3
 
 
 class ColoredObject(NamedTuple):
-    """The known properties of an object that has a colour and no tag."""
+    """The known properties of an object that has a colour."""
 
     name: str
     color: Vector3
@@ -46,6 +47,8 @@ class ColoredObject(NamedTuple):
     """Edge lengths of its bounding box, m."""
     shape: Shape
     """Shape of the object; none for a solid box."""
+    tagged: bool = False
+    """Whether its upper side (+z) carries a tag, and so not its colour."""
 
 
 class ColorSighting(NamedTuple):
@@ -81,12 +84,23 @@ class ColorSighting(NamedTuple):
 
 
 class ColoredObjects:
-    """The working memory's objects that have a colour and no tag, of those that are simulated."""
+    """The working memory's objects that have a colour, of those that are simulated.
 
-    def __init__(self, memory: Memory) -> None:
+    Args:
+        memory: the working memory.
+        max_age: s after which a tag that was not read again does not tell any more where its object is.
+    """
+
+    def __init__(self, memory: Memory, max_age: float) -> None:
         self._memory = memory
+        self._max_age = max_age
         self._watches = [memory.watch(attribute=name) for name in ("color", "marker_id", "size", "shape")]
         self.known: list[ColoredObject] = []
+        """Those without a tag"""
+        self._tagged: list[ColoredObject] = []
+        """Those with a tag whose colour no other object has"""
+        self._read: dict[str, float] = {}
+        """s, when the tag of one of these was read last"""
         self.turned: dict[str, Quaternion] = {}
         """world_from_object of what was last seen of rotations"""
 
@@ -94,11 +108,24 @@ class ColoredObjects:
         """Take note of what was written to nodes."""
         news = [watch.poll() for watch in self._watches]
         if any(news):
-            found = map(_colored, bodies_by_name(self._memory, THINGS))
-            self.known = [colored for colored in found if colored is not None]
+            bodies = bodies_by_name(self._memory, THINGS)
+            found = [colored for colored in map(_colored, bodies) if colored is not None]
+            self.known = [colored for colored in found if not colored.tagged]
+            self._tagged = [colored for colored in found if colored.tagged and _is_unlike_others(colored, bodies)]
+            self._read = {one.name: self._read[one.name] for one in self._tagged if one.name in self._read}
+
+    def note_read(self, names: Iterable[str], stamp: float) -> None:
+        """Take note of the objects whose tags some camera has read at `stamp` (s): a tag tells more than a colour."""
+        mine = {colored.name for colored in self._tagged}
+        self._read.update({name: max(stamp, self._read.get(name, stamp)) for name in names if name in mine})
+
+    def looked_for(self, stamp: float) -> list[ColoredObject]:
+        """Those to find by colour in an image of `stamp` (s): without a tag, or with one that no camera reads."""
+        unread = [one for one in self._tagged if stamp - self._read.get(one.name, -math.inf) > self._max_age]
+        return self.known + unread
 
     def find(self, color: Vector3) -> ColoredObject | None:
-        """Find the object of that colour; None if there is none."""
+        """Find the object of that colour which has no tag; None if there is none."""
         angles = {colored: spectral_angle(color, colored.color) for colored in self.known}
         best = min(angles, key=lambda colored: angles[colored], default=None)
         return best if best is not None and angles[best] < TOLERANCE else None
@@ -166,9 +193,9 @@ def _near(position: Array) -> bool:
 
 
 def _colored(node: Node) -> ColoredObject | None:
-    """None for an object with a tag, without colour or size, with a shape that is none, or that is found by depth."""
+    """None for an object without colour or size, with a shape that is none, or that is found by depth."""
     color, size, numbers = node.get("color"), node.get("size"), node.get("shape")
-    if color is None or size is None or min(size) <= 0.0 or node.get("marker_id") is not None:
+    if color is None or size is None or min(size) <= 0.0:
         return None
     if node.get("source") == BY_DEPTH:
         return None
@@ -176,4 +203,11 @@ def _colored(node: Node) -> ColoredObject | None:
         shape = () if numbers is None else from_numbers(numbers)
     except SchemaError:
         return None
-    return ColoredObject(node.name, (color[0], color[1], color[2]), (size[0], size[1], size[2]), shape)
+    tagged = node.get("marker_id") is not None
+    return ColoredObject(node.name, (color[0], color[1], color[2]), (size[0], size[1], size[2]), shape, tagged)
+
+
+def _is_unlike_others(colored: ColoredObject, bodies: Iterable[Node]) -> bool:
+    """Whether the colour of one object tells it from all others: what two have in common tells neither."""
+    others = (node.get("color") for node in bodies if node.name != colored.name)
+    return all(spectral_angle(colored.color, other) >= APART for other in others if other is not None)

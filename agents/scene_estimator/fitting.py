@@ -29,7 +29,7 @@ from agents.scene_estimator.segmentation import Mask
 from dsr.math3d.boxes import CORNERS
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape, box
-from dsr.math3d.surfaces import Solids, distances
+from dsr.math3d.surfaces import GAP, Solids, distances
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -114,10 +114,12 @@ class ImagePart:
     Args:
         view: depth and camera.
         mask: (h, w) those pixels.
+        tagged: whether the upper side (+z) of the shape carries a tag: it is white and black then, and shows no colour.
     """
 
-    def __init__(self, view: FrameView, mask: Mask) -> None:
+    def __init__(self, view: FrameView, mask: Mask, *, tagged: bool = False) -> None:
         self._view = view
+        self._tagged = tagged
         self._mask = mask
         self._around_holes = _filled(view.depth)
         self._camera_from_world = view.world_from_camera.inverse()
@@ -151,7 +153,8 @@ class ImagePart:
             rays: as many are cast about it.
 
         Returns:
-            Those that meet the shape, none if its bounding box reaches behind the camera. Their weights are 1 together.
+            Those that meet the shape where it has its colour, none if its bounding box reaches behind the camera. Their
+            weights are 1 together.
         """
         corners = self._camera_from_world.apply(position + (0.5 * CORNERS * size) @ rotation.T)
         if corners[:, 2].min() <= 0.0:
@@ -160,8 +163,9 @@ class ImagePart:
         first, last = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
         directions, weights = self._looks(first + (last - first) * _evenly(rays))
         solids = Solids.of(shape or box(size))
-        depths = solids.first_met(rotation.T @ (self.eye - position), directions @ rotation)
-        found = Rays(directions, weights, depths).only(np.isfinite(depths))
+        eye, local = rotation.T @ (self.eye - position), directions @ rotation
+        depths = solids.first_met(eye, local)
+        found = Rays(directions, weights, depths).only(_has_color(eye, local, depths, size, tagged=self._tagged))
         return found._replace(weights=found.weights / max(float(found.weights.sum()), _LEAST))
 
     def expected(self, shown: Rays, position: Array) -> ExpectedPixels:
@@ -188,6 +192,17 @@ class ImagePart:
         colored = self._colored
         places = self.eye + colored.directions * np.where(colored.depths > 0.0, colored.depths, usual)[:, None]
         return colored.only(_are_near(places, position, size))
+
+
+def _has_color(eye: Array, rays: Array, depths: Array, size: Vector3, *, tagged: bool) -> NDArray[np.bool_]:
+    """(n,) which rays (n, 3) from an eye (3,), in the frame of a shape, meet it where it has its colour.
+
+    It is met at finite depths (n,).
+    """
+    met = np.isfinite(depths)
+    if tagged:
+        met[met] = eye[2] + rays[met, 2] * depths[met] < 0.5 * size[2] - GAP
+    return met
 
 
 def _are_near(points: Array, position: Array, size: Vector3) -> NDArray[np.bool_]:

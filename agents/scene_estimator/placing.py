@@ -87,6 +87,7 @@ def place(
     noise: float,
     guess: Guess,
     *,
+    tagged: bool = False,
     search: bool = True,
     may_turn: Callable[[], bool] = lambda: True,
 ) -> Placed | None:
@@ -99,13 +100,14 @@ def place(
         size: edge lengths of its bounding box, m.
         noise: 1/m, standard deviation of the inverse depth of a pixel.
         guess: how it may be turned.
+        tagged: whether its upper side (+z) carries a tag, and so not the colour.
         search: try all yaws if that does not fit.
         may_turn: whether all rotations may be tried, which takes long. Nobody asks if a yaw fits.
 
     Returns:
         None if too little of it is seen, or if what is seen is not its surface.
     """
-    scene = ImagePart(view, mask)
+    scene = ImagePart(view, mask, tagged=tagged)
     if not scene.is_large:
         return None
     expected = noise * scene.squared_depth

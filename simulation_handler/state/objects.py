@@ -231,10 +231,11 @@ class BelievedObject:
         """(3, 3) m^2, world: covariance of what is wrong with the place in all percepts alike; None if nothing is.
 
         What carries the object tells its height. An error in height was taken for one along the viewing ray then, and
-        moved the place sideways: the more, the flatter that ray is.
+        moved the place sideways: the more, the flatter that ray is. Of an object with a tag, a percept that tells no
+        rotation is by its colour.
         """
         estimate = self.track.estimate
-        if estimate is None or self.tagged or estimate.constancy == 0.0:
+        if estimate is None or (self.tagged and self.shows_rotation) or estimate.constancy == 0.0:
             return None
         error: Array = shares.color * estimate.constancy * estimate.stated
         if self.placement is None or not self.placement.rests:

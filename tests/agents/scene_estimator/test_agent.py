@@ -11,6 +11,8 @@ import pytest
 
 from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator import SceneEstimator
+from agents.scene_estimator.color_reader import ColorReader
+from agents.scene_estimator.colored import ColoredObject, ColorSighting
 from dsr import Frame, Pose
 from dsr.errors import AgentError, ConfigError
 from dsr.network.transport import Qos
@@ -234,6 +236,28 @@ def test_it_writes_only_what_it_declares(bench: Bench) -> None:
     assert "Virtual_RT" not in SceneEstimator.writes.edges
     with pytest.raises(AgentError):
         bench.own.update_node("camera_overhead", surprising=True)
+
+
+def test_where_tags_are_read_no_colour_is_fitted(bench: Bench, cube: Frame, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[list[str]] = []
+
+    def read(_: ColorReader, __: Frame, objects: list[ColoredObject], ___: Pose) -> list[ColorSighting]:
+        looked.append([known.name for known in objects])
+        return []
+
+    monkeypatch.setattr(ColorReader, "read", read)
+    bench.memory.update_node(NAME, color=(0.9, 0.1, 0.1))
+    bench.run(PERIOD)
+    bench.show(cube, ticks=3)
+    empty = bench.picture()
+    bench.show(empty, ticks=round(AGE / PERIOD) - 1)
+    assert looked == [], "it may be blurred, or a finger is on it"
+    bench.show(empty, ticks=3)
+    assert looked and {*map(tuple, looked)} == {(NAME,)}
+    bench.show(cube, ticks=2)
+    count = len(looked)
+    bench.show(cube, ticks=3)
+    assert len(looked) == count
 
 
 def test_a_camera_without_depth_is_told_where_only_depth_would_show_a_thing(

@@ -14,7 +14,7 @@ from agents.object_models import load_model, model_files
 from agents.scenario.format.scenario import ObjectSpec
 from agents.scene_estimator import color_reader, placing
 from agents.scene_estimator.color_reader import ColorReader
-from agents.scene_estimator.colored import LEANING, ColorSighting
+from agents.scene_estimator.colored import LEANING, ColoredObject, ColorSighting
 from agents.scene_estimator.placing import Guess, Placed
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
@@ -22,6 +22,7 @@ from agents.scene_estimator.turning import nearest_alike
 from benchmarks.color_scene import AWAY, ColorScene, looking_at
 from dsr import Pose
 from dsr.errors import WireError
+from dsr.math3d import transforms
 from dsr.math3d.shapes import to_numbers
 
 from .conftest import AGE, PERIOD, Bench
@@ -186,6 +187,59 @@ def test_all_at_once(scene: ColorScene) -> None:
     found = read(scene, camera)
     assert set(found) == set(places)
     assert max(judged(found[name], camera, truth)[0] for name, truth in truths.items()) < 0.006
+
+
+TALL = ObjectSpec(
+    name="tall", type="box", marker_id=203, size=(0.046, 0.047, 0.112), color=(0.64, 0.11, 0.32), position=(0.0, 0.0, 0.0)
+)
+
+
+@pytest.fixture(scope="module")
+def far() -> Iterator[ColorScene]:
+    """A box whose tag is too far away to be read."""
+    scene = ColorScene([], np.random.default_rng(0), [TALL], width=400)
+    yield scene
+    scene.close()
+
+
+def from_afar(degrees: float) -> Pose:
+    """The pose of a camera 1.4 m from a box, so far above the horizon."""
+    up = math.radians(degrees)
+    eye = (PLACE[0] + 1.4 * math.cos(up), PLACE[1], 0.05 + 1.4 * math.sin(up))
+    return transforms.looking_at(eye, (*PLACE, 0.05))
+
+
+@pytest.mark.parametrize("degrees", [45, 60, 70])
+def test_what_has_a_tag_is_placed_by_the_faces_that_have_its_colour(far: ColorScene, degrees: float) -> None:
+    """Seen from higher up, more of it is white."""
+    assert TALL.color is not None
+    errors, known = [], ColoredObject(TALL.name, TALL.color, TALL.size, (), tagged=True)
+    camera = from_afar(degrees)
+    for yaw in (0.0, 0.4, 0.8, 1.2):
+        truth = Pose.from_rotvec((*PLACE, far.height(TALL.name)), (0.0, 0.0, yaw))
+        far.put(TALL.name, truth)
+        reader = ColorReader(NO_BIAS)
+        for _ in range(2):
+            (found,) = reader.read(far.frame(camera), [known], camera)
+        error, nees = judged(found, camera, truth)
+        errors.append(error)
+        assert nees < 12.0
+        assert found.lean is None and math.isinf(found.yaw_sigma), "only its tag tells sides apart that look alike"
+    assert np.mean(errors) < 0.004
+
+
+def test_the_agent_sees_by_its_colour_what_has_a_tag_that_is_not_read(
+    far: ColorScene, make_bench: Callable[..., Bench]
+) -> None:
+    bench, camera = make_bench(), from_afar(45.0)
+    bench.memory.add_edge("world", "camera_overhead", "RT", pose=camera)
+    bench.memory.add_node(TALL.name, "box", size=TALL.size, color=TALL.color, marker_id=TALL.marker_id)
+    truth = Pose((*PLACE, far.height(TALL.name)))
+    far.put(TALL.name, truth)
+    bench.run(PERIOD)
+    bench.show(far.frame(camera), ticks=2)
+    assert bench.perceived(TALL.name) is True
+    assert bench.memory.transform("world", TALL.name).t == pytest.approx(truth.t, abs=0.015)
 
 
 @pytest.mark.parametrize("brightness", [0.45, 0.7, 1.0])

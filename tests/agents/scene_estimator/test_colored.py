@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,6 +145,40 @@ def test_other_colours_and_tagged_objects_are_not_meant(make_bench: Callable[...
     assert bench.perceived("ball") is False
 
 
+@pytest.fixture
+def memory() -> Memory:
+    memory = Memory("test", "me", transport=LocalNetwork(ManualClock()).connect("me"), clock=ManualClock())
+    memory.add_node("world", "world")
+    memory.add_node("tagged", "cube", size=SIZE, color=RED, marker_id=3)
+    memory.add_node("bare", "ball", size=SIZE, color=(0.1, 0.9, 0.1))
+    return memory
+
+
+def names(objects: ColoredObjects, stamp: float) -> list[str]:
+    return [colored.name for colored in objects.looked_for(stamp)]
+
+
+def test_what_has_a_tag_is_looked_for_by_colour_as_long_as_no_camera_reads_the_tag(memory: Memory) -> None:
+    objects = ColoredObjects(memory, AGE)
+    objects.update()
+    assert names(objects, 1.0) == ["bare", "tagged"]
+    objects.note_read(["tagged", "unknown"], 1.0)
+    objects.note_read(["tagged"], 0.5)
+    assert names(objects, 1.0) == names(objects, 1.0 + 0.9 * AGE) == ["bare"]
+    assert names(objects, 1.0 + 1.1 * AGE) == ["bare", "tagged"]
+    memory.update_node("bare", size=(0.05, 0.05, 0.05))
+    objects.update()
+    assert names(objects, 1.0) == ["bare"]
+
+
+@pytest.mark.parametrize("other", [{"marker_id": 4}, {}, {"source": "depth"}])
+def test_a_colour_that_others_have_tells_nothing_of_what_has_a_tag(memory: Memory, other: dict[str, Any]) -> None:
+    memory.add_node("other", "cube", size=SIZE, color=(0.9, 0.15, 0.1), **other)
+    objects = ColoredObjects(memory, AGE)
+    objects.update()
+    assert names(objects, 0.0) == ["bare"] + ["other"] * (not other)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -177,7 +212,7 @@ def test_however_many_coloured_things_somebody_makes_up_few_are_looked_for_and_t
             memory.flush()
             network.deliver()
             memory.poll()
-    looked_for = ColoredObjects(liar)
+    looked_for = ColoredObjects(liar, AGE)
     liar_made = [liar.add_node(f"a_{number}", "cube", size=SIZE, color=RED) for number in range(2 * MOST_BODIES)]
     honest.add_node("z", "cube", size=SIZE, color=RED)
     for _ in range(3):
