@@ -17,6 +17,7 @@ from dsr.graph.shares import shared_out
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.perception.consensus import tells_rotation
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.visibility.perspectives import persons_there
@@ -150,9 +151,20 @@ def _measured(memory: Memory, node: Node) -> Pose | None:
 
 
 def by_color(memory: Memory) -> frozenset[str]:
-    """Names of the things that are recognised by their colour: they have one, and no tag."""
-    things = (node for node in memory.nodes(THINGS))
-    return frozenset(node.name for node in things if "color" in node and "marker_id" not in node)
+    """Names of the things that are recognised by their colour.
+
+    They have one, and no tag, or a tag that the camera did not read which saw them last.
+    """
+    colored = (node for node in memory.nodes(THINGS) if "color" in node)
+    return frozenset(node.name for node in colored if "marker_id" not in node or _is_seen_by_color(memory, node.name))
+
+
+def _is_seen_by_color(memory: Memory, name: str) -> bool:
+    """Whether the newest percept of a thing with a tag is by its colour: a tag would tell how the thing is turned."""
+    poses = (edge.get("pose") for edge in memory.edges("RT", dst=name))
+    newest = max((pose for pose in poses if pose is not None), key=lambda pose: pose.stamp, default=None)
+    covariance = None if newest is None else newest.covariance
+    return covariance is not None and not tells_rotation(covariance[3:, 3:])
 
 
 def _places(memory: Memory, nodes: list[Node]) -> Iterator[Pose | None]:

@@ -51,7 +51,7 @@ class BelievedObject:
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
     tagged: bool = True
-    """Whether it is recognised by a tag."""
+    """Whether it has a tag; percepts that tell no rotation are by its colour all the same."""
     path: Path = field(default_factory=Path)
     """The path of the object as it was seen."""
     noise: float = 0.0

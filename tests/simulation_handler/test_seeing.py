@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -18,7 +19,7 @@ from dsr.vocabulary.calibration import PROVISIONAL, STEADY, SURPRISE, Report, re
 from dsr.vocabulary.perceived import MOST_CAMERAS, camera_nodes
 from simulation_handler import SimulationHandler
 from simulation_handler.graph_io import seeing
-from simulation_handler.graph_io.views import obstacles, views
+from simulation_handler.graph_io.views import by_color, obstacles, views
 from simulation_handler.perception.visibility import CameraView, RayVisibility
 from surprise.config import SurpriseConfig
 from surprise.expectation import Expectations
@@ -57,6 +58,22 @@ def test_what_is_in_view_below_another_and_below_the_arm(table: Table) -> None:
     table.run(0.3)
     share, covered_by = seen(table)["cube_3"]
     assert share < 1.0 and covered_by == "link"
+
+
+def test_what_has_a_tag_is_recognised_by_its_colour_while_it_is_seen_by_that(table: Table) -> None:
+    table.memory.add_node("cube_3", "cube", size=CUBE, color=(0.9, 0.1, 0.1), marker_id=3)
+    table.memory.add_node("cube_4", "cube", size=CUBE, color=(0.1, 0.9, 0.1), marker_id=4)
+    table.memory.add_node("ball", "ball", size=CUBE, color=(0.1, 0.1, 0.9))
+    assert by_color(table.memory) == {"ball"}
+    table.memory.add_node("old", "camera")
+    colored = {"ball", "cube_3"}
+    for stamp, std, found in ((1.0, math.pi, colored), (2.0, 0.05, {"ball"}), (3.0, math.pi, colored)):
+        pose = Pose((0.0, 0.0, 0.5), stamp=stamp, covariance=np.diag([1e-6] * 3 + [std**2] * 3))
+        table.memory.add_edge("camera", "cube_3", "RT", pose=pose)
+        assert by_color(table.memory) == found
+    by_tag = Pose((0.0, 0.0, 0.5), stamp=2.5, covariance=1e-6 * np.eye(6))
+    table.memory.add_edge("old", "cube_3", "RT", pose=by_tag)
+    assert by_color(table.memory) == colored
 
 
 def test_cameras_and_what_hides_are_made_ready_anew_only_when_they_changed(

@@ -190,7 +190,7 @@ def test_all_at_once(scene: ColorScene) -> None:
 
 
 TALL = ObjectSpec(
-    name="tall", type="box", marker_id=203, size=(0.046, 0.047, 0.112), color=(0.64, 0.11, 0.32), position=(0.0, 0.0, 0.0)
+    name="tall", type="box", marker_id=203, size=(0.046, 0.047, 0.112), color=(0.64, 0.11, 0.32), position=AWAY.t
 )
 
 
