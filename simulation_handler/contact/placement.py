@@ -275,7 +275,7 @@ def are_side_by_side(a: Solid, b: Solid) -> bool:
 def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float], known: Pairs) -> bool:
     """Move the two so that the parts that overlap most do not; false if none did."""
     a, b = placed[pair[0]], placed[pair[1]]
-    depth, (x, y) = known.overlap(a, b, pair[2])
+    depth, (x, y) = known.overlap(a, b, pair[2]) if near(a, (b,)) else (0.0, (0.0, 0.0))
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))
