@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,8 +76,8 @@ def test_equal_states_of_several_worlds_are_one_alternative() -> None:
         WeightedWorld(weight, {"ball": ball, "cup": other})
         for weight, ball, other in (
             (0.5, BALL, cup),
-            (0.3, BALL, replace(cup, pose=THERE)),
-            (0.2, ObjectState(None), replace(cup, pose=THERE)),
+            (0.3, BALL, cup._replace(pose=THERE)),
+            (0.2, ObjectState(None), cup._replace(pose=THERE)),
         )
     )
     ball, cups = distributions(Island(("ball", "cup"), worlds))
