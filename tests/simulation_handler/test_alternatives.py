@@ -60,6 +60,19 @@ def test_places_that_differ_by_noise_are_one_alternative() -> None:
             assert len(list(distributions(Island(("ball",), worlds), near))) == told
 
 
+def test_what_is_certain_again_is_told_in_one_order(memory: Memory, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"ball_{number}" for number in range(8)]
+    for name in names:
+        memory.add_node(name, "ball")
+        memory.add_edge("world", name, "Virtual_RT", pose=HERE)
+    writer, told = AlternativesWriter(memory, 3), list[str]()
+    writer.update([island(0.8, 0.2, names=(name,)) for name in names])
+    monkeypatch.setattr(memory, "update_node", lambda name, **_: told.append(name))
+    writer.update([island(1.0, names=(name,)) for name in names])
+    assert told == names, "the same seed gives the same messages"
+    writer.close()
+
+
 def test_the_best_place_is_told_where_the_simulation_has_another_one(memory: Memory) -> None:
     writer = AlternativesWriter(memory, 3)
     writer.update([Island(("ball",), (WeightedWorld(0.6, {"ball": ObjectState(THERE)}, "as perceived"),
