@@ -174,6 +174,14 @@ class ArmDriver(Protocol):
         """Release the device."""
 
 
+@runtime_checkable
+class Announcing(Protocol):
+    """A driver of an arm that also says when a sample comes."""
+
+    def on_sample(self, call: Callable[[], object]) -> None:
+        """Call this, in any thread, at each new sample."""
+
+
 class CameraDriver(Protocol):
     """A colour and depth camera."""
 

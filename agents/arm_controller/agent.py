@@ -27,7 +27,7 @@ from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.targets import MotionControl
 from agents.camera_feed import CameraFeed
-from agents.drivers import ArmDriver, ArmState, has_option, make_driver
+from agents.drivers import Announcing, ArmDriver, ArmState, has_option, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
@@ -109,7 +109,11 @@ class ArmController(Agent):
             raise ConfigError(f"arm {config.arm!r} is moved by {rival!r}, which runs: give one of them another `arm`")
         self._body = RobotNodes(self.memory, self._model, config, self.name)
         self._body.build()
+        self._is_late = self._was_woken = False
+        """Whether the last tick found no new sample; whether the next one was asked for because of that."""
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **self._driver_options())
+        if isinstance(self._driver, Announcing):
+            self._driver.on_sample(self._take_late_sample)
         self._feeds: list[CameraFeed] = []
         self._make_feeds()
         self._state: ArmState | None = None
@@ -139,6 +143,7 @@ class ArmController(Agent):
     def tick(self, now: float) -> None:
         """Forward what the devices measured since the last tick, and follow the targets."""
         joints = self._new_sample(now)
+        self._is_late, self._was_woken = joints is None and not self._was_woken, False
         self._look(joints, now)
         ordered, danger = self._emergency.reason, self._watchdog.danger
         if ordered or danger:  # before all that may fail
@@ -243,6 +248,12 @@ class ArmController(Agent):
             return None
         self._state = state
         return joints
+
+    def _take_late_sample(self) -> None:
+        """Tick now for the sample that the last tick did not find: by the next one, a newer one would replace it."""
+        if self._is_late:
+            self._is_late, self._was_woken = False, True
+            self.wake()
 
     @property
     def _is_moving(self) -> bool:

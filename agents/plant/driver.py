@@ -45,6 +45,8 @@ class NewestSample(Generic[T]):
         self._key = key
         self._decode = decode
         self._payload: bytes | None = None
+        self.arrived: Callable[[], object] = lambda: None
+        """Called in the thread of the transport when there is a new message"""
         self.dropped = 0
         """Messages that could not be decoded."""
         self._subscription = bus.subscribe(key, self._keep, newest=1)
@@ -68,10 +70,11 @@ class NewestSample(Generic[T]):
 
     def _keep(self, key: str, payload: bytes) -> None:
         self._payload = payload
+        self.arrived()
 
 
 class PlantArm:
-    """A simulated arm, an `ArmDriver`.
+    """A simulated arm, an `ArmDriver` that announces its samples.
 
     Args:
         bus: where the plant is heard.
@@ -89,6 +92,10 @@ class PlantArm:
         """The newest sample, or None before the first."""
         self._state = self._states.take() or self._state
         return self._state
+
+    def on_sample(self, call: Callable[[], object]) -> None:
+        """Call this, in any thread, at each new sample."""
+        self._states.arrived = call
 
     def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
         """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ _Parts = list[tuple[int, int]]  # which parts of two solids are side by side
 _Pair = tuple[str, str, _Parts]  # two names, and which parts of the two are side by side
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(NamedTuple):
     """The believed pose of an object, given its percept."""
 
     solid: Solid
@@ -161,8 +160,9 @@ def near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
 
 def given_height(position: Vector3, covariance: Array, height: float) -> Vector3:
     """Mean of a Gaussian position (3,) m, once its height is known to be `height` m."""
-    x, y, z = (position + by_height(covariance) * (height - position[2])).tolist()
-    return x, y, z
+    (x, y, z), (sideways, ahead, upwards) = position, covariance[:, 2].tolist()
+    off = height - z
+    return x + sideways / upwards * off, y + ahead / upwards * off, z + upwards / upwards * off
 
 
 def by_height(covariance: Array) -> Array:
@@ -275,7 +275,7 @@ def are_side_by_side(a: Solid, b: Solid) -> bool:
 def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float], known: Pairs) -> bool:
     """Move the two so that the parts that overlap most do not; false if none did."""
     a, b = placed[pair[0]], placed[pair[1]]
-    depth, (x, y) = known.overlap(a, b, pair[2])
+    depth, (x, y) = known.overlap(a, b, pair[2]) if near(a, (b,)) else (0.0, (0.0, 0.0))
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))

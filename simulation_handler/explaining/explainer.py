@@ -318,8 +318,8 @@ class Explainer:
         for name in sorted(explanation.removed):
             bodies.take_away(bodies.object(name))
             self._relations.forget(name)
-        for name, solid in explanation.solids.items():
-            item = bodies.object(name)
+        for name in sorted(explanation.solids):  # physics depends a little on the order
+            item, solid = bodies.object(name), explanation.solids[name]
             bodies.put(item, solid.position, solid.rotation)
             if name in explanation.placements:
                 item.rest(explanation.placements[name], solid, now)

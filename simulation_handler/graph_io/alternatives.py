@@ -52,7 +52,7 @@ class AlternativesWriter:
             self._told = dict(self._told_before())
         judged = {name for island in islands for name in island.names}
         found = {where.name: where for island in islands for where in distributions(island, self._near)}
-        for name in (self._told.keys() & judged) - found.keys():
+        for name in sorted((self._told.keys() & judged) - found.keys()):
             changed = True
             del self._told[name]
             with contextlib.suppress(GraphError):

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
-from dsr.graph.elements import Edge
+from dsr.graph.elements import Edge, Node
 from dsr.graph.schema import is_within_bounds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
@@ -60,9 +60,10 @@ class Writing:
         self._told = {name: deeds for name, deeds in self._told.items() if name in self._belief}
         for name in self._belief.names:
             with contextlib.suppress(GraphError):
-                self._write_pose(name, now)
-                self._write_plausible(name)
-                self._write_present(name)
+                node, pose = self._memory.node(name), self._belief.pose(name)
+                self._write_pose(name, pose, now)
+                self._write_plausible(node, pose)
+                self._write_present(node, pose)
                 self._write_deeds(name)
         self._look_at_worlds(now)
         self._write_relations("on", self._belief.supports())
@@ -81,13 +82,11 @@ class Writing:
         self._due, self._related, self.islands = now + LOOK_PERIOD, related, self._belief.islands()
         self._alternatives.update(self.islands)
 
-    def _write_pose(self, name: str, now: float) -> None:
-        pose = self._belief.pose(name)
-        if pose is not None and not is_within_bounds(pose):
-            pose = pose.with_covariance(None)  # of a percept that told nothing
+    def _write_pose(self, name: str, pose: Pose | None, now: float) -> None:
         if pose is not None and self._is_news(name, pose, now):
-            self._memory.add_edge(WORLD, name, "Virtual_RT", pose=pose)
-            self._written[name] = pose
+            told = pose if is_within_bounds(pose) else pose.with_covariance(None)  # of a percept that told nothing
+            self._memory.add_edge(WORLD, name, "Virtual_RT", pose=told)
+            self._written[name] = told
 
     def _is_news(self, name: str, pose: Pose, now: float) -> bool:
         written = self._written.get(name)
@@ -95,15 +94,15 @@ class Writing:
             return True
         return not _SAME.covers(written, pose)
 
-    def _write_plausible(self, name: str) -> None:
-        plausible = self._belief.plausible(name)
-        if self._belief.pose(name) is not None and self._memory.node(name).get("plausible") is not plausible:
-            self._memory.update_node(name, plausible=plausible)
+    def _write_plausible(self, node: Node, pose: Pose | None) -> None:
+        plausible = self._belief.plausible(node.name)
+        if pose is not None and node.get("plausible") is not plausible:
+            self._memory.update_node(node.name, plausible=plausible)
 
-    def _write_present(self, name: str) -> None:
+    def _write_present(self, node: Node, pose: Pose | None) -> None:
         """Take the pose of what is gone out of the graph, and say so."""
-        gone, before = self._belief.is_gone(name), self._memory.node(name).get("present")
-        if gone and self._belief.pose(name) is None:
+        name, gone, before = node.name, self._belief.is_gone(node.name), node.get("present")
+        if gone and pose is None:
             self._memory.remove_edge(WORLD, name, "Virtual_RT")
             self._written.pop(name, None)
         if before is not (not gone) and (gone or before is not None):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Set
-from dataclasses import replace
 
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.scales import SURE_SIGMAS
@@ -151,7 +150,7 @@ class Correction:
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
             is_recalled = self._is_recalled(item, placement)
-            item.adopt(replace(placement, solid=self._bodies.solid(item.name)) if is_recalled else placement)
+            item.adopt(placement._replace(solid=self._bodies.solid(item.name)) if is_recalled else placement)
             item.is_recalled = is_recalled
         item.know(placement)
         if item.leans:  # how high it leans is not known so well

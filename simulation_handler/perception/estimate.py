@@ -31,6 +31,7 @@ Compared = tuple[WeighedPercept, Innovation]
 """A percept, and how far it was from the estimate when it came."""
 
 _EYE = np.eye(3)
+_TURN_FLOOR = TURN_FLOOR**2 * _EYE  # rad^2
 
 
 class RayError(NamedTuple):
@@ -114,16 +115,17 @@ class Estimate(Covariances):
 
     def total_turning(self) -> Array:
         """Covariance (3, 3) of the rotation, rad^2: remaining noise, and what is no noise of percepts."""
-        total: Array = self.rotation_covariance + TURN_FLOOR**2 * _EYE
+        total: Array = self.rotation_covariance + _TURN_FLOOR
         return total
 
     @property
-    def noise_shares(self) -> Array:
-        """(2,) 1: which share of the stated covariances of place and rotation is noise, as recent percepts scatter.
+    def noise_shares(self) -> tuple[float, float]:
+        """1: which share of the stated covariances of place and rotation is noise, as recent percepts scatter.
 
         It is that of one direction at least: what scatters less has constant errors, see `constancy`.
         """
-        return np.asarray(np.maximum(self.scatter, 1.0) / len(self.position))
+        place, turn = self.scatter.tolist()
+        return max(place, 1.0) / len(self.position), max(turn, 1.0) / len(self.position)
 
     def standard_deviations(self) -> tuple[float, float]:
         """The remaining noise sideways (m, of one axis) and in yaw (rad)."""

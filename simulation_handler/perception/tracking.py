@@ -99,6 +99,11 @@ class PerceptTrack:
             self._restart(list(self._pending), self.estimate)
 
     @property
+    def newest(self) -> WeighedPercept | None:
+        """The newest percept, whatever the estimate; None if there never was one."""
+        return self._newest[-1] if self._newest else None
+
+    @property
     def trail(self) -> tuple[WeighedPercept, ...]:
         """The newest percepts, the last one at the end."""
         return tuple(self._newest)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -213,7 +214,7 @@ class BelievedObject:
         assert estimate is not None
         rotation = estimate.rotation if self.shows_stance else self.stance or estimate.rotation
         told = estimate.position, estimate.ray, rotation, self.error_mean
-        if self._percept is None or any(one is not other for one, other in zip(told, self._percept[0], strict=True)):
+        if self._percept is None or not all(map(operator.is_, told, self._percept[0])):
             x, y, z = estimate.corrected(self.error_mean).tolist()
             self._percept = told, self.solid((x, y, z), rotation)
         return self._percept[1]
@@ -295,14 +296,15 @@ class BelievedObject:
         assert self.placement is not None and self.track.estimate is not None
         off = np.subtract(placement.solid.position, self.placement.solid.position)
         share = self.track.estimate.noise_shares[0] if placement.rests else 1.0
-        self.placement = replace(self.placement, covariance=share * placement.covariance + np.outer(off, off))
+        covariance = share * placement.covariance + off[:, None] * off
+        self.placement = self.placement._replace(covariance=covariance)
 
     def rest(self, placement: Placement, solid: Solid, now: float) -> None:
         """Take over the placement of an explanation, put at `solid` at time `now` (s).
 
         If perception had not changed, it was physics that moved the object from where it is seen.
         """
-        self.adopt(replace(placement, solid=solid))
+        self.adopt(placement._replace(solid=solid))
         if self.restarts == self.track.restarts:
             self.strike(now)
         self.notice_restart()

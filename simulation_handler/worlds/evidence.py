@@ -291,7 +291,7 @@ class EvidenceReader:
             gone=item.gone,
             driven=item.driven,
             set_out_from=self._set_out(item),
-            near_hand=bool(item.track.trail) and self._movers.has_hand_near(item),
+            near_hand=item.track.newest is not None and self._movers.has_hand_near(item),
             by_way=self._by_way(item, pose) if item.driven or is_moving else 0.0,
             rides=item.rides,
             hovers=item.static and not item.holder,
@@ -321,7 +321,8 @@ class EvidenceReader:
 
     def _set_out(self, item: BelievedObject) -> Pose | None:
         """As `ObjectEvidence.set_out_from`."""
-        pose, known = self._set_out_from(item.name), item.covariances()
+        pose = self._set_out_from(item.name)
+        known = None if pose is None else item.covariances()
         return pose if pose is None or known is None else with_world_covariances(pose, *known)
 
     def _believed(self, places: Mapping[str, Pose], now: float) -> dict[str, Pose]:
@@ -336,7 +337,8 @@ class EvidenceReader:
 
     def _percepts(self) -> dict[str, Pose]:
         """world_from_object of the newest percept of each object, with its covariance."""
-        newest = {name: item.track.trail[-1] for name, item in self._bodies.objects.items() if item.track.trail}
+        found = ((name, item.track.newest) for name, item in self._bodies.objects.items())
+        newest = {name: one for name, one in found if one is not None}
         return _with_covariances({
             name: (_pose_of(one, self._bodies.objects[name]), one.position_covariance, one.rotation_covariance)
             for name, one in newest.items()

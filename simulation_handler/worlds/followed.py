@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,7 @@ ASLANT = "leans on something"
 """Reason of a world in which an object leans, and is where it is perceived by the errors of other objects"""
 
 
-@dataclass(frozen=True)
-class Followed:
+class Followed(NamedTuple):
     """How the place of an object in the simulation is known."""
 
     circumstance: str
@@ -72,14 +71,14 @@ WeightedState = tuple[float, ObjectState, str]
 
 def reached(followed: Followed, thing: ObjectEvidence) -> Followed:
     """The same, no more unsure than the newest percept of the thing is off."""
-    return followed if thing.percept is None else replace(followed, reach=thing.percept.distance(followed.pose)[0])
+    return followed if thing.percept is None else followed._replace(reach=thing.percept.distance(followed.pose)[0])
 
 
 def otherwise(followed: Followed, thing: ObjectEvidence) -> Followed:
     """The same of a thing that is seen displaced, if it stays and that is less probable, or the reverse."""
     if followed.circumstance == RESTLESS:
-        return replace(followed, circumstance=DOUBTED, reach=math.inf)
-    return reached(replace(followed, circumstance=RESTLESS), thing)
+        return followed._replace(circumstance=DOUBTED, reach=math.inf)
+    return reached(followed._replace(circumstance=RESTLESS), thing)
 
 
 def worlds_of(followed: Followed, noise: PlaceNoise, state: ObjectState) -> list[WeightedState]:
@@ -91,11 +90,11 @@ def worlds_of(followed: Followed, noise: PlaceNoise, state: ObjectState) -> list
     perceived = _perceived(followed, noise, state.pose)
     rest = 1.0 if perceived is None else 1.0 - perceived[0]
     parts = [
-        (rest * share, replace(state, pose=scaled(state.pose, factor)), WRONG if level else followed.circumstance)
+        (rest * share, state._replace(pose=scaled(state.pose, factor)), WRONG if level else followed.circumstance)
         for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
     ]
     if perceived is not None:
-        parts.append((perceived[0], replace(state, pose=perceived[1]), PERCEIVED))
+        parts.append((perceived[0], state._replace(pose=perceived[1]), PERCEIVED))
     return parts
 
 
@@ -106,7 +105,7 @@ def staying_or_not(
     chances = ((stays.by_camera, stays.camera), (stays.probability - stays.by_camera, ""))
     return [
         *(
-            (chance * share, replace(one, moved_camera=camera), reason)
+            (chance * share, one._replace(moved_camera=camera), reason)
             for chance, camera in chances
             if chance > ROUNDING
             for share, one, reason in if_so
@@ -145,7 +144,7 @@ def turned(world: WeightedState, thing: ObjectEvidence) -> Iterator[WeightedStat
             (x, y, z), (right, back, up) = pose.t, shift
             there = Pose.unchecked((x + right, y + back, z + up), quaternions.product(pose.q, turn), pose.stamp)
             there = with_world_covariances(there, *pose.parent_covariances())
-            yield weight * chance, replace(state, pose=there), OTHER_SIDE
+            yield weight * chance, state._replace(pose=there), OTHER_SIDE
 
 
 def or_aslant(
@@ -155,7 +154,7 @@ def or_aslant(
     return [
         *(((1.0 - chance) * share, one, reason) for share, one, reason in parts),
         *(
-            (chance * share, replace(state, pose=scaled(there, factor)), ASLANT)
+            (chance * share, state._replace(pose=scaled(there, factor)), ASLANT)
             for share, factor in zip(*levels_of_wrong(noise), strict=True)
         ),
     ]

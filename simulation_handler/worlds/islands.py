@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
@@ -34,7 +33,7 @@ def _joint(
         combined = [_with(world, name, one, worlds) for world in found for one in worlds[name]]
         found = sorted(combined, key=lambda world: -world.weight)[:MOST_WORLDS]
     total = sum(world.weight for world in found)
-    return tuple(replace(world, weight=world.weight / total) for world in found)
+    return tuple(world._replace(weight=world.weight / total) for world in found)
 
 
 def _with(
@@ -55,7 +54,7 @@ def _gone_along(state: ObjectState, container: ObjectState, most_probable: Objec
     if (container.pose.t, container.pose.q) == (most_probable.pose.t, most_probable.pose.q):
         return state
     there = _bare(container.pose) @ _bare(most_probable.pose).inverse() @ _bare(state.pose)
-    return replace(state, pose=Pose.unchecked(there.t, there.q, state.pose.stamp, state.pose.cov))
+    return state._replace(pose=Pose.unchecked(there.t, there.q, state.pose.stamp, state.pose.cov))
 
 
 def _bare(pose: Pose) -> Pose:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -14,8 +15,7 @@ GRASPING, INSIDE, ON = "grasping", "in", "on"
 """Kinds of relations: hand or gripper and object; object and container; object and support."""
 
 
-@dataclass(frozen=True)
-class ObjectState:
+class ObjectState(NamedTuple):
     """The state of one object in one world."""
 
     pose: Pose | None
@@ -52,8 +52,7 @@ class ObjectState:
         return self.pose is None
 
 
-@dataclass(frozen=True)
-class WeightedWorld:
+class WeightedWorld(NamedTuple):
     """One way in which the objects of an island may be."""
 
     weight: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -319,7 +319,7 @@ class WeightedWorlds:
             parts = or_aslant(parts, state, *thing.aslant, noise)
         hands = self._holders(name, thing, followed.circumstance) or {state.hand: 1.0}
         return [
-            (weight * share * held, replace(one, hand=hand), reason)
+            (weight * share * held, one if one.hand == hand else one._replace(hand=hand), reason)
             for share, one, reason in parts
             for hand, held in hands.items()
         ]
@@ -329,13 +329,13 @@ class WeightedWorlds:
         one = otherwise(followed, thing)
         noise = self._parameters.noise[one.circumstance]
         placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
-        return worlds_of(one, noise, replace(state, pose=placed))
+        return worlds_of(one, noise, state._replace(pose=placed))
 
     def _or_former(self, parts: list[WeightedState], former: Former, state: ObjectState) -> list[WeightedState]:
         """Worlds of an object that the simulation has where it is seen, and those in which its camera moved instead."""
         noise, stays = self._parameters.noise[DOUBTED], former.stays
         pose = with_spread(former.pose, noise, 0.0, 0.0, np.zeros(3))
-        there = worlds_of(Followed(DOUBTED, former.pose, np.zeros(3)), noise, replace(state, pose=pose))
+        there = worlds_of(Followed(DOUBTED, former.pose, np.zeros(3)), noise, state._replace(pose=pose))
         return staying_or_not(Staying(stays.by_camera, stays.camera, stays.by_camera), there, parts)
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:

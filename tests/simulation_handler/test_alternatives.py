@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +60,19 @@ def test_places_that_differ_by_noise_are_one_alternative() -> None:
             assert len(list(distributions(Island(("ball",), worlds), near))) == told
 
 
+def test_what_is_certain_again_is_told_in_one_order(memory: Memory, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"ball_{number}" for number in range(8)]
+    for name in names:
+        memory.add_node(name, "ball")
+        memory.add_edge("world", name, "Virtual_RT", pose=HERE)
+    writer, told = AlternativesWriter(memory, 3), list[str]()
+    writer.update([island(0.8, 0.2, names=(name,)) for name in names])
+    monkeypatch.setattr(memory, "update_node", lambda name, **_: told.append(name))
+    writer.update([island(1.0, names=(name,)) for name in names])
+    assert told == names, "the same seed gives the same messages"
+    writer.close()
+
+
 def test_the_best_place_is_told_where_the_simulation_has_another_one(memory: Memory) -> None:
     writer = AlternativesWriter(memory, 3)
     writer.update([Island(("ball",), (WeightedWorld(0.6, {"ball": ObjectState(THERE)}, "as perceived"),
@@ -77,8 +89,8 @@ def test_equal_states_of_several_worlds_are_one_alternative() -> None:
         WeightedWorld(weight, {"ball": ball, "cup": other})
         for weight, ball, other in (
             (0.5, BALL, cup),
-            (0.3, BALL, replace(cup, pose=THERE)),
-            (0.2, ObjectState(None), replace(cup, pose=THERE)),
+            (0.3, BALL, cup._replace(pose=THERE)),
+            (0.2, ObjectState(None), cup._replace(pose=THERE)),
         )
     )
     ball, cups = distributions(Island(("ball", "cup"), worlds))

@@ -184,3 +184,17 @@ def test_of_pairs_of_the_same_solids_nothing_is_worked_out_twice(monkeypatch: py
     again = len(asked) - first
     assert pushed.keys() == {"23", "24"} and pushed == separate(moved, weights)
     assert again < 0.5 * first, "only pairs with what has moved"
+
+
+def test_in_a_heap_only_outlines_are_compared_that_reach_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    far: list[float] = []
+
+    def counted(a: Polygon, b: Polygon) -> bool:
+        far.append(max(abs(a[0][k] + a[2][k] - b[0][k] - b[2][k]) / 2.0 for k in range(2)))
+        return are_apart(a, b)
+
+    monkeypatch.setattr(placement, "are_apart", counted)
+    names = list(map(str, range(30)))
+    pushed = separate([cube(name, 0.0, 0.0) for name in names], dict.fromkeys(names, 1.0))
+    assert pushed.keys() == set(names), "all seem to be in one place"
+    assert 0.0 <= max(far) < 2.0 * cube("", 0.0, 0.0).radius + GAP

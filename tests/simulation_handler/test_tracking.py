@@ -81,7 +81,7 @@ def test_until_percepts_scatter_their_noise_is_as_stated() -> None:
     watcher = Watcher()
     watcher.see(HERE, 1)
     assert watcher.track.estimate is not None
-    assert watcher.track.estimate.noise_shares.tolist() == [1.0, 1.0]
+    assert watcher.track.estimate.noise_shares == (1.0, 1.0)
 
 
 def test_a_way_that_has_ended_does_not_count_as_noise() -> None:

@@ -14,7 +14,7 @@ from agents.arm_controller.model.urdf import load_robot
 from dsr import Pose
 from dsr.errors import ConfigError
 
-from .conftest import GEN3, HOME, PERIOD, Bench
+from .conftest import GEN3, HOME, PERIOD, Bench, FakeArm
 
 OVERHEAD = {"driver": "fake:Camera", "name": "overhead", "mount": {"translation": [0.35, 0.0, 0.65]}}
 WRIST = {"driver": "fake:Camera", "name": "wrist", "link": "camera_wrist_link"}
@@ -43,6 +43,35 @@ def test_the_gripper_is_where_the_joints_say_at_the_time_of_the_sample(bench: Be
     assert bench.memory.node("arm")["joint_velocities"] == pytest.approx(sample.velocities)
     earlier = bench.memory.transform("world", "gripper", at=sample.stamp - PERIOD)
     assert earlier.distance(pose)[0] > 1e-3
+
+
+class AnnouncingArm(FakeArm):
+    """Says when a sample comes."""
+
+    def on_sample(self, call: Callable[[], object]) -> None:
+        self.say = call
+
+
+def test_a_tick_that_came_too_soon_for_a_sample_is_made_up_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.agents.arm_controller.conftest.FakeArm", AnnouncingArm)
+    bench = Bench({"driver": "fake:Arm", "urdf": str(GEN3)}, monkeypatch)
+    woken, arm = list[str](), bench.arm
+    assert isinstance(arm, AnnouncingArm)
+    bench.agent.wake = lambda: woken.append("now")
+    bench.run(0.1)
+    arm.say()
+    assert woken == [], "the newest tick had a sample, and the next has its turn"
+    bench.run(PERIOD, silent=True)
+    arm.say()
+    arm.say()
+    assert woken == ["now"]
+    bench.run(0.0)
+    bench.runner.tick(bench.clock.now())
+    arm.say()
+    assert woken == ["now"], "a device that announces what it does not have must not make the controller tick on and on"
+    bench.run(PERIOD, silent=True)
+    arm.say()
+    assert woken == ["now", "now"]
 
 
 def test_what_stands_still_is_written_less_often(bench: Bench) -> None:

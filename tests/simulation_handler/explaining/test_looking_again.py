@@ -43,3 +43,23 @@ def test_what_is_seen_elsewhere_since_is_explained_anew() -> None:
         world.truths["cube"] = cube_at(0.35, 0.015 * step - 0.1)
         world.run(0.1)
     assert len(asked) > 4
+
+
+def test_bodies_are_put_in_one_order_in_whatever_order_an_explanation_names_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Physics depends on it a little: the same seed would give another run."""
+    world = World({name: cube_at(0.35, 0.08 * place - 0.1) for place, name in enumerate("bcad")}, rays=True)
+    world.run(1.0)
+    bodies, put = world.belief._bodies, list[str]()
+
+    def explain(situation: Situation) -> Explanation:
+        moved = {name: situation.believed[name].moved((0.35, 0.1 * k, 0.3)) for k, name in enumerate("dbca")}
+        monkeypatch.setattr(bodies, "put", lambda item, position, rotation: put.append(item.name))
+        return Explanation((), situation.surprising, moved)
+
+    world.belief._explainer._policy.explain = explain  # type: ignore[method-assign]
+    world.seen.remove("a")
+    while not put:
+        world.run(0.05)
+    assert put[:4] == ["a", "b", "c", "d"]
