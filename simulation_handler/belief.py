@@ -76,7 +76,7 @@ class Belief:
         self._evidence = EvidenceReader(
             self._bodies, self._relations, self._containment, self._touching, self._driving.lead,
             self._explainer.in_doubt, self.config, self._courses.of, lambda: self._explainer.waiting,
-            self._explainer.sure, self._driving.set_out_from,
+            self._explainer.sure, self._driving.set_out_from, self._explainer.missing,
         )  # fmt: skip
         self._worlds = WeightedWorlds(learned_parameters())
         self._following = WeightFollowing(self._bodies, self._relations, self._worlds)

@@ -35,8 +35,11 @@ class Displacement(NamedTuple):
     """(3, 3) rad^2, covariance of that"""
     from_camera: Vector3
     """(3,) m, world, from the camera to where the thing is believed to be"""
-    near_hand: bool = False
-    """Whether a hand is within reach of it: that often moves it, and lifts it as often as not"""
+    is_disturbed: bool = False
+    """Whether a hand is within reach of it, or what stood beside it is missing
+
+    A hand often moves a thing, and lifts it as often as not. So does a thing fall that has lost what it leaned on.
+    """
     by_way: float = 0.0
     """nats by which it rather is seen to have got there bit by bit than at once"""
 
@@ -138,8 +141,8 @@ class _Told(NamedTuple):
                 strict=True,
             )
         )
-        near = np.array([one.near_hand for one in things])
-        lifted, led = np.where(near, -nats.EXPECTED, _SELDOM), np.where(near, -nats.EXPECTED, -nats.MOVED)
+        often = np.array([one.is_disturbed for one in things])
+        lifted, led = np.where(often, -nats.EXPECTED, _SELDOM), np.where(often, -nats.EXPECTED, -nats.MOVED)
         stays = np.log1p(-np.exp(led))
         some = np.logaddexp(lifted + anyhow, np.log1p(-np.exp(lifted)) + on_level)
         ways = np.array([one.by_way for one in things])

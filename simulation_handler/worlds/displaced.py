@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import ONE_MOMENT, STEADY
 from simulation_handler.perception.bumped import Displacement, MovedThing, judge
 from simulation_handler.scales import GONE_FROM, PLACE_FLOOR
+from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 
 
@@ -140,13 +141,14 @@ def staying(evidence: Evidence, moved: MovedThing, rather_at: Mapping[str, Pose]
     for name, thing in evidence.objects.items():
         if thing.percept is not None and len(thing.seen_by) == 1 and _may_tell(thing, before[name]):
             shown.setdefault(min(thing.seen_by), {})[name] = thing.percept
+    missing = [thing.solid for thing in evidence.objects.values() if thing.is_missing and thing.solid is not None]
     found: dict[str, Staying] = {}
     for camera, percepts in shown.items():
         newest = max(percept.stamp for percept in percepts.values())
         told = {name: evidence.objects[name] for name, one in percepts.items() if newest - one.stamp <= ONE_MOMENT}
         asked = (thing.is_moving or thing.is_doubted or before[n] is not thing.believed for n, thing in told.items())
         if any(asked):
-            found |= _judged(camera, told, before, moved)
+            found |= _judged(camera, told, before, moved, missing)
     return found
 
 
@@ -163,21 +165,24 @@ def _may_tell(thing: ObjectEvidence, before: Pose | None) -> bool:
 
 
 def _judged(
-    camera: str, told: Mapping[str, ObjectEvidence], before: Mapping[str, Pose | None], moved: MovedThing
-) -> dict[str, Staying]:
-    """What `camera` shows at one moment, which is `told` of, if all objects were there `before`."""
+    camera: str, told: Mapping[str, ObjectEvidence], before: Mapping[str, Pose | None], moved: MovedThing,
+    missing: Sequence[Solid],
+) -> dict[str, Staying]:  # fmt: skip
+    """What `camera` shows of things, which is `told`, if all were there `before`, beside what is `missing`."""
     loads = [name for name, thing in told.items() if thing.containers or not before.keys().isdisjoint(thing.supports)]
     things = [name for name in told if name not in loads]
     if not things:
         return {}
-    asked, others = ([_displacement(told[name], before[name]) for name in names] for names in (things, loads))
+    asked, others = (
+        [_displacement(told[name], before[name], missing) for name in names] for names in (things, loads)
+    )
     verdict = judge(asked, others, moved)
     told_of = zip([*things, *loads], verdict.stays.tolist(), verdict.shown_elsewhere.tolist(), strict=True)
     return {name: Staying(stays, camera, elsewhere) for name, stays, elsewhere in told_of}
 
 
-def _displacement(thing: ObjectEvidence, before: Pose | None) -> Displacement:
-    """How far a thing is seen from where it was before."""
+def _displacement(thing: ObjectEvidence, before: Pose | None, missing: Sequence[Solid]) -> Displacement:
+    """How far a thing is seen from where it was before, beside what is `missing`."""
     percept, eye = thing.percept, thing.seen_from
     assert percept is not None and before is not None and eye is not None
     (place, turning), (own_place, own_turning) = before.parent_covariances(), percept.parent_covariances()
@@ -187,4 +192,6 @@ def _displacement(thing: ObjectEvidence, before: Pose | None) -> Displacement:
         turn = np.array(quaternions.to_rotvec(quaternions.product(percept.q, quaternions.conjugate(before.q))))
     floor = PLACE_FLOOR**2 * np.eye(3)
     shift, covariance = np.subtract(percept.t, before.t), place + own_place + floor
-    return Displacement(shift, covariance, turn, turning + own_turning, (x, y, z), thing.near_hand, thing.by_way)
+    radius = 0.0 if thing.solid is None else thing.solid.radius
+    is_disturbed = thing.near_hand or any(math.dist(before.t, one.position) < one.radius + radius for one in missing)
+    return Displacement(shift, covariance, turn, turning + own_turning, (x, y, z), is_disturbed, thing.by_way)

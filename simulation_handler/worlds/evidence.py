@@ -81,6 +81,8 @@ class ObjectEvidence:
     """world_from_object where it was before it was driven, with covariance; None if it is not, or a hand moves it"""
     near_hand: bool = False
     """Whether a hand is within reach of where it was seen last."""
+    is_missing: bool = False
+    """Whether it should be seen where it is believed to be, and is not: that is not explained yet."""
     by_way: float = 0.0
     """nats by which its percepts tell rather that it got on bit by bit than at once"""
     rides: bool = False
@@ -194,6 +196,8 @@ class _Moment(NamedTuple):
     """Objects of which only cameras tell that may have moved"""
     sure: frozenset[str]
     """Objects that a camera sees that is known not to have moved"""
+    missing: Collection[str]
+    """Objects that should be seen, and are not"""
     places: Mapping[str, Pose]
     """world_from_object of each body"""
     believed: Mapping[str, Pose]
@@ -219,6 +223,7 @@ class EvidenceReader:
         displaced: gives the names of the objects that are seen elsewhere than believed.
         sure: gives the names of the objects that a camera sees at a time (s) that is known not to have moved.
         set_out_from: gives where a driven object was before, by name, if no hand moves it.
+        missing: gives the names of the objects that should be seen at a time (s), and are not.
     """
 
     def __init__(
@@ -234,6 +239,7 @@ class EvidenceReader:
         displaced: Callable[[], Collection[str]] = tuple,
         sure: Callable[[float], frozenset[str]] = lambda now: frozenset(),
         set_out_from: Callable[[str], Pose | None] = lambda name: None,
+        missing: Callable[[float], Collection[str]] = lambda now: (),
     ) -> None:
         self._bodies = bodies
         self._courses = courses
@@ -242,6 +248,7 @@ class EvidenceReader:
         self._in_doubt = in_doubt
         self._sure = sure
         self._set_out_from = set_out_from
+        self._missing = missing
         self._config = config
         self._relations = relations
         self._containment = containment
@@ -259,8 +266,8 @@ class EvidenceReader:
         places = {name: self._bodies.pose(name) for name in self._bodies.objects if name in self._bodies.sim}
         moment = _Moment(
             now, contents, below, sorted(self._touching.grasps), sorted(self._touching.holds), self._displaced(),
-            self._in_doubt(now), self._sure(now), places, self._believed(places, now), self._seen(now),
-            self._percepts(),
+            self._in_doubt(now), self._sure(now), self._missing(now), places, self._believed(places, now),
+            self._seen(now), self._percepts(),
         )  # fmt: skip
         objects = {name: self._read_object(item, moment) for name, item in self._bodies.objects.items()}
         hands = {
@@ -292,6 +299,7 @@ class EvidenceReader:
             driven=item.driven,
             set_out_from=self._set_out(item),
             near_hand=item.track.newest is not None and self._movers.has_hand_near(item),
+            is_missing=name in moment.missing,
             by_way=self._by_way(item, pose) if item.driven or is_moving else 0.0,
             rides=item.rides,
             hovers=item.static and not item.holder,

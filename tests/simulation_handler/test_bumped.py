@@ -85,13 +85,13 @@ def test_two_that_are_moved_alike_on_the_level_may_have_moved_together(tagged: b
 def test_what_a_hand_may_have_lifted_has_moved() -> None:
     lifted = moved(PLACES[0], Pose((0.0, 0.0, 0.04)), tagged=True)
     assert judge([lifted], [], MOVED).camera_moved > 0.5
-    assert judge([lifted._replace(near_hand=True)], [], MOVED).camera_moved < 0.1
+    assert judge([lifted._replace(is_disturbed=True)], [], MOVED).camera_moved < 0.1
 
 
 @pytest.mark.parametrize("near_hand", [False, True])
 def test_a_hand_near_one_thing_does_not_hide_that_the_camera_moved(near_hand: bool) -> None:
     one, *others = shown(4, BUMP)
-    verdict = judge([one._replace(near_hand=near_hand), *others], [], MOVED)
+    verdict = judge([one._replace(is_disturbed=near_hand), *others], [], MOVED)
     assert verdict.camera_moved > 0.99 and verdict.stays.min() > 0.99
 
 

@@ -10,9 +10,11 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
+from simulation_handler.perception.bumped import MovedThing
 from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import DOUBTED, MOVES, RESTLESS
+from simulation_handler.worlds.displaced import staying
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence
 from simulation_handler.worlds.followed import PERCEIVED
 from simulation_handler.worlds.model import WeightedWorld
@@ -25,6 +27,7 @@ BUMP = Pose(EYE) @ Pose.from_rotvec((0.01, -0.015, 0.012), (0.02, -0.03, 0.025))
 SHOVE = Pose((0.05, 0.03, 0.0))
 NOISE = np.diag([0.003**2] * 3 + [0.02**2] * 3)
 STEP = 0.1
+MOVED = MovedThing(0.16, 0.002)
 
 
 def thing(name: str, believed: Pose, percept: Pose) -> ObjectEvidence:
@@ -246,3 +249,13 @@ def test_what_was_seen_at_another_time_tells_nothing_of_the_camera_now(table: Ta
         sum(world.weight for world in worlds.worlds("box") if world.moved_cameras) for worlds in (together, alone)
     ]
     assert chances[0] == pytest.approx(chances[1]) and chances[0] > 0.01
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_what_has_lost_what_stood_beside_it_has_rather_fallen_than_its_camera_moved(beside: bool) -> None:
+    place = Pose(PLACES["box"])
+    fallen = thing("box", place, Pose((0.0, 0.0, -0.024)) @ place)
+    away = Pose((0.05, 0.0, 0.0)) if beside else Pose((0.3, 0.0, 0.0))
+    lost = replace(thing("can", away @ place, away @ place), is_recognised=False, is_missing=True)
+    verdict = staying(Evidence(1.0, {"box": fallen, "can": lost}, {}, None, frozenset()), MOVED)["box"]
+    assert (verdict.by_camera < 0.5) is beside
