@@ -40,6 +40,7 @@ from benchmarks.calibration_scene import LAYOUTS
 from benchmarks.calibration_survey import SurveyConfig, Surveyor
 from benchmarks.calibration_synthetic import SUCCESS, processor_time
 from benchmarks.calibration_tables import PARTS, Row, cases, draw, holds, report
+from benchmarks.options import whole_number
 from dsr.clock import WALL_CLOCK
 from dsr.math3d.transforms import Pose, log
 from dsr.runtime.system import AgentSpec
@@ -101,22 +102,11 @@ def _write(rows: Sequence[Row], file: Path) -> None:
     part.replace(file)
 
 
-def _count(least: int) -> Callable[[str], int]:
-    """A whole number of an option, not less than `least`."""
-
-    def number(text: str) -> int:
-        if int(text) < least:
-            raise argparse.ArgumentTypeError(f"{text}: expected {least} or more")
-        return int(text)
-
-    return number
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.calibration", description=__doc__.partition("\n")[0])
     parser.add_argument("parts", nargs="*", choices=PARTS, help="default: all")
-    parser.add_argument("--trials", type=_count(1), default=10, help="sessions of each case")
-    parser.add_argument("--seed", type=_count(0), default=0, help="of the first one")
+    parser.add_argument("--trials", type=whole_number(1), default=10, help="sessions of each case")
+    parser.add_argument("--seed", type=whole_number(0), default=0, help="of the first one")
     parser.add_argument("--sensor", choices=("pixels", "poses"), default="pixels")
     parser.add_argument("--json", type=Path, help="keep the figures of all sessions in this file")
     parser.add_argument("--plots", type=Path, metavar="FOLDER", help="write CSV files and, with matplotlib, PNG")

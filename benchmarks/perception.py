@@ -56,6 +56,7 @@ from agents.scene_estimator.turning import nearest_alike, order
 from benchmarks.blocks import shape_rows, shape_table
 from benchmarks.color_scene import ColorScene, looking_at
 from benchmarks.corners import corner_rows, corner_table
+from benchmarks.options import whole_number
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
 from benchmarks.touching import pair_rows, pair_table
 from dsr.clock import WALL_CLOCK
@@ -139,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--trials", type=_positive, default=50, help="frames at each distance (default: 50)")
+    parser.add_argument("--trials", type=whole_number(1), default=50, help="frames at each distance (default: 50)")
     parser.add_argument("--seed", type=int, default=0, help="of poses and noise (default: 0)")
     parser.add_argument(
         "--distances", type=float, nargs="+", default=[0.3, 0.6, 1.0], metavar="M", help="m (default: 0.3 0.6 1.0)"
@@ -157,13 +158,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser
-
-
-def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{number}: expected 1 or more")
-    return number
 
 
 def _not_negative(text: str) -> float:

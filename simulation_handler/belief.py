@@ -289,7 +289,7 @@ class Belief:
         self._touching.update(now)
         self._correction.leave_to_physics(now, self._let_go(now))
         staying = self._worlds.staying() - self._explainer.sure(now)
-        self._driving.update(now, staying, self._explainer.in_doubt(now), self._explainer.expected)
+        self._driving.update(now, staying, self._explainer.in_doubt(now), self._explainer.missed(now))
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
         self._explainer.drag(now)

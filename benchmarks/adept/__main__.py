@@ -29,6 +29,7 @@ from benchmarks.adept.naive import LastPercept
 from benchmarks.adept.unseen.ghosts import Mechanics
 from benchmarks.adept.unseen.rates import EventRates
 from benchmarks.adept.unseen.supposing import Supposing
+from benchmarks.options import whole_number
 from benchmarks.real.recordings import DataError
 from dsr.cli.common import add_names, add_numbers
 
@@ -124,11 +125,15 @@ def _show(figures: Mapping[str, Mapping[str, dict[str, object]]]) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        "python -m benchmarks.adept", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder with a folder for each shape")
     parser.add_argument("--shape", action="append", metavar="NAME", help="only this shape; repeatable")
     parser.add_argument("--row", action="append", choices=list(ROWS), help="only this row; repeatable")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the motions that the belief draws")
+    parser.add_argument(
+        "--seed", type=whole_number(0), default=0, metavar="N", help="of the motions that the belief draws"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     return parser
 

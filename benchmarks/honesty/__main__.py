@@ -18,11 +18,14 @@ from rich.console import Console
 from rich.progress import track
 
 from agents.scenario.generate.registry import FAMILIES
-from agents.scenario.options import parse_seeds
 from benchmarks.honesty.moments import RunScores
 from benchmarks.honesty.runs import Job, play_all
 from benchmarks.honesty.summary import summarise_runs
 from benchmarks.honesty.tables import markdown, show_report
+from benchmarks.options import seeds, whole_number
+
+FIRST_SEEDS = range(3)
+"""Seeds of the episodes that are played unless somebody asks for others"""
 
 
 def main() -> None:
@@ -48,8 +51,9 @@ def main() -> None:
 
 
 def _played(options: argparse.Namespace) -> list[RunScores]:
-    seeds = parse_seeds(options.seeds or "0-2")
-    jobs = [Job(family, seed, options.sensor) for family in options.families for seed in seeds]
+    jobs = [
+        Job(family, seed, options.sensor) for family in options.families for seed in options.seeds or FIRST_SEEDS
+    ]
     played = play_all(jobs, options.processes)
     return list(track(played, "playing", total=len(jobs), console=Console(stderr=True)))
 
@@ -60,7 +64,7 @@ def _kept(options: argparse.Namespace) -> list[RunScores]:
         runs = msgspec.msgpack.decode(options.read.read_bytes(), type=list[RunScores])
     except (OSError, msgspec.DecodeError) as error:
         sys.exit(f"{options.read} is not what --write wrote: {error}")
-    seeds = parse_seeds(options.seeds) if options.seeds else {run.seed for run in runs}
+    seeds = options.seeds or {run.seed for run in runs}
     chosen = [run for run in runs if run.family in options.families and run.seed in seeds]
     return chosen or sys.exit(f"{options.read} has nothing of these families and seeds")
 
@@ -68,9 +72,11 @@ def _kept(options: argparse.Namespace) -> list[RunScores]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.honesty", description=__doc__.partition("\n")[0])
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES), help="default: all")
-    parser.add_argument("--seeds", help="of the episodes, such as 0-9 or 3,7 (default: 0-2; of what is read: all)")
+    parser.add_argument(
+        "--seeds", type=seeds, help="of the episodes, such as 0-9 or 3,7 (default: 0-2; of what is read: all)"
+    )
     parser.add_argument("--sensor", choices=("poses", "pixels"), default="poses", help="default: poses")
-    parser.add_argument("--processes", type=int, default=2, help="episodes at a time (default: 2)")
+    parser.add_argument("--processes", type=whole_number(1), default=2, help="episodes at a time (default: 2)")
     parser.add_argument("--markdown", action="store_true", help="print the tables in Markdown")
     parser.add_argument("--json", type=Path, help="write the scores to this file, too")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw pictures (needs the extra `bench`)")

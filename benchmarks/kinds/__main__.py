@@ -1,7 +1,7 @@
 """How often does each kind of failure of the belief occur? Plays random episodes that are drawn to show it.
 
     python -m benchmarks.kinds --episodes 20 --first 1000
-    python -m benchmarks.kinds --episodes 5 --first 0 --kind lying rolled --markdown
+    python -m benchmarks.kinds --episodes 5 --first 0 --kind lying rolled --failures
 
 What is believed is compared with the plant's truth, with the sensor `poses`. Seeds from 1000 on are for judging.
 """
@@ -9,6 +9,7 @@ What is believed is compared with the plant's truth, with the sensor `poses`. Se
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from rich.progress import track
 
 from benchmarks.kinds.cases import KINDS, Case
 from benchmarks.kinds.playing import Job, play_all
+from benchmarks.options import whole_number
 
 SURE = 0.9
 """1, probability from which what is wrong is told surely: an honest belief is wrong in a tenth of such cases"""
@@ -49,7 +51,7 @@ def main() -> None:
     """Play what the command line asks for, and print a row for each kind."""
     options = _parser().parse_args()
     if options.read:
-        found = msgspec.msgpack.decode(options.read.read_bytes(), type=list[Case])
+        found = _kept(options.read)
     else:
         scenes = dict.fromkeys(KINDS[kind][0] for kind in options.kind)
         jobs = [Job(scene, options.first + number) for number in range(options.episodes) for scene in scenes]
@@ -63,6 +65,14 @@ def main() -> None:
     if options.failures:
         for (kind, seed, name), count in sorted(Counter(case[:3] for case in found if case.wrong).items()):
             print(f"{kind}: {name} of seed {seed}, {count} moments")
+
+
+def _kept(file: Path) -> list[Case]:
+    """What `--write` kept."""
+    try:
+        return msgspec.msgpack.decode(file.read_bytes(), type=list[Case])
+    except (OSError, msgspec.DecodeError) as error:
+        sys.exit(f"{file} is not what --write wrote: {error}")
 
 
 def rows(found: Sequence[Case]) -> list[Row]:
@@ -108,9 +118,9 @@ def markdown(found: Sequence[Row]) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.kinds", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--kind", nargs="+", choices=KINDS, default=list(KINDS), help="default: all")
-    parser.add_argument("--episodes", type=int, default=5, help="of each scene (default: 5)")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first episode (default: 0)")
-    parser.add_argument("--processes", type=int, default=2, help="episodes at a time (default: 2)")
+    parser.add_argument("--episodes", type=whole_number(1), default=5, help="of each scene (default: 5)")
+    parser.add_argument("--first", type=whole_number(0), default=0, help="seed of the first episode (default: 0)")
+    parser.add_argument("--processes", type=whole_number(1), default=2, help="episodes at a time (default: 2)")
     parser.add_argument("--failures", action="store_true", help="list the things that were believed wrongly, too")
     parser.add_argument("--write", type=Path, metavar="FILE", help="keep all cases as they come, for `--read`")
     parser.add_argument("--read", type=Path, metavar="FILE", help="sum up what was kept, and play nothing")

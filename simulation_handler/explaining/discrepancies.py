@@ -61,6 +61,16 @@ class Discrepancies:
             if (told := now - objects[name].track.late) > since
         }
 
+    def missed(self, now: float) -> Set[str]:
+        """Objects that should be seen where they are believed to be, and were not for surprisingly long."""
+        tracks = {name: item.track for name, item in self._bodies.objects.items()}
+        return {
+            name
+            for name, since in self._expected_since.items()
+            if name in tracks
+            if self._is_missing(name, now - tracks[name].late - max(since, tracks[name].last_stamp))
+        }
+
     def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
         """Objects that only some of these cameras see or, if none does, should see."""
         if not cameras:

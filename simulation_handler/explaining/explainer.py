@@ -102,6 +102,10 @@ class Explainer:
         """Objects that should be seen where they are believed to be, and are not."""
         return self._discrepancies.missing_for(now).keys()
 
+    def missed(self, now: float) -> Set[str]:
+        """Objects that should be seen where they are believed to be, and were not for surprisingly long."""
+        return self._discrepancies.missed(now)
+
     def in_doubt(self, now: float) -> frozenset[str]:
         """Objects of which only cameras tell, or should tell, that may have moved."""
         return self._discrepancies.told_only_by(self._doubted(now), now)

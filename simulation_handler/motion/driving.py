@@ -32,7 +32,7 @@ from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.contact.placement import Placement, are_side_by_side, place
+from simulation_handler.contact.placement import are_side_by_side, near, place
 from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.contact.stances import beside, likeliest_stance, misfit
 from simulation_handler.contact.supports import UNKNOWN
@@ -89,7 +89,7 @@ class Driving:
 
     def update(
         self, now: float, staying: Set[str] = frozenset(), in_doubt: Set[str] = frozenset(),
-        expected: Set[str] = frozenset(),
+        missed: Set[str] = frozenset(),
     ) -> None:  # fmt: skip
         """Begin, continue and end drives at time `now` (s).
 
@@ -97,7 +97,7 @@ class Driving:
             now: s
             staying: objects that rather are where they were, while their camera moved: what has set out is put back.
             in_doubt: objects of which only cameras tell that probably were: those set out in a hand alone.
-            expected: objects that cameras should see where they are.
+            missed: objects that cameras should see where they are, and have not shown for surprisingly long.
         """
         seconds, self._now = max(now - self._now, 0.0), now
         for name in [name for name in self._drives if not self._may_go_on(name)]:
@@ -114,7 +114,7 @@ class Driving:
             if name not in staying | in_doubt or self._bodies.objects[name].hand:
                 self._begin(self._bodies.objects[name], start)
         self._lead_from_below(self._drives.keys() - before, now)
-        self._let_pass(now, expected)
+        self._let_pass(now, missed)
         supported = self._supported.supported(self._drives)
         self._leaders = {load: name for name in sorted(self._drives) for load in self._supported.supported([name])}
         for item in self._bodies.objects.values():
@@ -156,16 +156,16 @@ class Driving:
         """(3,) m from where an object is believed to be to where it was seen last."""
         return np.subtract(item.path.at(item.path.newest).t, self._bodies.sim.position(item.name))
 
-    def _let_pass(self, now: float, expected: Set[str]) -> None:
+    def _let_pass(self, now: float, missed: Set[str]) -> None:
         """Bodies beside each other, of which one is driven, do not push each other while both are seen: that tells all.
 
         Their thin walls would get into each other by the noise of that, and not out again without a kick. Nor is
-        pushed what should be seen and is not: it is not where the driven one was seen to pass.
+        pushed what was missed before: it is not where the driven one was seen to pass.
         """
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         led = {name for name, drive in self._drives.items() if not drive.runs}
         seen = {item.name for item in objects if now - item.track.last_stamp <= UNSEEN and item.name in sim}
-        seen |= {name for name in expected if name in sim}
+        seen |= {name for name in missed if name in sim}
         pairs = sorted({(min(a, b), max(a, b)) for a in led for b in led | seen if a != b})
         supported = {name: self._supported.supported([name]) for name in {name for pair in pairs for name in pair}}
         sim.let_pass(
@@ -343,9 +343,10 @@ class Driving:
         reach = min(SAME_PLACE if is_lifted(item, drive) else self._by_noise(item, SURE_SIGMAS), config.hover_tolerance)
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config, reach)
-        if placement.rests and not item.shows_stance and self._is_turned(item, placement, seen, others):
+        firm = self._stand_firm(seen, others)
+        if placement.rests and not item.shows_stance and self._is_turned(item, seen, firm, reach):
             there = PerceivedBody(seen, covariance, item.turning_of_one())
-            seen = seen.turned(likeliest_stance(there, others, config))
+            seen = seen.turned(likeliest_stance(there, firm, config))
             placement = place(seen, covariance, others, config, reach)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
             as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config, reach)
@@ -356,12 +357,18 @@ class Driving:
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
-    def _is_turned(self, item: BelievedObject, placement: Placement, seen: Solid, others: Sequence[Solid]) -> bool:
+    def _stand_firm(self, seen: Solid, others: Sequence[Solid]) -> list[Solid]:
+        """The others, but no objects beside a driven one, which pushes these: they do not tell how it is turned."""
+        beside_it = {other.name for other in near(seen, others) if are_side_by_side(seen, other)}
+        return [other for other in others if other.name not in beside_it & self._bodies.objects.keys()]
+
+    def _is_turned(self, item: BelievedObject, seen: Solid, others: Sequence[Solid], reach: float) -> bool:
         """Whether an object is seen where it cannot be, turned as it is believed to be, nor be pushed aside to."""
         if item.track.estimate is None:
             return False
-        free = beside(placement.solid, others)
-        return misfit(free, seen, item.percept_covariance(self._config), item.turning()) > nats.SURPRISING
+        covariance = item.percept_covariance(self._config)
+        free = beside(place(seen, covariance, others, self._config, reach).solid, others)
+        return misfit(free, seen, covariance, item.turning()) > nats.SURPRISING
 
     def _end(self, item: BelievedObject, drive: Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""

@@ -20,6 +20,7 @@ from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, T
 BOX: Vector3 = (0.17, 0.17, 0.15)
 SMALL: Vector3 = (0.09, 0.09, 0.08)
 FLAT: Vector3 = (0.2, 0.2, 0.04)
+BOARD: Vector3 = (0.03, 0.5, 0.05)
 
 
 class Thing(NamedTuple):
@@ -43,6 +44,7 @@ KINDS = {
     "cup": Thing(SMALL, container(SMALL), 0.1),
     "beaker": Thing(SMALL, beaker(SMALL), 0.1),
     "block": Thing((0.2, 0.3, 0.25), (), 0.5),
+    "board": Thing(BOARD, (), 0.3),
 }
 """By the first part of their names."""
 NOISE = 0.002

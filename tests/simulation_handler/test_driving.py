@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.perception.visibility import ExpectedVisibility
-from tests.simulation_handler.occluded import BOX, FLAT, SMALL, Occlusion, standing
+from simulation_handler.shapes.geometry import Solid
+from tests.simulation_handler.occluded import BOARD, BOX, FLAT, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, WALL
 
 IN_BOX = WALL + 0.5 * BALL[2]
@@ -67,6 +70,43 @@ def test_what_should_be_seen_and_is_not_is_not_pushed_by_what_passes_there(*, is
     world.move("box", standing(0.35, 0.0, BOX), speed=0.5)
     assert world.now - begin < 0.4, "nobody has explained yet why it is missing"
     assert (world.pose("other").distance(before)[0] > 0.02) is is_hidden
+
+
+def test_what_has_come_in_sight_just_now_is_still_pushed() -> None:
+    """That it is not seen for a moment does not tell that it is not there."""
+    world = Occlusion({"box": standing(0.2, 0.0, BOX), "other": standing(0.45, 0.0, BOX)})
+
+    def visible(solids: Sequence[Solid], _: Sequence[Solid]) -> list[dict[str, ExpectedVisibility]]:
+        met = world.truths["box"].t[0] > 0.275
+        return [{"camera": ExpectedVisibility(float(solid.name == "box" or met), "")} for solid in solids]
+
+    world.run(1.5)
+    world.visibility = visible
+    world.seen, before = {"box"}, world.pose("other")
+    world.run(0.8)
+    world.move("box", standing(0.34, 0.0, BOX), speed=0.1)
+    assert world.pose("other").distance(before)[0] > 0.04
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_board_in_a_hand_pushes_what_it_hides_and_is_not_taken_for_turned(seed: int) -> None:
+    """Cameras do not tell how the board is turned: the cubes in its way do not tell that, either."""
+    cubes = {f"cube_{k}": standing(0.3, y, CUBE) for k, y in enumerate((-0.17, 0.0, 0.17))}
+    world = Occlusion({"board": standing(0.2, 0.0, BOARD), **cubes}, seed, noise=0.004)
+    told = np.diag([world.noise**2] * 3 + [math.pi**2] * 3)
+    seen = world.percept
+    world.percept = lambda name: Pose(seen(name).t, Pose.identity().q, world.now, told)  # type: ignore[method-assign]
+    world.run(1.5)
+    world.hand("board")
+    world.move("board", standing(0.25, 0.0, BOARD), speed=0.1)
+    world.seen = {"board"}
+    for step in range(1, 12):
+        world.move("board", standing(0.25 + 0.01 * step, 0.0, BOARD), speed=0.1)
+        assert world.pose("board").distance(world.truths["board"])[1] < 0.15
+    world.run(0.3)
+    for name, truth in cubes.items():
+        pushed = Pose((0.36 + 0.5 * (BOARD[0] + CUBE[0]), *truth.t[1:]), truth.q)
+        assert world.pose(name).distance(pushed)[0] < 0.02
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -144,6 +144,8 @@ def find_scenario(name_or_path: str | Path) -> Path:
         return path
     known = scenario_files()
     if str(name_or_path) not in known:
+        if path.exists():
+            raise ConfigError(f"{path}: no scenario file; expected a file whose name ends in .toml")
         raise ConfigError(f"unknown scenario {str(name_or_path)!r}; {suggest(str(name_or_path), known)}")
     return known[str(name_or_path)]
 

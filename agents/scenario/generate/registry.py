@@ -60,7 +60,7 @@ FAMILIES: dict[str, Family] = {
 def find_family(name: str) -> Family:
     """The family of that name. Raises `ConfigError`."""
     if name not in FAMILIES:
-        raise ConfigError(f"unknown family {name!r}; {suggest(name, FAMILIES)}")
+        raise ConfigError(f"unknown family {name!r}; {suggest(name, FAMILIES, most=len(FAMILIES))}")
     return FAMILIES[name]
 
 

@@ -393,6 +393,13 @@ def test_a_name_that_is_no_scenario_lists_the_valid_ones():
         load_scenario("howering")
 
 
+def test_a_file_of_another_ending_is_told_apart_from_an_unknown_name(tmp_path: Path):
+    file = tmp_path / "episode.txt"
+    file.write_text(BASE, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"episode\.txt: no scenario file; expected .* ends in \.toml"):
+        load_scenario(file)
+
+
 def test_a_missing_file_is_named(tmp_path: Path):
     with pytest.raises(ConfigError, match=r"gone\.toml: cannot be read"):
         load_scenario(tmp_path / "gone.toml")

@@ -179,6 +179,9 @@ def test_families_are_split_by_name_and_by_seed() -> None:
         assert row.endswith(f"| {family.purpose} |")
     with pytest.raises(ConfigError, match=r"unknown family 'stack'; did you mean 'stacks'"):
         find_family("stack")
+    with pytest.raises(ConfigError, match="unknown family 'jumping'") as error:
+        find_family("jumping")
+    assert all(name in str(error.value) for name in FAMILIES)
     with pytest.raises(ConfigError, match=r"seed -1: expected 0 or more"):
         generate("stacks", -1)
 
