@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
-from dsr.math3d.batches import matrix_inverses
+from dsr.math3d.batches import exps, matrix_inverses
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.perception.consensus import ANY_TURN, SURE_OF_ROTATION
 
@@ -83,7 +83,8 @@ def updated(percepts: ToldAxes, before: Array, keep: Array, turns: Array) -> tup
     """Kalman updates of rotations by percepts that do not tell all of a turn.
 
     Only what a percept tells makes older percepts count less (Cao and Schwartz, Automatica 2000). So nothing changes
-    about axes about which it tells nothing.
+    about axes about which it tells nothing. These are axes of the object: noise of its tilt moves them in the world. So
+    they are taken as they are in the rotation before, and what is known turns with that.
 
     Args:
         percepts: about which axes they tell turns.
@@ -94,15 +95,22 @@ def updated(percepts: ToldAxes, before: Array, keep: Array, turns: Array) -> tup
     Returns:
         Covariances (n, 3, 3), rad^2, and by which rotation vectors (n, 3), rad, the rotations change.
     """
-    told, axes = percepts.told, percepts.axes
+    told, axes = percepts.told, _turned(-turns) @ percepts.axes
     both = told[:, :, None] & told[:, None, :]
     known = np.where(both, axes.mT @ matrix_inverses(before) @ axes, np.eye(3))
     doubt = np.where(both, matrix_inverses(known), 0.0) * (1.0 / keep - 1.0)[:, None, None]
     prior = before + axes @ doubt @ axes.mT
     roots = axes * np.sqrt(percepts.information)[:, None]
     gain = prior @ roots @ matrix_inverses(roots.mT @ prior @ roots + np.eye(3)) @ roots.mT
-    posterior = prior - gain @ prior
-    return 0.5 * (posterior + posterior.mT), (gain @ turns[..., None])[..., 0]
+    steps = (gain @ turns[..., None])[..., 0]
+    turn = _turned(steps)
+    posterior = turn @ (prior - gain @ prior) @ turn.mT
+    return 0.5 * (posterior + posterior.mT), steps
+
+
+def _turned(turns: Array) -> Array:
+    """(n, 3, 3) rotation matrices of rotation vectors (n, 3), rad."""
+    return exps(np.hstack([np.zeros_like(turns), turns]))[:, :3, :3]
 
 
 def _shown(turn: Vector3, told: int, most: Vector3, least: Vector3) -> Vector3:
