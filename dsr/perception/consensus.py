@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -10,13 +9,6 @@ from numpy.typing import NDArray
 
 SURE_OF_ROTATION = 0.75
 """rad^2, trace of a rotation's covariance up to which a percept tells it"""
-
-ANY_TURN = (math.pi**2 / 3.0 + 2.0) / 3.0
-"""rad^2, variance about each axis of a rotation that is any one, as probable
-
-The angle of such a rotation has the density (1 - cos angle) / pi from 0 to pi, and its axis any direction. So the
-mean square of its angle is pi^2 / 3 + 2.
-"""
 
 
 def tells_rotation(covariance: NDArray[np.float64]) -> bool:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
 from dsr.math3d.batches import exps, matrix_inverses
-from dsr.math3d.quaternions import Quaternion, Vector3
-from dsr.perception.consensus import ANY_TURN, SURE_OF_ROTATION
+from dsr.math3d.quaternions import ANY_TURN, Quaternion, Vector3
+from dsr.perception.consensus import SURE_OF_ROTATION
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Percepts that do not tell how an object is turned, or tell it about some axes only, teach nothing about the others."""
+"""Percepts that tell no turn of an object, or one about some axes only, teach nothing about the other axes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from dsr import Pose
 from dsr.math3d import quaternions
-from dsr.perception.consensus import ANY_TURN
+from dsr.math3d.quaternions import ANY_TURN
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.estimate import Estimate, fuse, innovations
 from simulation_handler.perception.percepts import SeenObject, WeighedPercept, weighed
