@@ -30,6 +30,7 @@ _NOISY_FIT = 3.0  # times the depth noise: the same, of thin objects
 _AGREEMENT = 0.6  # least share of what should be seen that is seen
 _PIXELS_OFF = 0.4  # px, error of the middle of a spot
 _FLOOR = 1e-3  # m, likewise, of the model
+_LEAST = 1e-9  # share of what should be seen that stands for none
 _PULL = 0.15  # of the object's extent, that the middle may be off for each hidden share
 _YAWS = np.radians(np.arange(0.0, 180.0, 30.0))
 _FINER = np.radians((10.0, 5.0, 2.5))  # rad, by which the best of those is turned on to both sides
@@ -218,13 +219,17 @@ def _in_camera(found: Fit, view: FrameView, size: Vector3) -> tuple[Array, Array
 
 
 def _best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float:
-    """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best."""
+    """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best.
+
+    Noise of the depth hides some degrees of it. The outline tells more: a shape that is turned otherwise should be seen
+    where something else is. So the distances are taken for the seen share of what should be seen.
+    """
     misfits: dict[float, float] = {}
     for angles in ((yaw, *_YAWS), *((-step, step) for step in _FINER)):
         best = min(misfits, key=lambda angle: misfits[angle]) if misfits else 0.0
         for angle in (float(best + step) for step in angles):
             found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_RAYS)
-            misfits[angle] = math.inf if found is None else found.misfit
+            misfits[angle] = math.inf if found is None else found.misfit / max(found.agreement, _LEAST)
     return nearest_alike(min(misfits, key=lambda angle: misfits[angle]), yaw, order(shape, size))
 
 
