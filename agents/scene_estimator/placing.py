@@ -155,7 +155,7 @@ def _fitting(
     upright = _about_z(guess.yaw)
     standing = _stand(scene, shape, size, upright, good)
     if search and guess.misfit == math.inf and standing is not None and order(shape, size) != ROUND:
-        guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
+        guess = guess._replace(yaw=best_yaw(scene, shape, size, guess.yaw))
         upright, search = _about_z(guess.yaw), False
         standing = _stand(scene, shape, size, upright, good)
     if guess.lean == UPRIGHT and standing is not None:
@@ -170,7 +170,7 @@ def _fitting(
     if leant is not None and leant.misfit <= _SURELY * good and not _better(standing, leant):
         return leant, guess._replace(lean=UPRIGHT if tilt(leant.rotation) < _STANDS else lean(leant.rotation, upright))
     if search:
-        guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
+        guess = guess._replace(yaw=best_yaw(scene, shape, size, guess.yaw))
         standing = _stand(scene, shape, size, _about_z(guess.yaw), good)
     return standing, guess._replace(lean=UPRIGHT)
 
@@ -218,7 +218,7 @@ def _in_camera(found: Fit, view: FrameView, size: Vector3) -> tuple[Array, Array
     return position, sum(value * value for value in sigma) * np.eye(3)
 
 
-def _best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float:
+def best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float:
     """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best.
 
     Noise of the depth hides some degrees of it. The outline tells more: a shape that is turned otherwise should be seen
