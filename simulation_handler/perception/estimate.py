@@ -27,7 +27,7 @@ from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, Covariances, WeighedPercept
-from simulation_handler.perception.turns import ToldAxes, are_told, told_axes, updated
+from simulation_handler.perception.turns import ToldAxes, are_told, tell_none, told_axes, updated
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 
 Innovation = Array
@@ -146,8 +146,11 @@ def innovations(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept
     found[:, 0] = _stacked([percept.position for percept in percepts])
     found[:, 0] -= _stacked([estimate.position for estimate in estimates])
     found[:, 1] = [_turn(one.rotation, percept.rotation) for one, percept in zip(estimates, percepts, strict=True)]
-    if untold := _untold(percepts):
-        found[untold, 1] = _axes(percepts, untold).shown(found[untold, 1])
+    partly, nothing = _untold(percepts)
+    if partly:
+        found[partly, 1] = _axes(percepts, partly).shown(found[partly, 1])
+    if nothing:
+        found[nothing, 1] = 0.0
     return found
 
 
@@ -200,11 +203,15 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     posterior = 0.5 * (posterior + posterior.mT)
     steps = (gain @ shifts[..., None])[..., 0]
     squares = np.einsum("nki,nkij,nkj->nk", shifts, inverse, shifts)
-    if untold := _untold(percepts):
-        before = _covariances([estimates[place] for place in untold])[:, 1]
-        told_of = before, np.array([keep[place] for place in untold]), shifts[untold, 1]
-        posterior[untold, 1], steps[untold, 1] = updated(_axes(percepts, untold), *told_of)
-        squares[untold, 1] = np.nan
+    partly, nothing = _untold(percepts)
+    if partly:
+        before = _covariances([estimates[place] for place in partly])[:, 1]
+        told_of = before, np.array([keep[place] for place in partly]), shifts[partly, 1]
+        posterior[partly, 1], steps[partly, 1] = updated(_axes(percepts, partly), *told_of)
+    if nothing:
+        posterior[nothing, 1] = _covariances([estimates[place] for place in nothing])[:, 1]
+        steps[nothing, 1] = 0.0
+    squares[partly + nothing, 1] = np.nan
     scatter = np.array([estimate.scatter for estimate in estimates])
     counts = np.array([[min(estimate.count, RECENT_PERCEPTS)] for estimate in estimates])
     scatter += np.where(np.isfinite(squares), squares - scatter, 0.0) / counts
@@ -232,10 +239,11 @@ def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate 
     return estimate
 
 
-def _untold(percepts: Sequence[WeighedPercept]) -> list[int]:
-    """The places of those that do not tell all of how an object is turned."""
-    told: list[bool] = are_told(_stacked([percept.rotation_covariance for percept in percepts])).tolist()
-    return [place for place, tells in enumerate(told) if not tells]
+def _untold(percepts: Sequence[WeighedPercept]) -> tuple[list[int], list[int]]:
+    """The places of those that tell a part of how an object is turned, and of those that tell nothing of it."""
+    turns = _stacked([percept.rotation_covariance for percept in percepts])
+    all_told, none_told = are_told(turns), tell_none(turns)
+    return np.flatnonzero(~(all_told | none_told)).tolist(), np.flatnonzero(none_told).tolist()
 
 
 def _axes(percepts: Sequence[WeighedPercept], places: Sequence[int]) -> ToldAxes:

@@ -72,6 +72,16 @@ def are_told(covariances: Array) -> NDArray[np.bool_]:
     return np.asarray(covariances.trace(axis1=1, axis2=2) < SURE_OF_ROTATION)
 
 
+def tell_none(covariances: Array) -> NDArray[np.bool_]:
+    """(n,) whether percepts with such covariances tell nothing of a turn, for sure: by Gershgorin's circles.
+
+    Where they overlap by little, `told_axes` says the same.
+    """
+    variances = covariances.diagonal(axis1=1, axis2=2)
+    radii = np.abs(covariances).sum(axis=2) - np.abs(variances)
+    return np.asarray((variances - radii >= ANY_TURN).all(axis=1))
+
+
 def told_axes(covariances: Array) -> ToldAxes:
     """About which axes percepts with covariances (n, 3, 3) of their rotations, rad^2, world, tell turns."""
     variances, axes = np.linalg.eigh(covariances)
