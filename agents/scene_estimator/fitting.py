@@ -11,10 +11,10 @@ are spread evenly tell as much.
 
 What something nearer hides, or lies outside the image, should not be seen. What stands on a shape touches it, so it is
 hardly nearer there than what it hides. What carries a shape touches it as well, and is nearer than a shape that is
-supposed too low. But what carries a shape hides nothing, as nothing is sunk in what carries it. So a pixel above the
-shape's centre hides what it is nearer than, and one beneath the centre only if it is clearly nearer. A pixel without
-depth, of another colour, is hidden if what is beside it is. Where most is hidden the middle may lead to a wrong place.
-Each point's distance from the surface then leads on.
+supposed too low. But what carries a shape hides nothing, as nothing is sunk in what carries it. So a pixel that shows
+something above the shape's centre hides what is not clearly nearer, and one beneath the centre only what is clearly
+farther. A pixel without depth, of another colour, is hidden if what is beside it is. Where most is hidden the middle
+may lead to a wrong place. Each point's distance from the surface then leads on.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _DIFFERENCE = 1e-4  # m, for derivatives
 _FAR_OFF = 0.004  # m from the surface, beyond which a point counts less and less
 _HELD = 0.02  # of the points' weight: what keeps the place where they do not tell it
 _LONGEST_STEP = 0.02  # m
-_IN_FRONT = 0.015  # m, by which what may carry a thing, or has no depth itself, must be nearer to hide a point of it
+_IN_FRONT = 0.015  # m, by which what carries a thing must be nearer to hide it, and what stands on it seems farther
 _LEAST = 1e-9  # share of an image that stands for none
 _PLASTIC = 1.324717957244746  # the real root of x^3 = x + 1
 
@@ -180,7 +180,7 @@ class ImagePart:
         colored = self._mask[place] & inside
         depths, around = _known(self._view.depth[place]), self._around_holes[place]
         is_above = self.eye[2] + shown.directions[:, 2] * around > position[2]
-        nearer = np.where(is_above & (depths > 0.0), 0.0, _IN_FRONT)
+        nearer = np.where(is_above, -_IN_FRONT, _IN_FRONT)
         free = inside & (colored | (around > shown.depths - nearer))
         return ExpectedPixels(free, colored, depths)
 

@@ -14,6 +14,7 @@ from agents.scene_estimator.placing import best_yaw
 from agents.scene_estimator.segmentation import ColorImage
 from benchmarks.color_scene import ColorScene, looking_at
 from dsr import Pose
+from dsr.math3d import transforms
 from dsr.math3d.quaternions import Vector3
 from dsr.perception.noise import PerceptNoise
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -182,6 +183,37 @@ def test_what_stands_on_a_thing_and_what_carries_it_do_not_shift_it(beneath: str
         finally:
             scene.close()
     assert np.sqrt(np.mean(np.square(errors), axis=0)).max() < 0.0006
+
+
+def test_what_overhangs_a_thing_that_it_stands_on_does_not_press_it_down() -> None:
+    """Along its lower edge it is as far as what it hides, but for noise, and some pixels have no depth."""
+    roof, errors = spec_of("roof", (0.10, 0.08, 0.04), (0.1, 0.6, 0.7)), []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        scene = ColorScene(["box"], rng, [roof])
+        try:
+            truth = Pose((*PLACE, scene.height("box")))
+            scene.put("box", truth)
+            scene.put("roof", Pose((*PLACE, 2.0 * scene.height("box") + scene.height("roof"))))
+            (known,) = scene.known
+            camera = low(rng)
+            color, depth, intrinsics = images(scene.frame(camera))
+            assert depth is not None
+            depth[depth > 0.0] += rng.normal(0.0, 0.004, depth[depth > 0.0].shape).astype(np.float32)
+            part = ImagePart(FrameView(depth, intrinsics, camera), ColorImage(color).mask(known.color))
+            found = fit(part, (), known.size, np.eye(3))
+            assert found is not None
+            errors.append(camera.rotation_matrix.T @ (found.position - truth.translation))
+        finally:
+            scene.close()
+    assert abs(np.mean(errors, axis=0)[1]) < 0.00025, "up and down in the image"
+
+
+def low(rng: np.random.Generator) -> Pose:
+    """A camera that sees the sides of what is at `PLACE`, 1 m away."""
+    azimuth = rng.uniform(0.0, 2.0 * math.pi)
+    eye = (PLACE[0] + 0.9 * math.cos(azimuth), PLACE[1] + 0.9 * math.sin(azimuth), 0.45)
+    return transforms.looking_at(eye, (*PLACE, 0.05))
 
 
 def spec_of(name: str, size: Vector3, color: Vector3) -> ObjectSpec:
