@@ -187,7 +187,7 @@ def test_what_stands_on_a_thing_and_what_carries_it_do_not_shift_it(beneath: str
 
 def test_what_overhangs_a_thing_that_it_stands_on_does_not_press_it_down() -> None:
     """Along its lower edge it is as far as what it hides, but for noise, and some pixels have no depth."""
-    roof, errors = spec_of("roof", (0.10, 0.08, 0.04), (0.1, 0.6, 0.7)), []
+    roof, errors = spec_of("roof", (0.09, 0.07, 0.04), (0.1, 0.6, 0.7)), []
     for seed in range(8):
         rng = np.random.default_rng(seed)
         scene = ColorScene(["box"], rng, [roof])
@@ -206,13 +206,13 @@ def test_what_overhangs_a_thing_that_it_stands_on_does_not_press_it_down() -> No
             errors.append(camera.rotation_matrix.T @ (found.position - truth.translation))
         finally:
             scene.close()
-    assert abs(np.mean(errors, axis=0)[1]) < 0.00025, "up and down in the image"
+    assert abs(np.mean(errors, axis=0)[1]) < 0.0002, "up and down in the image"
 
 
 def low(rng: np.random.Generator) -> Pose:
     """A camera that sees the sides of what is at `PLACE`, 1 m away."""
     azimuth = rng.uniform(0.0, 2.0 * math.pi)
-    eye = (PLACE[0] + 0.9 * math.cos(azimuth), PLACE[1] + 0.9 * math.sin(azimuth), 0.45)
+    eye = (PLACE[0] + 0.9 * math.cos(azimuth), PLACE[1] + 0.9 * math.sin(azimuth), 0.65)
     return transforms.looking_at(eye, (*PLACE, 0.05))
 
 
