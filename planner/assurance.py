@@ -31,7 +31,7 @@ LOOKED = "looked"
 """Kind of the event of a look that comes before an action, or of a cover that is lifted, with the reason"""
 
 
-class Room(NamedTuple):
+class _Room(NamedTuple):
     """How far a thing may be off, for an action to succeed."""
 
     shift: Vector3
@@ -159,16 +159,16 @@ class Assurance:
 
     def _wheres(
         self, step: PlanStep, following: PlanStep | None, state: WorldState
-    ) -> Mapping[str, tuple[Whereabouts, Room]]:
+    ) -> Mapping[str, tuple[Whereabouts, _Room]]:
         """Where each thing may be that the arm relies on, and how far it may be off."""
         rooms = {}
         if (solid := state.solids.get(step.thing)) is not None:
             turn = turn_between_fingers(solid, self._config) if self._is_box(step.thing) else math.inf
-            rooms[step.thing] = Room(room_between_fingers(solid, self._config), turn)
+            rooms[step.thing] = _Room(room_between_fingers(solid, self._config), turn)
         stacks = following is not None and following.name == "stack" and following.thing == step.thing
         if stacks and following is not None and following.support in state.solids:
             x, y, z = state.solids[following.support].size
-            rooms[following.support] = Room((0.5 * x, 0.5 * y, 0.5 * z))
+            rooms[following.support] = _Room((0.5 * x, 0.5 * y, 0.5 * z))
         wheres = {name: self._memory.belief(name) for name in rooms if name in self._memory}
         return {name: (where, rooms[name]) for name, where in wheres.items() if where is not None}
 
