@@ -6,11 +6,12 @@ import logging
 import math
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from dsr.believing.distribution import Alternative, Whereabouts
-from dsr.math3d.quaternions import Vector3, conjugate, rotate
+from dsr.math3d.quaternions import Vector3, conjugate, product, rotate
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
 from dsr.vocabulary.intentions import DONE
@@ -28,6 +29,15 @@ from planner.state import KnownSolid, WorldState, read_state
 
 LOOKED = "looked"
 """Kind of the event of a look that comes before an action, or of a cover that is lifted, with the reason"""
+
+
+class _Room(NamedTuple):
+    """How far a thing may be off, for an action to succeed."""
+
+    shift: Vector3
+    """m to both sides along each axis of the thing"""
+    turn: float = math.inf
+    """rad to both sides about its upright axis"""
 
 
 class Assurance:
@@ -143,23 +153,29 @@ class Assurance:
         state = read_state(self._memory, self._config)
         is_reached = is_reached or Covers(self._memory, self._config).reaches
         return {
-            name: chance_within(where, state.solids[name], room, partial(is_reached, name))
+            name: chance_within(where, state.solids[name], room.shift, partial(is_reached, name), room.turn)
             for name, (where, room) in self._wheres(step, following, state).items()
         }
 
     def _wheres(
         self, step: PlanStep, following: PlanStep | None, state: WorldState
-    ) -> Mapping[str, tuple[Whereabouts, Vector3]]:
-        """Where each thing may be that the arm relies on, and how far (m) it may be off along its axes."""
+    ) -> Mapping[str, tuple[Whereabouts, _Room]]:
+        """Where each thing may be that the arm relies on, and how far it may be off."""
         rooms = {}
-        if step.thing in state.solids:
-            rooms[step.thing] = room_between_fingers(state.solids[step.thing], self._config)
+        if (solid := state.solids.get(step.thing)) is not None:
+            turn = turn_between_fingers(solid, self._config) if self._is_box(step.thing) else math.inf
+            rooms[step.thing] = _Room(room_between_fingers(solid, self._config), turn)
         stacks = following is not None and following.name == "stack" and following.thing == step.thing
         if stacks and following is not None and following.support in state.solids:
             x, y, z = state.solids[following.support].size
-            rooms[following.support] = (0.5 * x, 0.5 * y, 0.5 * z)
+            rooms[following.support] = _Room((0.5 * x, 0.5 * y, 0.5 * z))
         wheres = {name: self._memory.belief(name) for name in rooms if name in self._memory}
         return {name: (where, rooms[name]) for name, where in wheres.items() if where is not None}
+
+    def _is_box(self, name: str) -> bool:
+        """Whether a thing has no other shape: what is round is as wide from all sides, and others have rims."""
+        node = self._memory.get_node(name)
+        return node is not None and node.get("shape") is None
 
     def _lift(self, cover: str, told: str) -> Generator[None, None, str]:
         """Take a cover off and put it on the table; returns why that did not succeed, empty if it did."""
@@ -193,15 +209,30 @@ def room_between_fingers(solid: KnownSolid, config: PlannerConfig) -> Vector3:
     The fingers close along the narrower of its two level sides. There it is the free part of the opening; along the
     others the fingers still meet the thing.
     """
-    upright = int(np.abs(solid.pose.rotation_matrix[2]).argmax())
-    narrow = min((axis for axis in range(len(solid.size)) if axis != upright), key=lambda axis: solid.size[axis])
+    narrow, _ = _level_axes(solid)
     room = [0.5 * edge for edge in solid.size]
     room[narrow] = 0.5 * max(0.0, config.widest_grip - solid.size[narrow])
     return room[0], room[1], room[2]
 
 
+def turn_between_fingers(solid: KnownSolid, config: PlannerConfig) -> float:
+    """Radians about its upright axis that a box may be turned, and still be grasped from above; infinite for any.
+
+    Turned by more, it is wider between the fingers than they open.
+    """
+    across, lengthwise = (solid.size[axis] for axis in _level_axes(solid))
+    diagonal = math.hypot(across, lengthwise)
+    if diagonal <= config.widest_grip:
+        return math.inf
+    return max(0.0, math.asin(config.widest_grip / diagonal) - math.atan2(across, lengthwise))
+
+
 def chance_within(
-    where: Whereabouts, solid: KnownSolid, room: Vector3, is_reached: Callable[[Alternative], bool] = lambda _: True
+    where: Whereabouts,
+    solid: KnownSolid,
+    room: Vector3,
+    is_reached: Callable[[Alternative], bool] = lambda _: True,
+    turn: float = math.inf,
 ) -> float:
     """Probability that a thing is off by less than `room` from where it is believed to be, and in nobody's hand.
 
@@ -210,17 +241,39 @@ def chance_within(
         solid: where it is believed to be.
         room: m to both sides along each axis of the thing.
         is_reached: whether the arm can reach it in an alternative.
+        turn: rad to both sides about its upright axis.
     """
-    return sum(one.weight * _within(one, solid, room) for one in where.alternatives if is_reached(one))
+    return sum(one.weight * _within(one, solid, room, turn) for one in where.alternatives if is_reached(one))
 
 
-def _within(one: Alternative, solid: KnownSolid, room: Vector3) -> float:
+def _within(one: Alternative, solid: KnownSolid, room: Vector3, most: float) -> float:
     if one.pose is None or one.hand:
         return 0.0
+    back = conjugate(solid.pose.q)
     x, y, z = (mine - believed for mine, believed in zip(one.pose.t, solid.pose.t, strict=True))
-    off = rotate(conjugate(solid.pose.q), (x, y, z))
-    variances = np.zeros(len(off)) if one.pose.covariance is None else np.diag(one.pose.covariance)[: len(off)]
-    return math.prod(map(_normal_within, off, np.sqrt(np.maximum(variances, 0.0)).tolist(), room))
+    off = rotate(back, (x, y, z))
+    variances = np.zeros((2, len(off)))
+    if one.pose.covariance is not None:
+        variances = np.diag(one.pose.covariance).reshape(variances.shape)
+    deviations, turning = np.sqrt(np.maximum(variances, 0.0)).tolist()
+    there = math.prod(map(_normal_within, off, deviations, room))
+    if math.isinf(most):
+        return there
+    axis, turned = _upright_axis(solid), product(back, one.pose.q)
+    turn = 2.0 * math.atan2(turned[axis], turned[3])
+    halves = (turn + math.pi * half for half in range(-2, 3))  # after half a turn a box is between the fingers again
+    return there * min(1.0, sum(_normal_within(mean, turning[axis], most) for mean in halves))
+
+
+def _upright_axis(solid: KnownSolid) -> int:
+    """Which of its axes is nearest to the vertical."""
+    return int(np.abs(solid.pose.rotation_matrix[2]).argmax())
+
+
+def _level_axes(solid: KnownSolid) -> list[int]:
+    """The other two, the shorter one first."""
+    upright = _upright_axis(solid)
+    return sorted((axis for axis in range(len(solid.size)) if axis != upright), key=lambda axis: solid.size[axis])
 
 
 def _normal_within(mean: float, deviation: float, room: float) -> float:

@@ -212,7 +212,7 @@ def _sought(memory: Memory, name: str) -> _Sought | None:
     where, node = memory.belief(name), memory.get_node(name)
     if where is None or node is None:
         return None
-    places = likely_places(where)
+    places = likely_places(where, by_turn=node.get("marker_id") is not None)
     there = [None if one.pose is None else body_at(memory, node, one.pose) for one in places]
     return _Sought(where, np.array([one.probability for one in places]), there)
 

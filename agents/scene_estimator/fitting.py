@@ -3,16 +3,18 @@
 What is seen is compared with what should be seen of the shape at a supposed place, which is then moved by the
 difference, and so on: an iterated closest point method (Besl and McKay, PAMI 1992) with all points matched at once. All
 pixels of the colour tell where it is across the view, by the middle of their rays. Those with a depth tell how far away
-it is, each by the difference from the depth that it should have. What should be seen is where rays meet the shape that
-are spread evenly over its image: an area of the image counts as much there as it does in pixels. Points that are spread
-over the surface would be denser in one place than in another, and pull the place to one side, alike in each frame.
+it is, each by the difference from the depth that it should have. What should be seen is where the rays of pixels meet
+the shape. A straight edge along a row of pixels is rounded to whole pixels in the image. It is rounded alike in what
+should be seen: rays between pixels would place it up to half a pixel off, alike in each frame. Points that are spread
+over the surface would be denser in one place than in another, and pull the place to one side. Of large images rays that
+are spread evenly tell as much.
 
 What something nearer hides, or lies outside the image, should not be seen. What stands on a shape touches it, so it is
 hardly nearer there than what it hides. What carries a shape touches it as well, and is nearer than a shape that is
-supposed too low. But what carries a shape hides nothing, as nothing is sunk in what carries it. So a pixel above the
-shape's centre hides what it is nearer than, and one beneath the centre only if it is clearly nearer. A pixel without
-depth, of another colour, is hidden if what is beside it is. Where most is hidden the middle may lead to a wrong place.
-Each point's distance from the surface then leads on.
+supposed too low. But what carries a shape hides nothing, as nothing is sunk in what carries it. So a pixel that shows
+something above the shape's centre hides what is not clearly nearer, and one beneath the centre only what is clearly
+farther. A pixel without depth, of another colour, is hidden if what is beside it is. Where most is hidden the middle
+may lead to a wrong place. Each point's distance from the surface then leads on.
 """
 
 from __future__ import annotations
@@ -53,7 +55,7 @@ _DIFFERENCE = 1e-4  # m, for derivatives
 _FAR_OFF = 0.004  # m from the surface, beyond which a point counts less and less
 _HELD = 0.02  # of the points' weight: what keeps the place where they do not tell it
 _LONGEST_STEP = 0.02  # m
-_IN_FRONT = 0.015  # m, by which what may carry a thing, or has no depth itself, must be nearer to hide a point of it
+_IN_FRONT = 0.015  # m, by which what carries a thing must be nearer to hide it, and what stands on it seems farther
 _LEAST = 1e-9  # share of an image that stands for none
 _PLASTIC = 1.324717957244746  # the real root of x^3 = x + 1
 
@@ -143,14 +145,14 @@ class ImagePart:
         return rays @ self._view.world_from_camera.rotation_matrix.T, (rays * rays).sum(axis=1) ** -1.5
 
     def shown(self, shape: Shape, size: Vector3, rotation: Array, position: Array, rays: int = _RAYS) -> Rays:
-        """Rays spread evenly over the image of a shape, as it would be with nothing else there.
+        """Rays over the image of a shape, as it would be with nothing else there: of its pixels, or spread evenly.
 
         Args:
             shape: without parts, a box of `size` m.
             size: edge lengths of its bounding box, m.
             rotation: (3, 3) world_from_object.
             position: (3,) m, of its centre in the world.
-            rays: as many are cast about it.
+            rays: no more are cast about it: one for each pixel there, or as many where there are more pixels.
 
         Returns:
             Those that meet the shape where it has its colour, none if its bounding box reaches behind the camera. Their
@@ -161,7 +163,7 @@ class ImagePart:
             return Rays(np.empty((0, 3)), np.empty(0), np.empty(0))
         outline = self._view.intrinsics.project(corners)
         first, last = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
-        directions, weights = self._looks(first + (last - first) * _evenly(rays))
+        directions, weights = self._looks(_spread(first, last, rays))
         solids = Solids.of(shape or box(size))
         eye, local = rotation.T @ (self.eye - position), directions @ rotation
         depths = solids.first_met(eye, local)
@@ -178,7 +180,7 @@ class ImagePart:
         colored = self._mask[place] & inside
         depths, around = _known(self._view.depth[place]), self._around_holes[place]
         is_above = self.eye[2] + shown.directions[:, 2] * around > position[2]
-        nearer = np.where(is_above & (depths > 0.0), 0.0, _IN_FRONT)
+        nearer = np.where(is_above, -_IN_FRONT, _IN_FRONT)
         free = inside & (colored | (around > shown.depths - nearer))
         return ExpectedPixels(free, colored, depths)
 
@@ -223,6 +225,15 @@ def _filled(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     is_known = (depth > 0.0) & np.isfinite(depth)
     least = cv2.erode(np.where(is_known, depth, np.float32(np.inf)), np.ones((3, 3), np.uint8))
     return np.where(is_known, depth, np.where(np.isfinite(least), least, np.float32(0.0)))
+
+
+def _spread(first: Array, last: Array, count: int) -> Array:
+    """(n, 2) the pixels of a rectangle from one corner (2,) to the other; `count` places in it, if it has more."""
+    begin, end = np.floor(first), np.ceil(last) + 1.0
+    if np.prod(end - begin) > count:
+        return np.asarray(first + (last - first) * _evenly(count))
+    columns, rows = (np.arange(*ends) for ends in zip(begin.tolist(), end.tolist(), strict=True))
+    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
 
 
 @functools.cache

@@ -30,6 +30,7 @@ _NOISY_FIT = 3.0  # times the depth noise: the same, of thin objects
 _AGREEMENT = 0.6  # least share of what should be seen that is seen
 _PIXELS_OFF = 0.4  # px, error of the middle of a spot
 _FLOOR = 1e-3  # m, likewise, of the model
+_LEAST = 1e-9  # share of what should be seen that stands for none
 _PULL = 0.15  # of the object's extent, that the middle may be off for each hidden share
 _YAWS = np.radians(np.arange(0.0, 180.0, 30.0))
 _FINER = np.radians((10.0, 5.0, 2.5))  # rad, by which the best of those is turned on to both sides
@@ -154,7 +155,7 @@ def _fitting(
     upright = _about_z(guess.yaw)
     standing = _stand(scene, shape, size, upright, good)
     if search and guess.misfit == math.inf and standing is not None and order(shape, size) != ROUND:
-        guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
+        guess = guess._replace(yaw=best_yaw(scene, shape, size, guess.yaw))
         upright, search = _about_z(guess.yaw), False
         standing = _stand(scene, shape, size, upright, good)
     if guess.lean == UPRIGHT and standing is not None:
@@ -169,7 +170,7 @@ def _fitting(
     if leant is not None and leant.misfit <= _SURELY * good and not _better(standing, leant):
         return leant, guess._replace(lean=UPRIGHT if tilt(leant.rotation) < _STANDS else lean(leant.rotation, upright))
     if search:
-        guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
+        guess = guess._replace(yaw=best_yaw(scene, shape, size, guess.yaw))
         standing = _stand(scene, shape, size, _about_z(guess.yaw), good)
     return standing, guess._replace(lean=UPRIGHT)
 
@@ -217,14 +218,18 @@ def _in_camera(found: Fit, view: FrameView, size: Vector3) -> tuple[Array, Array
     return position, sum(value * value for value in sigma) * np.eye(3)
 
 
-def _best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float:
-    """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best."""
+def best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float:
+    """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best.
+
+    Noise of the depth hides some degrees of it. The outline tells more: a shape that is turned otherwise should be seen
+    where something else is. So the distances are taken for the seen share of what should be seen.
+    """
     misfits: dict[float, float] = {}
     for angles in ((yaw, *_YAWS), *((-step, step) for step in _FINER)):
         best = min(misfits, key=lambda angle: misfits[angle]) if misfits else 0.0
         for angle in (float(best + step) for step in angles):
             found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_RAYS)
-            misfits[angle] = math.inf if found is None else found.misfit
+            misfits[angle] = math.inf if found is None else found.misfit / max(found.agreement, _LEAST)
     return nearest_alike(min(misfits, key=lambda angle: misfits[angle]), yaw, order(shape, size))
 
 

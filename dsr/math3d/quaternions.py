@@ -17,6 +17,13 @@ Quaternion = tuple[float, float, float, float]
 _NORM_EXACT = 1e-12  # squared norms this close to 1 are left alone: a copy of a quaternion has the same bits
 _NEARLY_PARALLEL = 1.0 - 1e-7  # cosine of the half angle above which slerp is linear to 1e-11
 
+ANY_TURN = (math.pi**2 / 3.0 + 2.0) / 3.0
+"""rad^2, variance about each axis of a rotation that is any one, as probable
+
+The angle of such a rotation has the density (1 - cos angle) / pi from 0 to pi, and its axis any direction. So the
+mean square of its angle is pi^2 / 3 + 2.
+"""
+
 
 def normalised(q: Quaternion, tolerance: float = math.inf) -> Quaternion:
     """Scale q to unit norm; the same object if it has it already, up to rounding. Zero is not accepted.

@@ -4,6 +4,9 @@ An information filter averages the noise of the percepts, which changes from fra
 along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`. So does
 whatever else of their stated covariance does not show in their scatter: see `Estimate.constancy`, `noise_shares`.
 
+Some percepts do not tell how an object is turned, or tell it about some axes only (`perception/turns.py`). About the
+other axes they leave the estimate and its covariance as they are.
+
 Each of many objects has three numbers of place and three of rotation. What is worked out of them in one piece costs a
 fifth of what it costs object by object.
 """
@@ -20,9 +23,11 @@ from numpy.typing import NDArray
 from dsr.math3d import quaternions
 from dsr.math3d.batches import matrix_inverses
 from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, SAME_PLACE, SURE_SIGMAS
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.percepts import Array, Covariances, WeighedPercept
+from simulation_handler.perception.turns import ToldAxes, are_told, tell_none, told_axes, updated
 from simulation_handler.scales import PLACE_FLOOR, TURN_FLOOR
 
 Innovation = Array
@@ -54,7 +59,7 @@ class Estimate(Covariances):
     def __init__(self, percept: WeighedPercept, config: BeliefConfig) -> None:
         self.position = percept.position
         self.rotation = percept.rotation
-        self.covariances = percept.covariances
+        self.covariances = _known_by(percept)
         """(2, 3, 3) of the remaining noise: of the position, m^2, and of the rotation, rad^2"""
         self.ray = percept.ray
         self.stamp = percept.stamp
@@ -78,14 +83,18 @@ class Estimate(Covariances):
     def loosen(self, recent: Sequence[Compared]) -> None:
         """Doubt the estimate in the direction in which some percepts agree that it is off, as surely as they tell."""
         shifts = np.mean([innovation for _, innovation in recent], axis=0)
-        noise = np.sum([percept.covariances for percept, _ in recent], axis=0) / len(recent) ** 2
+        noise = np.sum([_told_by(percept) for percept, _ in recent], axis=0) / len(recent) ** 2
         self.covariances = self.covariances + shifts[:, :, None] * shifts[:, None, :] + noise
 
     def inherit(self, old: Estimate) -> None:
-        """Keep position and rotation of an older estimate, each if it has not changed beyond noise."""
+        """Keep position and rotation of an older estimate, each if it has not changed beyond noise.
+
+        What has moved may be turned. So its rotation is known no better than the new percepts tell it.
+        """
         shifts = np.array([old.position - self.position, _turn(self.rotation, old.rotation)])
         same = _distances2(shifts, self.covariances + old.covariances) <= self.config.gate**2
-        self.covariances = np.where(same[:, None, None], old.covariances, self.covariances)
+        kept = np.array((same[0], same[1] and (same[0] or tells_rotation(self.rotation_covariance))))
+        self.covariances = np.where(kept[:, None, None], old.covariances, self.covariances)
         if same[0]:
             self.position, self.count = old.position, old.count
         if same[1]:
@@ -139,6 +148,11 @@ def innovations(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept
     found[:, 0] = _stacked([percept.position for percept in percepts])
     found[:, 0] -= _stacked([estimate.position for estimate in estimates])
     found[:, 1] = [_turn(one.rotation, percept.rotation) for one, percept in zip(estimates, percepts, strict=True)]
+    partly, nothing = _untold(percepts)
+    if partly:
+        found[partly, 1] = _axes(percepts, partly).shown(found[partly, 1])
+    if nothing:
+        found[nothing, 1] = 0.0
     return found
 
 
@@ -177,7 +191,8 @@ def farthest(estimates: Sequence[Estimate], recents: Sequence[Sequence[Compared]
 def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shifts: Array) -> None:
     """Take in percepts with those innovations (n, 2, 3), each in the estimate in its place (Kalman update).
 
-    Of more percepts than the window's, the older ones count less and less. No estimate may be there twice.
+    Of more percepts than the window's, the older ones count less and less. No estimate may be there twice. How much
+    turns scatter, only percepts that tell all of a turn can tell.
     """
     window = estimates[0].config.window
     for estimate in estimates:
@@ -190,6 +205,15 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     posterior = 0.5 * (posterior + posterior.mT)
     steps = (gain @ shifts[..., None])[..., 0]
     squares = np.einsum("nki,nkij,nkj->nk", shifts, inverse, shifts)
+    partly, nothing = _untold(percepts)
+    if partly:
+        before = _covariances([estimates[place] for place in partly])[:, 1]
+        told_of = before, np.array([keep[place] for place in partly]), shifts[partly, 1]
+        posterior[partly, 1], steps[partly, 1] = updated(_axes(percepts, partly), *told_of)
+    if nothing:
+        posterior[nothing, 1] = _covariances([estimates[place] for place in nothing])[:, 1]
+        steps[nothing, 1] = 0.0
+    squares[partly + nothing, 1] = np.nan
     scatter = np.array([estimate.scatter for estimate in estimates])
     counts = np.array([[min(estimate.count, RECENT_PERCEPTS)] for estimate in estimates])
     scatter += np.where(np.isfinite(squares), squares - scatter, 0.0) / counts
@@ -215,6 +239,32 @@ def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate 
             return None
         fuse([estimate], [percept], shifts)
     return estimate
+
+
+def _untold(percepts: Sequence[WeighedPercept]) -> tuple[list[int], list[int]]:
+    """The places of those that tell a part of how an object is turned, and of those that tell nothing of it."""
+    turns = _stacked([percept.rotation_covariance for percept in percepts])
+    all_told, none_told = are_told(turns), tell_none(turns)
+    return np.flatnonzero(~(all_told | none_told)).tolist(), np.flatnonzero(none_told).tolist()
+
+
+def _axes(percepts: Sequence[WeighedPercept], places: Sequence[int]) -> ToldAxes:
+    """About which axes the percepts at those places tell a turn."""
+    return told_axes(_stacked([percepts[place].rotation_covariance for place in places]))
+
+
+def _known_by(percept: WeighedPercept) -> Array:
+    """(2, 3, 3) what is known by one percept alone: of any turn, no less is known than that it is one."""
+    if tells_rotation(percept.rotation_covariance):
+        return percept.covariances
+    return np.stack([percept.position_covariance, _axes([percept], [0]).known[0]])
+
+
+def _told_by(percept: WeighedPercept) -> Array:
+    """(2, 3, 3) the noise of what one percept tells: none about the axes about which it tells no turn."""
+    if tells_rotation(percept.rotation_covariance):
+        return percept.covariances
+    return np.stack([percept.position_covariance, _axes([percept], [0]).noise[0]])
 
 
 def _turn(before: Quaternion, after: Quaternion) -> Vector3:

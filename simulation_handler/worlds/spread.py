@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dsr.math3d.quaternions import to_matrix
 from dsr.math3d.transforms import Pose
+from simulation_handler.perception.turns import are_told, told_axes
 from simulation_handler.worlds.parameters import PlaceNoise
 
 Array = NDArray[np.float64]
@@ -41,9 +42,17 @@ def position_covariance(
 
 
 def rotation_covariance(noise: PlaceNoise, own: Array, moved: Array) -> Array:
-    """Covariances (..., 3, 3) of rotations in the world frame, rad^2; arguments as of `position_covariance`."""
+    """Covariances (..., 3, 3) of rotations in the world frame, rad^2; arguments as of `position_covariance`.
+
+    The factor is on what perception tells: about axes about which it tells nothing, any turn is as probable as before.
+    """
     more = noise.turn**2 + (noise.turning * moved) ** 2
-    return np.asarray(noise.scale**2 * own + more[..., None, None] * _EYE)
+    scaled, factor = noise.scale**2 * own, noise.scale**2
+    told = own.reshape(-1, 3, 3)
+    untold = ~are_told(told)
+    if untold.any():
+        scaled.reshape(-1, 3, 3)[untold] = told_axes(told[untold]).scaled(factor)
+    return np.asarray(scaled + more[..., None, None] * _EYE)
 
 
 def levels_of_wrong(noise: PlaceNoise) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -9,9 +9,10 @@ import pytest
 
 from dsr import Pose
 from dsr.believing.distribution import ATTRIBUTE, Alternative, Whereabouts
+from dsr.math3d.quaternions import ANY_TURN
 from dsr.math3d.shapes import Part, to_numbers
 from dsr.timeline import query
-from planner.assurance import LOOKED, chance_within, room_between_fingers
+from planner.assurance import LOOKED, chance_within, room_between_fingers, turn_between_fingers
 from planner.config import PlannerConfig
 from planner.state import KnownSolid
 from tests.planner.table import COVERED, SIDE, SIGHT, Run, add_camera, believe, supports
@@ -19,6 +20,12 @@ from tests.planner.table import COVERED, SIDE, SIGHT, Run, add_camera, believe, 
 CONFIG = PlannerConfig()
 HERE, THERE = (0.42, 0.08), (0.30, 0.30)
 ROOM = (0.02, 0.02, 0.02)
+LONG = (0.10, 0.04, 0.04)
+
+
+def told(about_z: float) -> np.ndarray:
+    """Covariance of a pose that is known to 1 mm and 0.02 rad, but for a variance (rad^2) about the vertical."""
+    return np.diag((*[0.001**2] * 3, 0.02**2, 0.02**2, about_z))
 
 
 def at(weight: float, place: tuple[float, float], deviation: float = 0.0, **more: object) -> Alternative:
@@ -54,6 +61,46 @@ def test_the_fingers_close_along_the_narrow_level_side() -> None:
     assert room((0.09, 0.10, 0.04))[0] == 0.0
     lying = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.5 * math.pi, 0.0))
     assert room((0.05, 0.05, 0.12), lying) == pytest.approx((0.025, 0.015, 0.06)), "its x axis is upright now"
+
+
+def test_a_box_may_be_turned_as_far_as_it_is_no_wider_than_the_grip() -> None:
+    def turn(size: tuple[float, float, float]) -> float:
+        return turn_between_fingers(KnownSolid(size, Pose()), CONFIG)
+
+    assert turn((0.04, 0.04, 0.04)) == math.inf, "its diagonal is between the fingers, too"
+    most, (long, short) = turn(LONG), LONG[:2]
+    assert 0.3 < most < 0.6
+    assert long * math.sin(most) + short * math.cos(most) == pytest.approx(CONFIG.widest_grip)
+    assert turn((0.10, 0.09, 0.04)) == 0.0
+
+
+def test_a_grasp_by_a_turn_that_nobody_knows_is_not_sure() -> None:
+    def chance(*turns: tuple[float, float]) -> float:
+        poses = [Pose.from_rotvec(where.t, (0.0, 0.0, yaw)).with_covariance(told(about_z)) for yaw, about_z in turns]
+        alternatives = tuple(Alternative(weight=1.0 / len(poses), pose=pose) for pose in poses)
+        solid = KnownSolid(LONG, where)
+        return chance_within(Whereabouts("box", alternatives), solid, ROOM, turn=turn_between_fingers(solid, CONFIG))
+
+    where, most = Pose((*HERE, SIDE / 2)), turn_between_fingers(KnownSolid(LONG, Pose()), CONFIG)
+    assert chance((0.0, 0.02**2)) == pytest.approx(1.0)
+    assert chance((0.0, ANY_TURN)) == pytest.approx(2.0 * most / math.pi, abs=0.05), "as of all turns"
+    assert chance((math.pi, 0.0)) == 1.0, "fingers see no difference"
+    assert chance((0.0, 0.0), (math.pi / 2, 0.0)) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("about_z", [0.02**2, ANY_TURN])
+def test_a_box_of_which_nobody_knows_how_it_is_turned_is_looked_at_before_it_is_picked(about_z: float) -> None:
+    with Run() as run:
+        add_camera(run.memory, "camera_wrist", "gripper", Pose((0.0, 0.05, 0.0)))
+        run.memory.update_node("cube_3", size=LONG, marker_id=3)
+        pose = Pose((*HERE, SIDE / 2)).with_covariance(told(about_z))
+        run.memory.add_edge("world", "cube_3", "Virtual_RT", pose=pose)
+        run.arm.on_look = lambda: run.memory.add_edge(
+            "world", "cube_3", "Virtual_RT", pose=pose.with_covariance(told(0.02**2))
+        )
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert len(looks_before(run)) == (about_z == ANY_TURN)
 
 
 def test_a_doubtful_thing_is_looked_at_before_it_is_picked_and_the_timeline_says_why() -> None:
