@@ -22,7 +22,7 @@ from dsr.perception.scales import (
     UNSEEN_AFTER,
     WINDOW,
 )
-from dsr.vocabulary.nats import AS_GOOD, SURPRISING
+from dsr.vocabulary.nats import AS_GOOD, MOVED, SURPRISING
 from simulation_handler.scales import FRICTION, GRAVITY, PLACE_FLOOR, TILTED, TURN_FLOOR
 
 
@@ -43,6 +43,8 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     Each percept tests the means of the last three, four ... ten: up to eight tests, most of which tell the same. The
     gate is wider than that of a single percept for as many tests as there are percepts in a second.
     """
+    regained_gate: float = math.sqrt(2.0 * (MOVED - math.log(FRAME)))
+    """The same, beyond which what is seen again is not where it was: nobody would have seen that it was moved."""
     confirm_frames: int = CONFIRM_FRAMES
     """Percepts in a row that must disagree before the object has moved: fewer may be false."""
     window: int = WINDOW

@@ -100,6 +100,25 @@ class Estimate(Covariances):
         if same[1]:
             self.rotation = old.rotation
 
+    def take_over(self, before: Estimate, anew: Estimate) -> bool:
+        """Take position and rotation from percepts that came after a gap, each if these tell another one than before.
+
+        Args:
+            before: the estimate as it was before the gap.
+            anew: the average of all percepts since then. This estimate has both.
+
+        Returns:
+            Whether anything was taken.
+        """
+        shifts = np.array([anew.position - before.position, _turn(before.rotation, anew.rotation)])
+        apart = _distances2(shifts, anew.covariances + before.covariances) > self.config.regained_gate**2
+        self.covariances = np.where(apart[:, None, None], anew.covariances, self.covariances)
+        if apart[0]:
+            self.position, self.count = anew.position, anew.count
+        if apart[1]:
+            self.rotation = anew.rotation
+        return bool(apart.any())
+
     def corrected(self, error: float) -> Array:
         """(3,) m, the position without a systematic error of `error` m along the viewing ray."""
         corrected: Array = self.position - error * self.ray

@@ -1,11 +1,13 @@
 """Percepts of one object over time: averaged while it rests, single wrong frames ignored, moves followed.
 
 A percept beyond the gate is set aside; only several in a row mean that the object has moved. A move too small for
-that shows in the mean of the newest, of as many as tell it best.
+that shows in the mean of the newest, of as many as tell it best. A small move that nobody saw shows in the mean of all
+percepts since the gap.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import defaultdict, deque
 from collections.abc import Sequence
@@ -50,6 +52,10 @@ class PerceptTrack:
         """None until perception is sure enough."""
         self._since = -math.inf
         """s, of the first percept after the last gap"""
+        self._before: Estimate | None = None
+        """As it was before that gap, until the percepts since then tell whether it was moved meanwhile"""
+        self._anew: Estimate | None = None
+        """Of the percepts since then alone"""
         self.last_stamp = -math.inf
         """s, of the newest percept."""
         self.late = 0.0
@@ -86,6 +92,7 @@ class PerceptTrack:
             return False
         if not self.is_recent(self.last_stamp, percept.stamp):
             self._since = percept.stamp
+            self._before, self._anew = copy.copy(self.estimate), None
         self.last_stamp = percept.stamp
         self._newest.append(percept)
         return True
@@ -195,6 +202,27 @@ class PerceptTrack:
             if rest:
                 percepts, shifts = zip(*(track._recent[-1] for track, _ in rest), strict=True)
                 fuse([estimate for _, estimate in rest], percepts, np.array(shifts))
+        for track in tracks:
+            track._compare_with_before()
+
+    def _compare_with_before(self) -> None:
+        """Take what percepts tell since a gap for what is true, if they tell that the object was moved meanwhile.
+
+        Nobody would have seen that. So a move is likelier than of what was seen to stay, and may be smaller than what
+        a few percepts tell: all since the gap are compared, up to as many as an average takes in.
+        """
+        percept = self._newest[-1]
+        if self._before is None or self.estimate is None:
+            return
+        if self._anew is None:
+            self._anew = Estimate(percept, self._config)
+        else:
+            fuse([self._anew], [percept], innovations([self._anew], [percept]))
+        if self._anew.count >= self._config.confirm_frames and self.estimate.take_over(self._before, self._anew):
+            self._before = None
+            self._recent.clear()
+        elif self._anew.count >= self._config.window:
+            self._before = None
 
     def _weigh_anew(self, estimate: Estimate, count: int) -> bool:
         """Doubt the estimate by its last percepts, of which so many are beyond the gate; false if they do not agree."""
@@ -228,5 +256,6 @@ class PerceptTrack:
             self.estimate.inherit(old)
         self._pending.clear()
         self._recent.clear()
+        self._before = None
         self.changed = True
         self.restarts += 1
