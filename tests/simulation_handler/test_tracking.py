@@ -257,7 +257,7 @@ def errors_after_a_gap(nudge: float, percepts: int) -> list[float]:
         rng, track, truth, now = np.random.default_rng(seed), PerceptTrack(CONFIG), np.array(HERE.t), 100.0
         for k in range(30 + percepts):
             now += 5.0 if k == 30 else 0.1
-            truth = truth + (nudge, 0.0, 0.0) if k == 30 else truth
+            truth = np.add(truth, (nudge, 0.0, 0.0)) if k == 30 else truth
             x, y, z = truth + rng.normal(scale=0.003, size=3)
             see(track, Pose((x, y, z), HERE.q, 0.0, covariance), now)
         assert track.estimate is not None
