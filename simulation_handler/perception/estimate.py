@@ -113,8 +113,9 @@ class Estimate(Covariances):
         shifts = np.array([anew.position - before.position, _turn(before.rotation, anew.rotation)])
         apart = _distances2(shifts, anew.covariances + before.covariances) > self.config.regained_gate**2
         self.covariances = np.where(apart[:, None, None], anew.covariances, self.covariances)
+        self.scatter = np.where(apart, anew.scatter, self.scatter)
         if apart[0]:
-            self.position, self.count = anew.position, anew.count
+            self.position, self.count, self.constancy = anew.position, anew.count, anew.constancy
         if apart[1]:
             self.rotation = anew.rotation
         return bool(apart.any())
