@@ -47,6 +47,8 @@ BEHIND, BEFORE = 0.3, -0.3
 
 _MOST_POINTS = 1500
 _RAYS = 3000  # about a shape: the middle of what they meet is known to a thousandth of its extent
+NO_SHARE = 1e-9
+"""1, share of an image that stands for none, so that nothing is divided by 0"""
 _ITERATIONS = 12
 _SETTLED = 1e-4  # m
 _STEPS = 8
@@ -56,7 +58,6 @@ _FAR_OFF = 0.004  # m from the surface, beyond which a point counts less and les
 _HELD = 0.02  # of the points' weight: what keeps the place where they do not tell it
 _LONGEST_STEP = 0.02  # m
 _IN_FRONT = 0.015  # m, by which what carries a thing must be nearer to hide it, and what stands on it seems farther
-_LEAST = 1e-9  # share of an image that stands for none
 _PLASTIC = 1.324717957244746  # the real root of x^3 = x + 1
 
 
@@ -168,7 +169,7 @@ class ImagePart:
         eye, local = rotation.T @ (self.eye - position), directions @ rotation
         depths = solids.first_met(eye, local)
         found = Rays(directions, weights, depths).only(_has_color(eye, local, depths, size, tagged=self._tagged))
-        return found._replace(weights=found.weights / max(float(found.weights.sum()), _LEAST))
+        return found._replace(weights=found.weights / max(float(found.weights.sum()), NO_SHARE))
 
     def expected(self, shown: Rays, position: Array) -> ExpectedPixels:
         """Which of the pixels of some rays should show what these meet: a shape with its centre at a position (3,)."""
@@ -309,7 +310,7 @@ def judged(
     share = float(shown.weights[free].sum())
     near = scene.points[scene.around(position, size)]
     misfit = float(distances(shape, size, (near - position) @ rotation).mean()) if len(near) else math.inf
-    return Fit(position, rotation, share, float(shown.weights[colored].sum()) / max(share, _LEAST), misfit)
+    return Fit(position, rotation, share, float(shown.weights[colored].sum()) / max(share, NO_SHARE), misfit)
 
 
 def _middle(points: Array, weights: Array) -> Array:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.scene_estimator.colored import LEANS, UPRIGHT
-from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_RAYS, Fit, FrameView, ImagePart, fit, settled
+from agents.scene_estimator.fitting import BEFORE, NO_SHARE, ROUGH, ROUGH_RAYS, Fit, FrameView, ImagePart, fit, settled
 from agents.scene_estimator.leaning import anyhow, is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
 from agents.scene_estimator.turning import ROUND, nearest_alike, order
@@ -30,7 +30,6 @@ _NOISY_FIT = 3.0  # times the depth noise: the same, of thin objects
 _AGREEMENT = 0.6  # least share of what should be seen that is seen
 _PIXELS_OFF = 0.4  # px, error of the middle of a spot
 _FLOOR = 1e-3  # m, likewise, of the model
-_LEAST = 1e-9  # share of what should be seen that stands for none
 _PULL = 0.15  # of the object's extent, that the middle may be off for each hidden share
 _YAWS = np.radians(np.arange(0.0, 180.0, 30.0))
 _FINER = np.radians((10.0, 5.0, 2.5))  # rad, by which the best of those is turned on to both sides
@@ -229,7 +228,7 @@ def best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float
         best = min(misfits, key=lambda angle: misfits[angle]) if misfits else 0.0
         for angle in (float(best + step) for step in angles):
             found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_RAYS)
-            misfits[angle] = math.inf if found is None else found.misfit / max(found.agreement, _LEAST)
+            misfits[angle] = math.inf if found is None else found.misfit / max(found.agreement, NO_SHARE)
     return nearest_alike(min(misfits, key=lambda angle: misfits[angle]), yaw, order(shape, size))
 
 
