@@ -25,10 +25,12 @@ from dsr.cli.common import (
 )
 from dsr.cli.completion import complete_node
 from dsr.errors import ConfigError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
 from dsr.narration import Moment
 from dsr.narration.chances import chances
 from dsr.narration.naming import UnknownNameError, node_of
+from dsr.narration.statements import place_of, place_words
 from dsr.network.keys import BASE
 from dsr.vocabulary.sentences import percent
 
@@ -58,6 +60,7 @@ def where(
         node = _thing(moment, name)
         found = moment.memory.belief(node.name)
         rows = [] if found is None else chances(found)
+        certain = _certain(moment, node)
     if as_json:
         print_json(rows)
     elif rows:
@@ -71,9 +74,18 @@ def where(
             table.add_row(percent(row["probability"]), shown(row["where"]), deviation, shown(row["reason"]))
         console.print(table)
     else:
-        console.print(f"Nobody knows where {shown(node.name)} is.")
+        console.print(shown(certain))
     if not rows:
         raise typer.Exit(1)
+
+
+def _certain(moment: Moment, node: Node) -> str:
+    """Where something is of which the belief weighs no places, in a sentence."""
+    pose = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
+    if pose is None:
+        return f"Nobody knows where {node.name} is."
+    place = place_words(place_of(pose), height=True)
+    return f"{node.name} is {place}. The belief does not weigh where else {node.name} could be."
 
 
 def _thing(moment: Moment, name: str) -> Node:

@@ -30,6 +30,8 @@ def saved(tmp_path: Path) -> Path:
     memory.add_node("world", "world")
     for name, kind in (("ball", "ball"), ("cup", "cup"), ("cube_1", "cube")):
         memory.add_node(name, kind)
+    memory.add_node("table", "table")
+    memory.add_edge("world", "table", "RT", pose=Pose((0.4, 0.0, 0.0)))
     memory.add_edge("world", "ball", "Virtual_RT", pose=Pose((0.3, 0.1, 0.05)))
     alternatives = (
         Alternative(weight=0.8, pose=Pose((0.3, 0.1, 0.05)), containers=("cup",)),
@@ -60,6 +62,13 @@ def test_what_nobody_knows_exits_1_and_what_nobody_has_is_an_error(saved: Path) 
     assert run("cube_1", str(saved), "--json").stdout.strip() == "[]"
     with pytest.raises(dsr.ConfigError, match="nothing is called 'bal'; did you mean 'ball'"):
         run("bal", str(saved))
+
+
+def test_a_place_that_the_belief_does_not_weigh_is_told(saved: Path) -> None:
+    table = run("table", str(saved))
+    assert table.exit_code == 1
+    assert "table is at x 0.40 m, y 0.00 m" in table.stdout
+    assert "does not weigh where else table could be" in table.stdout
 
 
 def test_a_recording_is_asked_as_of_a_time(hovering: Path) -> None:
