@@ -55,20 +55,22 @@ class Discrepancies:
         """Time (s) for which each object that should be seen has been missing, as far as cameras have told."""
         objects = self._bodies.objects
         return {
-            name: told - max(since, objects[name].track.last_stamp)
-            for name, since in self._expected_since.items()
-            if name in objects and objects[name].estimate_at(now) is None
-            if (told := now - objects[name].track.late) > since
+            name: seconds
+            for name, seconds in self._unseen_for(now).items()
+            if seconds > 0.0 and objects[name].estimate_at(now) is None
         }
 
     def missed(self, now: float) -> Set[str]:
         """Objects that should be seen where they are believed to be, and were not for surprisingly long."""
+        return {name for name, seconds in self._unseen_for(now).items() if self._is_missing(name, seconds)}
+
+    def _unseen_for(self, now: float) -> dict[str, float]:
+        """Time (s) since each object that should be seen was seen or should be; negative if a camera is late."""
         tracks = {name: item.track for name, item in self._bodies.objects.items()}
         return {
-            name
+            name: now - tracks[name].late - max(since, tracks[name].last_stamp)
             for name, since in self._expected_since.items()
             if name in tracks
-            if self._is_missing(name, now - tracks[name].late - max(since, tracks[name].last_stamp))
         }
 
     def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
