@@ -213,6 +213,15 @@ def test_a_subscriber_whose_process_stands_still_holds_up_nobody(domain: int, co
         stopped.join()
 
 
+def test_names_of_nodes_that_began_between_two_questions_are_known(connect: Connect) -> None:
+    asking, names = connect("/asking"), {f"/node_{number}" for number in range(4)}
+    for name in names:
+        connect(name).publisher(Topic("/told", STRING))
+    for link in (asking, connect("/late")):
+        eventually(lambda: len(link._discovery.participants()) == 6)  # noqa: B023 - called at once
+        eventually(lambda: names <= {one.node for one in link.endpoints()})  # noqa: B023
+
+
 class Seen:
     """What is seen of a domain: participants, and those of them that tell of endpoints."""
 

@@ -68,10 +68,12 @@ class DdsDiscovery:
         self._participants = BuiltinDataReader(participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
         self._subscriptions = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
-        qos = dds_qos(Qos(transient_local=True, depth=1), types.hash(_INFO))
+        newest, of_all = (
+            dds_qos(Qos(transient_local=True, depth=depth), types.hash(_INFO)) for depth in (1, _MOST_PARTICIPANTS)
+        )
         topic = DdsTopic(participant, "ros_discovery_info", raw_type(types, _INFO))
-        self._infos: DataReader[Any] = DataReader(participant, topic, qos)
-        self._own: DataWriter[Any] = DataWriter(participant, topic, qos)
+        self._infos: DataReader[Any] = DataReader(participant, topic, of_all)  # they share one instance: it has no key
+        self._own: DataWriter[Any] = DataWriter(participant, topic, newest)
         self._nodes: dict[bytes, dict[bytes, str]] = {}
         """By participant, the node of each of its endpoints."""
 
