@@ -17,6 +17,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.perceived import PerceivedBody
 from simulation_handler.contact.placement import Placement, covariance_given_height, given_height, near
+from simulation_handler.contact.stances import beside
 from simulation_handler.explaining.piles import BREADTH
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
@@ -96,9 +97,10 @@ class Leaning:
         if seen.solid.kind == "sphere" or (is_held and is_upright):
             return Judged(None)
         is_flat = item.placement is None or self._is_flat(item.placement.solid)
-        if is_flat and seen.misfit(flat.solid) + is_held * nats.HELD <= nats.AS_GOOD:
+        there = beside(flat.solid, list(around.values()))
+        if is_flat and seen.misfit(there) + is_held * nats.HELD <= nats.AS_GOOD:
             return Judged(None)
-        standing = seen.cost(flat.solid) + is_held * nats.HELD
+        standing = seen.cost(there) + is_held * nats.HELD
         leans = self._leans(item, seen, flat, around, scene)
         ways = [(seen.cost(lean.solid, PLACE_FLOOR) + nats.LEANS, lean) for lean in leans]
         ways.sort(key=lambda way: way[0])
