@@ -11,6 +11,7 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -169,18 +170,7 @@ class LocalNetwork:
 
     def send(self, sender: LocalTransport, receiver: LocalTransport, action: Callable[[], None]) -> None:
         """Pass a message on, with the network's faults; what is under way when a link is cut is lost."""
-
-        def arrive() -> None:
-            if receiver.closed:
-                return
-            if not self.reaches(sender, receiver):
-                self.met["cut off"] += 1
-            elif receiver.name in self._held:
-                self.met["held"] += 1
-                self._held[receiver.name].append(arrive)
-            else:
-                action()
-
+        arrive = partial(self._arrive, sender, receiver, action)
         if self.faults == _FAULTLESS:
             self.later(0.0, arrive)
             return
@@ -192,6 +182,18 @@ class LocalNetwork:
             delay = float(self._random.uniform(*self.faults.delay))
             self._note_order((sender.name, receiver.name), delay)
             self.later(delay, arrive)
+
+    def _arrive(self, sender: LocalTransport, receiver: LocalTransport, action: Callable[[], None]) -> None:
+        """Do what a message tells its receiver, if it still comes there."""
+        if receiver.closed:
+            return
+        if not self.reaches(sender, receiver):
+            self.met["cut off"] += 1
+        elif receiver.name in self._held:
+            self.met["held"] += 1
+            self._held[receiver.name].append(partial(self._arrive, sender, receiver, action))
+        else:
+            action()
 
     def _note_order(self, way: tuple[str, str], delay: float) -> None:
         """Count a delay, and whether what was sent earlier on this way comes later."""

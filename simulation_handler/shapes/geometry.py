@@ -49,10 +49,14 @@ class Solid:
             return "box"
         return self.shape[0].kind if len(self.shape) == 1 else None
 
-    @cached_property
+    @property
     def parts(self) -> tuple[Solid, ...]:
         """Convex pieces in the world, under the solid's name; the solid itself if it has one piece."""
-        return (self,) if self.kind else tuple(map(self._part, self.shape))
+        return (self,) if self.kind else self._pieces  # a solid that kept itself would be garbage in a cycle
+
+    @cached_property
+    def _pieces(self) -> tuple[Solid, ...]:
+        return tuple(map(self._part, self.shape))
 
     def _part(self, part: Part) -> Solid:
         x, y, z = quaternions.rotate(self.rotation, part.position)

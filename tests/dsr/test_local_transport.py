@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 from dsr import Faults, LocalNetwork, ManualClock
 from dsr.network.transport import key_matches
 
@@ -123,3 +126,23 @@ def test_faults_are_counted_by_kind() -> None:
     arrived = receive(network, Faults(loss=0.3, duplication=0.3, delay=(0.0, 1.0)))
     assert len(arrived) == 100 - network.met["lost"] + network.met["duplicated"]
     assert network.met["delayed"] == len(arrived) and 0 < network.met["reordered"] < len(arrived)
+
+
+def test_a_message_that_has_arrived_is_freed_at_once() -> None:
+    network = LocalNetwork()
+    a, b = network.connect("a"), network.connect("b")
+
+    class Message:
+        def __call__(self) -> None:
+            pass
+
+    gc.disable()
+    try:
+        message = Message()
+        watched = weakref.ref(message)
+        network.send(a, b, message)
+        del message
+        network.deliver()
+        assert watched() is None
+    finally:
+        gc.enable()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 
 import numpy as np
 import pytest
@@ -122,3 +124,17 @@ def test_outlines_are_apart_unless_they_overlap(one: Solid, other: Solid) -> Non
     depth, _ = overlap(one.footprint, other.footprint)
     if abs(depth) > 1e-9:  # m, rounding
         assert are_apart(one.footprint, other.footprint) is (depth < 0.0)
+
+
+def test_a_solid_that_nobody_keeps_is_freed_at_once() -> None:
+    """A tick makes hundreds, and the search for garbage in cycles would be part of it."""
+    gc.disable()
+    try:
+        for shape in ((), container((0.17, 0.17, 0.15))):
+            solid = Solid("box", (0.17, 0.17, 0.15), (0.0, 0.0, 0.1), shape=shape)
+            assert solid.parts
+            watched = weakref.ref(solid)
+            del solid
+            assert watched() is None
+    finally:
+        gc.enable()
