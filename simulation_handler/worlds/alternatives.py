@@ -15,12 +15,14 @@ import numpy as np
 from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
+from simulation_handler.contact.relations import SupportedPose
 from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, ON_ITS_WAY, RESTS, held
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
+from simulation_handler.worlds.lying import let_go
 from simulation_handler.worlds.parameters import Rates, WorldParameters
 
 FOLLOWED = "followed"
@@ -59,6 +61,8 @@ class Mode:
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
     """s, since when it may have been so"""
+    was_held: bool = False
+    """Whether a hand may have had it at the place, and let go of it: it lies beneath"""
     worked: float = 0.0
     """1, probability in this mode that somebody was at work while cameras saw nothing at all"""
 
@@ -93,6 +97,7 @@ class Alternatives:
         """nats, how improbable it is that cameras do not show it in this gap, if they do not fail"""
         self._container = thing.container
         self._supports = thing.supports
+        self._was_aloft = thing.aloft
         self._solid = thing.solid
         self.looked = now
         """s, when it was last worked out what cameras should see of it"""
@@ -141,7 +146,7 @@ class Alternatives:
         thing, step = evidence.objects[name], evidence.now - self._now
         self._now = evidence.now
         self._go_along(evidence)
-        self._follow(thing)
+        self._follow(name, evidence)
         self._flow(name, evidence, step)
         self._work(thing, work)
         if self._is_new:
@@ -164,9 +169,9 @@ class Alternatives:
             if holder is not None and mode.anchored is not None:
                 mode.pose = holder @ mode.anchored
 
-    def _follow(self, thing: ObjectEvidence) -> None:
+    def _follow(self, name: str, evidence: Evidence) -> None:
         """The simulation moves the object: perhaps it did not go along, or is still in its container."""
-        rates, followed = self._parameters.rates, self.modes[FOLLOWED]
+        thing, rates, followed = evidence.objects[name], self._parameters.rates, self.modes[FOLLOWED]
         before, pose = _placed(followed.pose), thing.believed
         if thing.gone and not self._told_gone:
             self._pass(FOLLOWED, GONE, rates.missed, Mode(0.0, None))
@@ -182,7 +187,18 @@ class Alternatives:
                 self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
         self._container = thing.container
         followed.pose, followed.supports = pose, thing.supports
-        self._pass(FOLLOWED, LEFT, stay, Mode(0.0, self.left, supports=self._supports))
+        self._pass(FOLLOWED, LEFT, stay, self.modes.get(LEFT) or self._let_go(name, evidence))
+
+    def _let_go(self, name: str, evidence: Evidence) -> Mode:
+        """The mode in which it is where it was recognised last, or beneath that: nothing stays in the air by itself."""
+        there = self.lying(name, self.left, evidence) if self._was_aloft else None
+        pose, supports = (self.left, self._supports) if there is None else there
+        return Mode(0.0, pose, supports=supports)
+
+    def lying(self, name: str, pose: Pose, evidence: Evidence) -> SupportedPose | None:
+        """Where the object lies once no hand has it any more at a place; None if nothing is known beneath."""
+        solid = self.solid_at(pose)
+        return None if solid is None else let_go(solid, evidence.beneath(name))
 
     def _flow(self, name: str, evidence: Evidence, step: float) -> None:
         """Events that nobody sees."""
@@ -203,7 +219,9 @@ class Alternatives:
                 continue
             is_held = bool(mode.hand or (key == FOLLOWED and thing.hand))
             rate = rates.put_down if is_held else self._moving_rate(mode.pose, hands, rates)
-            self._pass(key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now))
+            self._pass(
+                key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now, was_held=is_held)
+            )
         for hand in near:
             if hand != thing.hand:
                 known = hands[hand]
@@ -279,8 +297,9 @@ class Alternatives:
         if mode.hand and mode.anchored is not None and new.anchored is not None:  # taken at any time that counts
             mode.anchored = between(mode.anchored, new.anchored, ratio)
         if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
-            x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
-            mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
+            x, y, _ = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
+            mode.pose = Pose.unchecked((x, y, max(mode.pose.t[2], new.pose.t[2])), mode.pose.q)  # none is in between
+            mode.was_held |= new.was_held
         if target != ELSEWHERE:  # the learned rates are those by which its weight grows
             whole = mode.weight * math.exp(mode.missed) + amount
             mode.missed = math.log(whole / (mode.weight + amount))
@@ -297,10 +316,12 @@ class Alternatives:
         """The object at all places of which it counts if cameras should see it there; `blind`: they see nothing."""
         thing = evidence.objects[name]
         self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
-        if self._solid is None:
-            return []
         places = (_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind).values())
-        return [self._solid.at(place.t, place.q) for place in places]
+        return [solid for solid in map(self.solid_at, places) if solid is not None]
+
+    def solid_at(self, pose: Pose) -> Solid | None:
+        """The object at a place; None if its size is unknown."""
+        return None if self._solid is None else self._solid.at(pose.t, pose.q)
 
     def _asked(self, name: str, evidence: Evidence, *, blind: bool) -> dict[str, Mode]:
         """The modes of places. What is in a hand out of sight is with that, wherever that is, and not missing there."""

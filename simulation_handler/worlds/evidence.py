@@ -168,6 +168,18 @@ class Evidence:
         busy = {other.hand for key, other in self.objects.items() if key != name}
         return {hand: known for hand, known in self.hands.items() if hand not in busy}
 
+    def beneath(self, name: str) -> list[Solid]:
+        """All that an object may lie on: what no hand holds, and what is not in the object."""
+        return [
+            *self.fixtures,
+            *(
+                thing.solid
+                for key, thing in self.objects.items()
+                if thing.solid is not None and key != name and not (thing.hand or thing.gripper)
+                if (key, name) not in self.contents
+            ),
+        ]
+
     def containers_at(self, name: str, place: Vector3) -> tuple[str, ...]:
         """Names of what an object would be in at a place (m), innermost first."""
         thing = self.objects[name].solid

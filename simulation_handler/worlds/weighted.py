@@ -53,6 +53,7 @@ from simulation_handler.worlds.followed import (
 )
 from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
+from simulation_handler.worlds.lying import Area, moved_about
 from simulation_handler.worlds.merging import WeightedPlace, merged
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from simulation_handler.worlds.parameters import WorldParameters
@@ -361,6 +362,8 @@ class WeightedWorlds:
                 found += self._simulated(name, weights[key], thing)
             elif mode.pose is None:
                 found.append((weights[key], ObjectState(None), GONE))
+            elif key == ELSEWHERE and weights[key] > 0.0:
+                found += self._elsewhere(name, weights[key], alternatives, evidence)
             elif weights[key] > 0.0:
                 age = evidence.now - thing.seen_at
                 constant = None if watched.seen is None else watched.seen.constant
@@ -377,6 +380,26 @@ class WeightedWorlds:
             ]
         return found
 
+    def _elsewhere(
+        self, name: str, weight: float, alternatives: Alternatives, evidence: Evidence
+    ) -> list[WeightedState]:  # fmt: skip
+        """The states of an object that was moved to somewhere near, on each level on which it may lie there."""
+        broad, mode = self._parameters.elsewhere, alternatives.modes[ELSEWHERE]
+        assert mode.pose is not None
+        variance = broad.level**2 + broad.growth**2 * (evidence.now - mode.since)
+        areas, solid = [Area(1.0, mode.pose.t, variance * np.eye(2))], alternatives.solid_at(mode.pose)
+        if solid is not None:
+            lies = alternatives.lying(name, mode.pose, evidence) if mode.was_held else None
+            height = (mode.pose if lies is None else lies.pose).t[2]
+            areas = moved_about(solid, height, math.sqrt(variance), evidence.fixtures)
+        found = []
+        for share, position, sideways in areas:
+            covariance = np.diag((0.0, 0.0, broad.height**2))
+            covariance[:2, :2] = sideways
+            there = with_world_covariances(Pose.unchecked(position, mode.pose.q), covariance, _ANY_TURN)
+            found.append((weight * share, ObjectState(there), ELSEWHERE))
+        return found
+
     def _alternative(
         self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float, constant: NDArray[np.float64] | None
     ) -> ObjectState:
@@ -386,15 +409,11 @@ class WeightedWorlds:
         """
         parameters, pose = self._parameters, mode.pose
         assert pose is not None
-        if key == ELSEWHERE:
-            broad = parameters.elsewhere
-            sideways = broad.level**2 + broad.growth**2 * (evidence.now - mode.since)
-            return ObjectState(with_world_covariances(pose, np.diag((sideways, sideways, broad.height**2)), _ANY_TURN))
-        moved = 0.0
-        if key == LEFT:
+        moved = math.dist(pose.t, left.t) if key == LEFT or key.startswith(COURSE) else 0.0
+        if key == LEFT and not moved:
             noise = parameters.noise[RESTS_UNSEEN]
-        elif key.startswith(COURSE):
-            noise, moved = parameters.noise[MOVED_UNSEEN], math.dist(pose.t, left.t)
+        elif key == LEFT or key.startswith(COURSE):
+            noise = parameters.noise[MOVED_UNSEEN]
         elif key.startswith(INSIDE_OF):
             noise = parameters.noise[INSIDE]
         else:

@@ -30,6 +30,7 @@ from simulation_handler.worlds.circumstances import (
     WITHIN_REACH,
 )
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence, seen_shares
+from simulation_handler.worlds.model import WeightedWorld
 from simulation_handler.worlds.parameters import WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import ON_COURSE, WeightedWorlds
 from tests.simulation_handler.worlds import VIEW, container
@@ -69,6 +70,7 @@ class Course:
         self.box = thing(Pose((0.3, 0.0, 0.02)), 0.0)
         self.others: dict[str, ObjectEvidence] = {"other": thing(Pose((0.0, 0.5, 0.02)), 0.0, name="other")}
         self.hands: dict[str, HandEvidence] = {}
+        self.fixtures: tuple[Solid, ...] = ()
         self.watching = True
 
     def run(self, seconds: float, change: Callable[[ObjectEvidence], ObjectEvidence] = lambda box: box) -> None:
@@ -80,7 +82,7 @@ class Course:
             self.box = box
             others = {name: _seen(one, self.now) if self.watching else one for name, one in self.others.items()}
             contents = frozenset(("box", container) for container in box.containers)
-            self.worlds.update(Evidence(self.now, {"box": box, **others}, self.hands, None, contents))
+            self.worlds.update(Evidence(self.now, {"box": box, **others}, self.hands, None, contents, self.fixtures))
 
     def weight(self, reason: str) -> float:
         return sum(world.weight for world in self.worlds.worlds("box") if world.reason.startswith(reason))
@@ -341,6 +343,29 @@ def test_what_may_have_stayed_is_missed_where_it_would_be_however_late_it_did() 
         course.run(0.1, lambda box, away=away: replace(box, believed=away))
     course.run(1.5)
     assert course.weight("left") < 0.05
+
+
+@pytest.mark.parametrize("place", [0.5, 0.7])
+def test_what_a_hand_let_go_in_the_air_is_not_in_the_air_any_more(place: float) -> None:
+    """Nor is what the hand put down somewhere near: beyond the edge of the table it is on the floor."""
+    course, aloft = Course(), Pose((place, 0.0, 0.4))
+    table = Solid("table", (1.2, 1.2, 0.04), (0.0, 0.0, -0.02), fixed=True)
+    course.fixtures = (table, Solid("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True))
+    course.hands["hand"] = HandEvidence(aloft, True, ())
+    course.box = replace(thing(aloft, 0.0), hand="hand", aloft=True)
+    course.run(1.0)
+    course.hands["hand"] = HandEvidence(aloft, False, ())
+    course.run(3.0)
+    let_go = Pose((place, 0.0, 0.02 if place < 0.6 else -0.68)).with_covariance(COVARIANCE)
+    course.run(1.0, lambda box: replace(box, hand="", believed=let_go, aloft=False))
+    told = {(world.reason, round(height, 2)) for world in course.worlds.worlds("box") for height in _heights(world)}
+    assert {height for _, height in told} <= {0.02, -0.68}, "it lies on the table or the floor in each world"
+    assert {("left", round(let_go.t[2], 2)), ("elsewhere", 0.02), ("elsewhere", -0.68)} <= told
+
+
+def _heights(world: WeightedWorld) -> list[float]:
+    pose = world.objects["box"].pose
+    return [] if pose is None else [pose.t[2]]
 
 
 def test_what_is_in_a_hand_out_of_sight_is_not_missing_where_that_was_seen_last() -> None:
