@@ -4,6 +4,9 @@ An information filter averages the noise of the percepts, which changes from fra
 along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`. So does
 whatever else of their stated covariance does not show in their scatter: see `Estimate.constancy`, `noise_shares`.
 
+Older percepts count less and less. What the filter takes the noise of such an average for is as much as that of as many
+percepts as its window has. Its true noise is half of that, for twice as many percepts are in it: see `Estimate.faded`.
+
 Some percepts do not tell how an object is turned, or tell it about some axes only (`perception/turns.py`). About the
 other axes they leave the estimate and its covariance as they are.
 
@@ -61,6 +64,8 @@ class Estimate(Covariances):
         self.rotation = percept.rotation
         self.covariances = _known_by(percept)
         """(2, 3, 3) of the remaining noise: of the position, m^2, and of the rotation, rad^2"""
+        self.faded = self.covariances
+        """(2, 3, 3) the same, as if percepts were the noisier, the older they are: new ones are weighed against that"""
         self.ray = percept.ray
         self.stamp = percept.stamp
         self.stated = percept.position_covariance
@@ -84,7 +89,8 @@ class Estimate(Covariances):
         """Doubt the estimate in the direction in which some percepts agree that it is off, as surely as they tell."""
         shifts = np.mean([innovation for _, innovation in recent], axis=0)
         noise = np.sum([_told_by(percept) for percept, _ in recent], axis=0) / len(recent) ** 2
-        self.covariances = self.covariances + shifts[:, :, None] * shifts[:, None, :] + noise
+        doubt = shifts[:, :, None] * shifts[:, None, :] + noise
+        self.covariances, self.faded = self.covariances + doubt, self.faded + doubt
 
     def inherit(self, old: Estimate) -> None:
         """Keep position and rotation of an older estimate, each if it has not changed beyond noise.
@@ -95,6 +101,7 @@ class Estimate(Covariances):
         same = _distances2(shifts, self.covariances + old.covariances) <= self.config.gate**2
         kept = np.array((same[0], same[1] and (same[0] or tells_rotation(self.rotation_covariance))))
         self.covariances = np.where(kept[:, None, None], old.covariances, self.covariances)
+        self.faded = np.where(kept[:, None, None], old.faded, self.faded)
         if same[0]:
             self.position, self.count = old.position, old.count
         if same[1]:
@@ -113,6 +120,7 @@ class Estimate(Covariances):
         shifts = np.array([anew.position - before.position, _turn(before.rotation, anew.rotation)])
         apart = _distances2(shifts, anew.covariances + before.covariances) > self.config.regained_gate**2
         self.covariances = np.where(apart[:, None, None], anew.covariances, self.covariances)
+        self.faded = np.where(apart[:, None, None], anew.faded, self.faded)
         self.scatter = np.where(apart, anew.scatter, self.scatter)
         if apart[0]:
             self.position, self.count, self.constancy = anew.position, anew.count, anew.constancy
@@ -209,45 +217,72 @@ def farthest(estimates: Sequence[Estimate], recents: Sequence[Sequence[Compared]
 
 
 def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shifts: Array) -> None:
-    """Take in percepts with those innovations (n, 2, 3), each in the estimate in its place (Kalman update).
+    """Take in percepts with those innovations (n, 2, 3), each in the estimate in its place.
 
     Of more percepts than the window's, the older ones count less and less. No estimate may be there twice. How much
     turns scatter, only percepts that tell all of a turn can tell.
     """
-    window = estimates[0].config.window
     for estimate in estimates:
         estimate.count += 1
-    keep = [1.0 if estimate.count <= window else 1.0 - 1.0 / window for estimate in estimates]
-    prior, stated = _covariances(estimates) / np.array(keep)[:, None, None, None], _covariances(percepts)
+    found = _updates(estimates, percepts, shifts)
+    scatter = np.array([estimate.scatter for estimate in estimates])
+    counts = np.array([[min(estimate.count, RECENT_PERCEPTS)] for estimate in estimates])
+    scatter += np.where(np.isfinite(found.squares), found.squares - scatter, 0.0) / counts
+    constancy = np.clip(1.0 - scatter[:, 0], 0.0, 1.0).tolist()
+    for place in np.flatnonzero(found.are_finite).tolist():
+        estimate, percept = estimates[place], percepts[place]
+        estimate.covariances, estimate.faded = found.noise[place].copy(), found.faded[place].copy()
+        estimate.stated = percept.position_covariance
+        estimate.scatter, estimate.constancy = scatter[place], constancy[place]
+        estimate.position = estimate.position + found.steps[place, 0]
+        x, y, z = found.steps[place, 1].tolist()
+        step = quaternions.from_rotvec((x, y, z))
+        estimate.rotation = quaternions.normalised(quaternions.product(step, estimate.rotation))
+        estimate.ray, estimate.stamp = percept.ray, percept.stamp
+
+
+class _Updates(NamedTuple):
+    """What percepts change in n estimates."""
+
+    faded: Array
+    noise: Array
+    """(n, 2, 3, 3) as `Estimate.faded` and `Estimate.covariances`"""
+    steps: Array
+    """(n, 2, 3) of position, m, and rotation, rad"""
+    squares: Array
+    """(n, 2) 1, squared distances of the percepts in standard deviations; nan of turns that are not all told"""
+
+    @property
+    def are_finite(self) -> NDArray[np.bool_]:
+        """(n,) whether all numbers could be worked out."""
+        numbers = np.concatenate([one.reshape(len(self.steps), -1) for one in self[:3]], axis=1)
+        return np.asarray(np.isfinite(numbers).all(axis=1))
+
+
+def _updates(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shifts: Array) -> _Updates:
+    """What percepts with those innovations change (Kalman update).
+
+    By its gain, the noise follows of the average that has been worked out so (Joseph's form).
+    """
+    window = estimates[0].config.window
+    keep = np.array([1.0 if estimate.count <= window else 1.0 - 1.0 / window for estimate in estimates])
+    before, noise = _stacked([estimate.faded for estimate in estimates]), _covariances(estimates)
+    prior, stated = before / keep[:, None, None, None], _covariances(percepts)
     inverse = matrix_inverses((prior + stated).reshape(-1, 3, 3)).reshape(prior.shape)
     gain = prior @ inverse
-    posterior = (_EYE - gain) @ prior
-    posterior = 0.5 * (posterior + posterior.mT)
+    rest = _EYE - gain
+    faded, left = rest @ prior, rest @ noise @ rest.mT + gain @ stated @ gain.mT
+    faded, left = 0.5 * (faded + faded.mT), 0.5 * (left + left.mT)
     steps = (gain @ shifts[..., None])[..., 0]
     squares = np.einsum("nki,nkij,nkj->nk", shifts, inverse, shifts)
     partly, nothing = _untold(percepts)
     if partly:
-        before = _covariances([estimates[place] for place in partly])[:, 1]
-        told_of = before, np.array([keep[place] for place in partly]), shifts[partly, 1]
-        posterior[partly, 1], steps[partly, 1] = updated(_axes(percepts, partly), *told_of)
+        told_of = before[partly, 1], noise[partly, 1], keep[partly], shifts[partly, 1]
+        faded[partly, 1], left[partly, 1], steps[partly, 1] = updated(_axes(percepts, partly), *told_of)
     if nothing:
-        posterior[nothing, 1] = _covariances([estimates[place] for place in nothing])[:, 1]
-        steps[nothing, 1] = 0.0
+        faded[nothing, 1], left[nothing, 1], steps[nothing, 1] = before[nothing, 1], noise[nothing, 1], 0.0
     squares[partly + nothing, 1] = np.nan
-    scatter = np.array([estimate.scatter for estimate in estimates])
-    counts = np.array([[min(estimate.count, RECENT_PERCEPTS)] for estimate in estimates])
-    scatter += np.where(np.isfinite(squares), squares - scatter, 0.0) / counts
-    constancy = np.clip(1.0 - scatter[:, 0], 0.0, 1.0).tolist()
-    told = np.isfinite(steps).all(axis=(1, 2)) & np.isfinite(posterior.reshape(len(prior), -1)).all(axis=1)
-    for place in np.flatnonzero(told).tolist():
-        estimate, percept = estimates[place], percepts[place]
-        estimate.covariances, estimate.stated = posterior[place].copy(), percept.position_covariance
-        estimate.scatter, estimate.constancy = scatter[place], constancy[place]
-        estimate.position = estimate.position + steps[place, 0]
-        x, y, z = steps[place, 1].tolist()
-        step = quaternions.from_rotvec((x, y, z))
-        estimate.rotation = quaternions.normalised(quaternions.product(step, estimate.rotation))
-        estimate.ray, estimate.stamp = percept.ray, percept.stamp
+    return _Updates(faded, left, steps, squares)
 
 
 def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate | None:

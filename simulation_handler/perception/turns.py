@@ -89,7 +89,9 @@ def told_axes(covariances: Array) -> ToldAxes:
     return ToldAxes(axes, np.maximum(variances, least))
 
 
-def updated(percepts: ToldAxes, before: Array, keep: Array, turns: Array) -> tuple[Array, Array]:
+def updated(
+    percepts: ToldAxes, before: Array, noise: Array, keep: Array, turns: Array
+) -> tuple[Array, Array, Array]:
     """Kalman updates of rotations by percepts that do not tell all of a turn.
 
     Only what a percept tells makes older percepts count less (Cao and Schwartz, Automatica 2000). So nothing changes
@@ -98,12 +100,13 @@ def updated(percepts: ToldAxes, before: Array, keep: Array, turns: Array) -> tup
 
     Args:
         percepts: about which axes they tell turns.
-        before: (n, 3, 3) rad^2, covariances of the rotations before.
+        before: (n, 3, 3) rad^2, covariances of the rotations before, against which percepts are weighed.
+        noise: (n, 3, 3) rad^2, the true ones.
         keep: (n,) 1, how much the percepts before count from now on.
         turns: (n, 3) rad, rotation vectors to the percepts, as far as these tell them.
 
     Returns:
-        Covariances (n, 3, 3), rad^2, and by which rotation vectors (n, 3), rad, the rotations change.
+        Both covariances (n, 3, 3), rad^2, and by which rotation vectors (n, 3), rad, the rotations change.
     """
     told, axes = percepts.told, _turned(-turns) @ percepts.axes
     both = told[:, :, None] & told[:, None, :]
@@ -111,11 +114,13 @@ def updated(percepts: ToldAxes, before: Array, keep: Array, turns: Array) -> tup
     doubt = np.where(both, matrix_inverses(known), 0.0) * (1.0 / keep - 1.0)[:, None, None]
     prior = before + axes @ doubt @ axes.mT
     roots = axes * np.sqrt(percepts.information)[:, None]
-    gain = prior @ roots @ matrix_inverses(roots.mT @ prior @ roots + np.eye(3)) @ roots.mT
+    weighed = prior @ roots @ matrix_inverses(roots.mT @ prior @ roots + np.eye(3))
+    gain = weighed @ roots.mT
     steps = (gain @ turns[..., None])[..., 0]
-    turn = _turned(steps)
-    posterior = turn @ (prior - gain @ prior) @ turn.mT
-    return 0.5 * (posterior + posterior.mT), steps
+    turn, rest = _turned(steps), np.eye(3) - gain
+    posterior = turn @ rest @ prior @ turn.mT
+    left = turn @ (rest @ noise @ rest.mT + weighed @ weighed.mT) @ turn.mT
+    return 0.5 * (posterior + posterior.mT), 0.5 * (left + left.mT), steps
 
 
 def _turned(turns: Array) -> Array:
