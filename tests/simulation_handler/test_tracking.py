@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
+from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.estimate import Estimate, fuse, innovations
 from simulation_handler.perception.percepts import SeenObject, WeighedPercept, flaws, weighed
 from simulation_handler.perception.tracking import Given, PerceptTrack
 from tests.simulation_handler.worlds import CAMERA, SyntheticCamera, cube_at
@@ -103,6 +106,29 @@ def test_the_covariance_shrinks_with_the_noise_but_not_with_the_bias() -> None:
     noise, total = often.position_covariance, often.total_covariance(CONFIG.depth_bias)
     assert np.sqrt(np.linalg.eigvalsh(noise)[-1]) < 0.001
     assert np.sqrt(often.ray @ total @ often.ray) == pytest.approx(CONFIG.depth_bias, rel=0.01)
+
+
+@pytest.mark.parametrize("count", [30, 100, 150, 400])
+def test_an_average_is_as_far_off_as_its_covariance_tells(count: int) -> None:
+    """Of percepts whose noise is as stated: also of more than a window's, of which the older ones count less."""
+    rng, covariance = np.random.default_rng(7), np.diag([0.002**2, 0.001**2, 0.002**2, 0.02**2, 0.02**2, 0.03**2])
+    (stated,) = weighed([SeenObject("cube", HERE.with_covariance(covariance), 0.0, CAMERA)], CONFIG)
+    drawn = [np.linalg.cholesky(block) @ rng.normal(size=(count, 3, 60)) for block in stated.covariances]
+    estimates: list[Estimate] = []
+    places, turns = (np.moveaxis(block, -1, 1) for block in drawn)
+    for shifts, turned in zip(places, turns, strict=True):
+        percepts = [
+            dataclasses.replace(stated, position=HERE.t + shift, rotation=quaternions.from_rotvec(tuple(turn)))
+            for shift, turn in zip(shifts, turned, strict=True)
+        ]
+        if not estimates:
+            estimates = [Estimate(percept, CONFIG) for percept in percepts]
+        else:
+            fuse(estimates, percepts, innovations(estimates, percepts))
+    off = np.array([(one.position - HERE.t, quaternions.to_rotvec(one.rotation)) for one in estimates])
+    told = np.array([one.covariances for one in estimates])
+    squares = np.einsum("nki,nkij,nkj->nk", off, np.linalg.inv(told), off)
+    assert squares.mean(axis=0) == pytest.approx(3.0, rel=0.25)
 
 
 @pytest.mark.parametrize("slope", [0.05, 0.3, 0.6, 1.0])

@@ -68,6 +68,21 @@ def test_a_turn_that_was_told_before_is_not_forgotten_by_percepts_that_tell_none
     assert estimate.noise_shares[1] == share
 
 
+@pytest.mark.parametrize("count", [80, 300])
+def test_an_average_of_tilts_is_as_far_off_as_its_covariance_tells(count: int) -> None:
+    """Of percepts that tell no yaw: also of more than a window's, of which the older ones count less."""
+    rng, squares = np.random.default_rng(5), []
+    noise = math.sqrt(percept((0.0, 0.0, 0.0), TOLD, TOLD, UNTOLD).rotation_covariance[0, 0])
+    for _ in range(40):
+        turns = [(*(noise * rng.normal(size=2)).tolist(), 0.0) for _ in range(count)]
+        estimate = Estimate(percept(turns[0], TOLD, TOLD, UNTOLD), CONFIG)
+        for turn in turns[1:]:
+            take_in(estimate, percept(turn, TOLD, TOLD, UNTOLD))
+        off, told = turned(estimate)[:2], estimate.rotation_covariance[:2, :2]
+        squares.append(off @ np.linalg.inv(told) @ off)
+    assert np.mean(squares) == pytest.approx(2.0, rel=0.3)
+
+
 def test_a_turn_that_is_told_at_last_is_known() -> None:
     estimate = Estimate(percept((0.0, 0.0, 0.0), UNTOLD, UNTOLD, UNTOLD), CONFIG)
     one = percept((0.0, 0.0, 2.5), TOLD, TOLD, TOLD)
