@@ -249,11 +249,11 @@ _WIDEST = 12.0  # 1, factor of a wide world at most: what is further off is told
 
 
 def _bounds_of(name: str) -> tuple[float, float]:
-    """Of a logarithm or logit. Nothing is known better than its grain; a wide world is twice as wide at least.
+    """Of a logarithm or logit. No turn is known better than its grain; a wide world is twice as wide at least.
 
-    The height of what rests is no matter of percepts, and known to the gap between bodies.
+    Places are known to the gap between bodies at best: beside that, percepts tell their noise themselves.
     """
-    least = {"level": 2 * _GRAIN, "height": GAP, "turn": 2 * _GRAIN_TURN, "wide": 2.0}.get(name)
+    least = {"level": GAP, "height": GAP, "turn": 2 * _GRAIN_TURN, "wide": 2.0}.get(name)
     return (-12.0 if least is None else float(np.log(least)), float(np.log(_WIDEST)))
 
 

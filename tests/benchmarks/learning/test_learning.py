@@ -84,6 +84,14 @@ def test_noise_is_found_again() -> None:
     assert learn_noise(errors.of(np.arange(3))) == START, "three moments tell nothing"
 
 
+def test_where_percepts_tell_their_noise_there_is_no_level_beside_it() -> None:
+    rng = np.random.default_rng(0)
+    told, grain = rng.uniform(0.0001, 0.001, (3000, 1)) * (1.0, 1.0, 0.0), 0.0001
+    errors = still(np.hypot(told, grain) * rng.normal(size=told.shape))
+    found = learn_noise(replace(errors, own_places=told[:, :, None] ** 2 * np.eye(3)))
+    assert found.level < 0.0001 and found.scale == pytest.approx(1.0, rel=0.1)
+
+
 @pytest.mark.parametrize("right", ["percepts", "simulation"])
 def test_who_is_right_where_percepts_and_simulation_differ_is_learned(right: str) -> None:
     rng = np.random.default_rng(1)
