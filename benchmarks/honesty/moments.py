@@ -14,7 +14,7 @@ from agents.scenario.truth.actions import compare
 from agents.scenario.truth.history import History, Inferred, Sample
 from benchmarks.honesty.answers import Answer
 from benchmarks.honesty.hands import by_true_hands
-from benchmarks.honesty.statement import Statement, log_score, region_of, stated
+from benchmarks.honesty.statement import Statement, log_score, region_of, sideways_region_of, stated
 from benchmarks.honesty.watching import ToldWorlds
 from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
@@ -43,6 +43,8 @@ class Told(msgspec.Struct, frozen=True):
     error: float | None = None
     """m, from the truth to the likeliest place"""
     says_gone: bool = False
+    sideways_region: float | None = None
+    """As `region`, of the horizontal position alone"""
 
 
 class Moment(msgspec.Struct, frozen=True):
@@ -156,6 +158,7 @@ def _told(speaker: str, said: Statement, spec: ObjectSpec, truth: Pose | None) -
         turned_region=region_of(said, truth, turned=True) if turned else None,
         error=None if best is None or truth is None else best.pose.distance(truth)[0],
         says_gone=said.gone > 0.5,
+        sideways_region=sideways_region_of(said, truth),
     )
 
 

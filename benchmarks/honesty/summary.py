@@ -40,6 +40,8 @@ class PlaceScores(msgspec.Struct, frozen=True, kw_only=True):
     """nats, mean of whole poses, of things whose tag tells how they are turned"""
     coverage: dict[float, float]
     """Share of the statements whose region of that mass holds the truth."""
+    sideways_coverage: dict[float, float]
+    """The same of the horizontal position alone."""
     turned_coverage: dict[float, float]
     median_error: float | None
     """m, of the best guess"""
@@ -157,6 +159,7 @@ def _places_of(family: str, speaker: str, seen: Seen, by_run: Sequence[Sequence[
     means = [float(np.mean([told.log_score for told in of_run])) for of_run in by_run]
     spread = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else None
     stated = [told.region for told in every if told.region is not None]
+    sideways = [told.sideways_region for told in every if told.sideways_region is not None]
     turned_stated = [told.turned_region for told in every if told.turned_region is not None]
     return PlaceScores(
         family=family,
@@ -168,6 +171,7 @@ def _places_of(family: str, speaker: str, seen: Seen, by_run: Sequence[Sequence[
         log_score_error=spread,
         turned_log_score=float(np.mean(turned)) if turned else None,
         coverage=_coverage(stated),
+        sideways_coverage=_coverage(sideways),
         turned_coverage=_coverage(turned_stated),
         median_error=float(np.median(errors)) if errors else None,
         p95_error=float(np.quantile(errors, 0.95)) if errors else None,

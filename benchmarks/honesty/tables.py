@@ -53,7 +53,7 @@ def _line(cells: Iterable[str]) -> str:
 
 _PLACE_HEADINGS = [
     *("family", "", "moments", "nats", "of one world", "of percept", *(f"{100 * level:g} %" for level in LEVELS)),
-    *("of one world", "median", "95 %", "of percept", "silent"),
+    *("90 % sideways", "of one world", "median", "95 %", "of percept", "silent"),
 ]  # fmt: skip
 
 
@@ -73,6 +73,7 @@ def _place_rows(places: Sequence[PlaceScores]) -> Rows:
                     _with_error(simulated),
                     _with_error(peer),
                     *(_percent(scores.coverage.get(level)) for level in LEVELS),
+                    _percent(scores.sideways_coverage.get(_COMPARED)),
                     _percent(simulated.coverage.get(_COMPARED)),
                     _millimetres(scores.median_error),
                     _millimetres(scores.p95_error),
@@ -84,7 +85,7 @@ def _place_rows(places: Sequence[PlaceScores]) -> Rows:
 
 
 _COMPARED = 0.9
-"""Mass of the regions of which the coverage of the simulated world is told beside the belief's"""
+"""Mass of the regions of which the coverage sideways, and that of the simulated world, are told, too"""
 
 
 def _with_error(scores: PlaceScores) -> str:

@@ -18,6 +18,7 @@ from benchmarks.honesty.statement import (
     Statement,
     log_score,
     region_of,
+    sideways_region_of,
     stated,
 )
 from dsr.math3d.transforms import Pose, exp
@@ -160,6 +161,21 @@ def test_regions_of_several_poses_hold_the_truth_as_often_as_they_say() -> None:
     found = np.array([region_of(statement, truth) for truth in drawn])
     for level in LEVELS:
         assert is_near(float(np.mean(found <= level)), level, len(found)), level
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_regions_sideways_hold_the_truth_as_often_as_they_say_though_its_height_is_exact(several: bool) -> None:
+    turn, covariance = Pose.from_rotvec((0.0, 0.0, 0.0), (0.4, -0.9, 1.1)).q, np.diag([0.02**2] * 3 + [0.1**2] * 3)
+    means = [Pose((x, 0.0, 0.3), turn, covariance=covariance) for x in ((0.0, 0.03) if several else (0.0,))]
+    statement = Statement(tuple(Likely(1.0 / len(means), mean) for mean in means))
+    drawn = [one for k, mean in enumerate(means) for one in truths(mean, covariance, 600 // len(means), seed=k)]
+    exact = [Pose((*one.t[:2], 0.3), one.q) for one in drawn]
+    found = np.array([sideways_region_of(statement, truth) for truth in exact])
+    for level in LEVELS:
+        assert is_near(float(np.mean(found <= level)), level, len(found)), level
+    whole = np.array([region_of(statement, truth) for truth in exact])
+    assert np.mean(whole <= 0.9) > 0.93, "a height that is known exactly counts as right"
+    assert sideways_region_of(statement, None) == 1.0 and sideways_region_of(Statement(), exact[0]) is None
 
 
 def test_a_pose_in_two_halves_is_one_pose() -> None:
