@@ -103,8 +103,8 @@ def region_of(statement: Statement, truth: Pose | None, *, turned: bool = False)
 def sideways_region_of(statement: Statement, truth: Pose | None) -> float | None:
     """As `region_of`, of the horizontal position alone.
 
-    A support tells heights exactly, and truth has no grain there. Regions of all three dimensions then hold the truth
-    more often than they say, however honest the statement is: three have 90 % where two have 95.6 %.
+    A support tells heights exactly, and truth has no grain there. So regions of all three dimensions hold the truth
+    more often than an honest statement says: regions of 90 % in 95.6 %.
     """
     return _region_of(statement, truth, lambda place: _mass_above_sideways(statement, place))
 

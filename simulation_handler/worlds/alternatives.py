@@ -61,8 +61,8 @@ class Mode:
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
     """s, since when it may have been so"""
-    was_held: bool = False
-    """Whether a hand may have had it at the place, and let go of it: it lies beneath"""
+    held: float = 0.0
+    """1, probability in this mode that a hand had it at the place, and let go of it: it lies beneath then"""
     worked: float = 0.0
     """1, probability in this mode that somebody was at work while cameras saw nothing at all"""
 
@@ -187,7 +187,8 @@ class Alternatives:
                 self._pass(FOLLOWED, INSIDE_OF + self._container, rates.kept, inside)
         self._container = thing.container
         followed.pose, followed.supports = pose, thing.supports
-        self._pass(FOLLOWED, LEFT, stay, self.modes.get(LEFT) or self._let_go(name, evidence))
+        if stay > 0.0:
+            self._pass(FOLLOWED, LEFT, stay, self.modes.get(LEFT) or self._let_go(name, evidence))
 
     def _let_go(self, name: str, evidence: Evidence) -> Mode:
         """The mode in which it is where it was recognised last, or beneath that: nothing stays in the air by itself."""
@@ -220,7 +221,7 @@ class Alternatives:
             is_held = bool(mode.hand or (key == FOLLOWED and thing.hand))
             rate = rates.put_down if is_held else self._moving_rate(mode.pose, hands, rates)
             self._pass(
-                key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now, was_held=is_held)
+                key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now, held=float(is_held))
             )
         for hand in near:
             if hand != thing.hand:
@@ -298,8 +299,8 @@ class Alternatives:
             mode.anchored = between(mode.anchored, new.anchored, ratio)
         if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
             x, y, _ = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
-            mode.pose = Pose.unchecked((x, y, max(mode.pose.t[2], new.pose.t[2])), mode.pose.q)  # none is in between
-            mode.was_held |= new.was_held
+            mode.pose = Pose.unchecked((x, y, _height(mode, new, ratio)), mode.pose.q)
+            mode.held += ratio * (new.held - mode.held)
         if target != ELSEWHERE:  # the learned rates are those by which its weight grows
             whole = mode.weight * math.exp(mode.missed) + amount
             mode.missed = math.log(whole / (mode.weight + amount))
@@ -366,6 +367,18 @@ class Alternatives:
             weight = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
             away.missed += absence.rate * step
             away.weight *= (elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)) / weight
+
+
+def _height(mode: Mode, new: Mode, ratio: float) -> float:
+    """M, height at which something was moved, with a share of `ratio` that is `new`: of the likelier of held and not.
+
+    What was held lies beneath, and what was not lies there. No height in between is true of either.
+    """
+    assert mode.pose is not None and new.pose is not None
+    before, after = mode.held > 0.5, mode.held + ratio * (new.held - mode.held) > 0.5
+    if after != (new.held > 0.5):
+        return mode.pose.t[2]
+    return new.pose.t[2] if after != before else max(mode.pose.t[2], new.pose.t[2])
 
 
 def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:

@@ -62,12 +62,12 @@ def moved_about(solid: Solid, height: float, deviation: float, fixtures: Sequenc
     carried = np.full(len(places), -1)  # by the highest one: its number; -1 for none
     for number, one in enumerate(beneath):
         carried[_is_over(one, places)] = number
-    own = carried[0]
+    own, half_height = carried[0], solid.face_down()[0].half_height
     carried = np.where(carried < 0, own, carried)[1:]
     return [
         _area(places[1:][carried == number], there, deviation)
         for number in np.unique(carried).tolist()
-        for there in [height if number == own else beneath[number].top + solid.half_height]
+        for there in [height if number == own else beneath[number].top + half_height]
     ]
 
 

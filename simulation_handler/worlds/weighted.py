@@ -367,7 +367,7 @@ class WeightedWorlds:
             elif weights[key] > 0.0:
                 age = evidence.now - thing.seen_at
                 constant = None if watched.seen is None else watched.seen.constant
-                state = self._alternative(key, mode, alternatives.left, evidence, age, constant)
+                state = self._alternative(name, key, mode, alternatives.left, evidence, age, constant)
                 if key.startswith(COURSE) and state.pose is not None:
                     there = state.supports, evidence.containers_at(name, state.pose.t)
                     courses.setdefault(there, []).append(WeightedPlace(weights[key], state.pose))
@@ -389,7 +389,7 @@ class WeightedWorlds:
         variance = broad.level**2 + broad.growth**2 * (evidence.now - mode.since)
         areas, solid = [Area(1.0, mode.pose.t, variance * np.eye(2))], alternatives.solid_at(mode.pose)
         if solid is not None:
-            lies = alternatives.lying(name, mode.pose, evidence) if mode.was_held else None
+            lies = alternatives.lying(name, mode.pose, evidence) if mode.held > 0.5 else None
             height = (mode.pose if lies is None else lies.pose).t[2]
             areas = moved_about(solid, height, math.sqrt(variance), evidence.fixtures)
         found = []
@@ -401,8 +401,9 @@ class WeightedWorlds:
         return found
 
     def _alternative(
-        self, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float, constant: NDArray[np.float64] | None
-    ) -> ObjectState:
+        self, name: str, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float,
+        constant: NDArray[np.float64] | None,
+    ) -> ObjectState:  # fmt: skip
         """The state of an object in a mode other than what the simulation says; it was `left` when it was seen last.
 
         `constant` is as of `Followed`.
@@ -423,7 +424,9 @@ class WeightedWorlds:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix
             placed = with_world_covariances(pose, turn @ np.diag(edges**2) @ turn.T, _ANY_TURN)
-        containers = (mode.container,) if mode.container else ()
+        containers: tuple[str, ...] = (mode.container,) if mode.container else ()
+        if key == LEFT and moved:  # it fell from a hand
+            containers = evidence.containers_at(name, pose.t)
         return ObjectState(placed, hand=mode.hand, containers=containers, supports=mode.supports)
 
 

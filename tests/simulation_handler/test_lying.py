@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.alternatives import ELSEWHERE, FOLLOWED, Alternatives, Mode
 from simulation_handler.worlds.lying import let_go, moved_about
 
 TABLE = Solid("table", (0.8, 1.0, 0.04), (0.0, 0.0, 0.7), fixed=True)
@@ -62,3 +64,14 @@ def test_what_was_moved_near_the_edge_of_a_table_is_on_it_or_on_the_floor_beyond
 def test_what_nothing_is_known_to_carry_stays_on_its_level() -> None:
     (area,) = moved_about(CUBE, CUBE.position[2], 0.1, ())
     assert area.position == pytest.approx(CUBE.position)
+
+
+def test_what_was_moved_lies_as_high_as_the_likelier_of_held_and_not_has_it() -> None:
+    """However little comes from a hand, it does not lift what was moved about on the table."""
+    modes, high = Alternatives.__new__(Alternatives), Pose((0.0, 0.0, 0.9))
+    modes.modes = {FOLLOWED: Mode(1.0, high), ELSEWHERE: Mode(0.1, Pose((0.0, 0.0, 0.05)))}
+    modes._pass(FOLLOWED, ELSEWHERE, 1e-6, Mode(0.0, high, held=1.0))
+    elsewhere = modes.modes[ELSEWHERE]
+    assert elsewhere.pose is not None and elsewhere.pose.t[2] == 0.05 and elsewhere.held < 0.5
+    modes._pass(FOLLOWED, ELSEWHERE, 0.5, Mode(0.0, high, held=1.0))
+    assert elsewhere.pose is not None and elsewhere.pose.t[2] == 0.9 and elsewhere.held > 0.5
