@@ -60,7 +60,7 @@ def where(
         node = _thing(moment, name)
         found = moment.memory.belief(node.name)
         rows = [] if found is None else chances(found)
-        certain = _certain(moment, node)
+        certain = "" if rows else _certain(moment, node)
     if as_json:
         print_json(rows)
     elif rows:
