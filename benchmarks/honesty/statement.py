@@ -121,13 +121,12 @@ def _region_of(statement: Statement, truth: Pose | None, above: Callable[[Pose],
 
 def mass_near(statement: Statement, place: Vector3, reach: float) -> float:
     """The probability that a thing is within `reach` (m) of a place (m, world), by draws from the statement."""
-    rng = np.random.default_rng(0)
-    total = sum(likely.weight for likely in statement.poses)
-    found = 0.0
-    for likely in statement.poses:
-        drawn = _drawn(likely.pose, max(1, round(_DRAWS * likely.weight / total)), rng, turned=False)
-        found += likely.weight * float(np.mean(np.linalg.norm(drawn.places - np.array(place), axis=1) <= reach))
-    return found
+
+    def near(likely: Likely, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+        drawn = _drawn(likely.pose, count, rng, turned=False)
+        return np.asarray(np.linalg.norm(drawn.places - np.array(place), axis=1) <= reach)
+
+    return _share_of_draws(statement, near)
 
 
 class _Poses(NamedTuple):
@@ -192,22 +191,30 @@ def _mass_above(statement: Statement, truth: Pose, *, turned: bool) -> float:
         offsets = _offsets(likely.pose, _only(truth), turned=turned)
         distance2 = _distances2(likely.pose, offsets, turned=turned)[0]
         return likely.weight * float(chi2.cdf(distance2, offsets.shape[1]))
-    rng = np.random.default_rng(0)
     here = _said(statement.poses, _only(truth), turned=turned)[0]
-    total = sum(likely.weight for likely in statement.poses)
-    above = 0.0
+
+    def likelier(likely: Likely, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+        drawn = _drawn(likely.pose, count, rng, turned=turned)
+        return np.asarray(_said(statement.poses, drawn, turned=turned) > here)
+
+    return _share_of_draws(statement, likelier)
+
+
+def _share_of_draws(
+    statement: Statement, holds: Callable[[Likely, int, np.random.Generator], NDArray[np.bool_]]
+) -> float:
+    """The mass of the places of which something holds, told for so many draws from each pose of a statement."""
+    rng, total, found = np.random.default_rng(0), sum(likely.weight for likely in statement.poses), 0.0
     for likely in statement.poses:
-        drawn = _drawn(likely.pose, max(1, round(_DRAWS * likely.weight / total)), rng, turned=turned)
-        above += likely.weight * float(np.mean(_said(statement.poses, drawn, turned=turned) > here))
-    return above
+        found += likely.weight * float(np.mean(holds(likely, max(1, round(_DRAWS * likely.weight / total)), rng)))
+    return found
 
 
 def _mass_above_sideways(statement: Statement, truth: Pose) -> float:
     """The mass of all horizontal positions that are more likely than the true one, of several poses by draws."""
     weights = np.array([likely.weight for likely in statement.poses])
     means = np.array([likely.pose.t[:2] for likely in statement.poses])
-    spreads = np.array([likely.pose.parent_covariances()[0][:2, :2] for likely in statement.poses])
-    spreads += RESOLUTION[0] ** 2 * np.eye(2)
+    spreads = np.array([_sideways(likely.pose) for likely in statement.poses])
     inverses, sizes = np.linalg.inv(spreads), np.sqrt(np.linalg.det(spreads))
 
     def distances2(places: Array) -> Array:
@@ -222,11 +229,18 @@ def _mass_above_sideways(statement: Statement, truth: Pose) -> float:
     there = np.array([truth.t[:2]])
     if len(weights) == 1:
         return float(weights[0] * chi2.cdf(distances2(there)[0, 0], 2))
-    rng, here, above = np.random.default_rng(0), densities(there)[0], 0.0
-    for weight, mean, spread in zip(weights, means, spreads, strict=True):
-        normal = rng.standard_normal((max(1, round(_DRAWS * weight / weights.sum())), 2))
-        above += weight * float(np.mean(densities(mean + normal @ np.linalg.cholesky(spread).T) > here))
-    return float(above)
+    here = densities(there)[0]
+
+    def likelier(likely: Likely, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+        root = np.linalg.cholesky(_sideways(likely.pose))
+        return np.asarray(densities(likely.pose.t[:2] + rng.standard_normal((count, 2)) @ root.T) > here)
+
+    return _share_of_draws(statement, likelier)
+
+
+def _sideways(pose: Pose) -> Array:
+    """(2, 2) m^2, world: covariance of the horizontal position, with the grain of truth."""
+    return np.asarray(pose.parent_covariances()[0][:2, :2] + RESOLUTION[0] ** 2 * np.eye(2))
 
 
 def _drawn(mean: Pose, count: int, rng: np.random.Generator, *, turned: bool) -> _Poses:
