@@ -27,8 +27,9 @@ from dsr.cli.completion import complete_node
 from dsr.errors import ConfigError
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 from dsr.narration import Moment
-from dsr.narration.chances import chances
+from dsr.narration.chances import chances, unweighed
 from dsr.narration.naming import UnknownNameError, node_of
 from dsr.narration.statements import place_of, place_words
 from dsr.network.keys import BASE
@@ -54,15 +55,16 @@ def where(
     """Tell where a thing could be: every place that the belief holds for possible, with its probability.
 
     The deviation is the standard deviation of the place. With --json each alternative comes with its pose, who holds
-    it, what it is in and on, and why. The exit code is 1 if nothing is believed of the thing.
+    it, what it is in and on, and why. The probability is null if the belief weighs no other place. The exit code is 1
+    then, and if nobody knows where the thing is.
     """
     with moment_of(file, at, graph, world, router, security) as moment:
         node = _thing(moment, name)
         found = moment.memory.belief(node.name)
         rows = [] if found is None else chances(found)
-        certain = "" if rows else _certain(moment, node)
+        pose = None if rows else moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
     if as_json:
-        print_json(rows)
+        print_json(rows if pose is None else [unweighed(pose)])
     elif rows:
         table = Table(box=SIMPLE_HEAD, pad_edge=False)
         add_numbers(table, "probability")
@@ -74,14 +76,13 @@ def where(
             table.add_row(percent(row["probability"]), shown(row["where"]), deviation, shown(row["reason"]))
         console.print(table)
     else:
-        console.print(shown(certain))
+        console.print(shown(_certain(node, pose)))
     if not rows:
         raise typer.Exit(1)
 
 
-def _certain(moment: Moment, node: Node) -> str:
+def _certain(node: Node, pose: Pose | None) -> str:
     """Where something is of which the belief weighs no places, in a sentence."""
-    pose = moment.memory.get_transform(WORLD, node.name, types=BELIEVED)
     if pose is None:
         return f"Nobody knows where {node.name} is."
     place = place_words(place_of(pose), height=True)

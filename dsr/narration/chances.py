@@ -6,7 +6,7 @@ from typing import Any
 
 from dsr.believing.distribution import Alternative, Whereabouts, are_at_one_place
 from dsr.graph.elements import Node
-from dsr.math3d.transforms import position_deviation
+from dsr.math3d.transforms import Pose, position_deviation
 from dsr.narration.statements import Basis, Moment, StatedClaim, Statement, Subject, place_of, place_words
 from dsr.vocabulary.sentences import listed, percent
 
@@ -36,21 +36,12 @@ def chances_of_thing(moment: Moment, node: Node) -> Statement | None:
 
 def chances(where: Whereabouts) -> list[dict[str, Any]]:
     """The alternatives of a thing as plain data, the most probable first: JSON, and rows of a table."""
-    return [
-        {
-            "probability": round(one.weight, 4),
-            "where": alternative_words(one),
-            "place": None if one.pose is None else [round(number, 4) for number in one.pose.t],
-            "rotation": None if one.pose is None else [round(number, 4) for number in one.pose.q],
-            "deviation": None if one.pose is None or one.pose.cov is None else round(position_deviation(one.pose), 4),
-            "gone": one.is_gone,
-            "hand": one.hand,
-            "in": list(one.containers),
-            "on": list(one.supports),
-            "reason": one.reason,
-        }
-        for one in where.alternatives
-    ]
+    return [_plain(one) for one in where.alternatives]
+
+
+def unweighed(pose: Pose) -> dict[str, Any]:
+    """The one place of a thing that the belief weighs no alternatives of: as in `chances`, without a probability."""
+    return _plain(Alternative(weight=1.0, pose=pose)) | {"probability": None}
 
 
 def alternative_words(one: Alternative) -> str:
@@ -69,6 +60,22 @@ def alternative_words(one: Alternative) -> str:
     if deviation >= _VAGUE:
         place = f"within about {100.0 * deviation:.0f} cm of {place.removeprefix('at ')}"
     return ", ".join([*parts, place])
+
+
+def _plain(one: Alternative) -> dict[str, Any]:
+    """An alternative as plain data: m, quaternion xyzw."""
+    return {
+        "probability": round(one.weight, 4),
+        "where": alternative_words(one),
+        "place": None if one.pose is None else [round(number, 4) for number in one.pose.t],
+        "rotation": None if one.pose is None else [round(number, 4) for number in one.pose.q],
+        "deviation": None if one.pose is None or one.pose.cov is None else round(position_deviation(one.pose), 4),
+        "gone": one.is_gone,
+        "hand": one.hand,
+        "in": list(one.containers),
+        "on": list(one.supports),
+        "reason": one.reason,
+    }
 
 
 def _is_told_apart(one: Alternative, best: Alternative) -> bool:

@@ -69,6 +69,8 @@ def test_a_place_that_the_belief_does_not_weigh_is_told(saved: Path) -> None:
     assert table.exit_code == 1
     assert "table is at x 0.40 m, y 0.00 m" in table.stdout
     assert "does not weigh where else table could be" in table.stdout
+    (row,) = json.loads(run("table", str(saved), "--json").stdout)
+    assert row["probability"] is None and row["place"] == [0.4, 0.0, 0.0] and row["rotation"] == [0.0, 0.0, 0.0, 1.0]
 
 
 def test_a_recording_is_asked_as_of_a_time(hovering: Path) -> None:
