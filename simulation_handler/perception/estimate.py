@@ -39,6 +39,8 @@ Compared = tuple[WeighedPercept, Innovation]
 """A percept, and how far it was from the estimate when it came."""
 
 _EYE = np.eye(3)
+_DIRECTIONS = np.array((len(_EYE), len(_EYE) - 1, len(_EYE)), dtype=np.float64)
+"""(3,) 1, of how many directions `Estimate.scatter` is"""
 _TURN_FLOOR = TURN_FLOOR**2 * _EYE  # rad^2
 
 
@@ -70,11 +72,11 @@ class Estimate(Covariances):
         self.stamp = percept.stamp
         self.stated = percept.position_covariance
         """(3, 3) m^2, of the newest percept: as it was stated, of all its errors"""
-        self.scatter = np.full(2, float(len(percept.position)))
-        """(2,) 1, of place and rotation: mean squares of how far recent percepts were from the estimate before
+        self.scatter = _DIRECTIONS
+        """(3,) 1, of place, place across the viewing ray and rotation: mean squares of how far recent percepts were off
 
-        In standard deviations of that. They are first what is expected, one for each direction. That counts as one
-        percept.
+        In standard deviations, from the estimate before. They are first what is expected, one for each direction. That
+        counts as one percept.
         """
         self.constancy = 0.0
         """How constant the errors of the position are, 0 to 1
@@ -121,7 +123,7 @@ class Estimate(Covariances):
         apart = _distances2(shifts, anew.covariances + before.covariances) > self.config.regained_gate**2
         self.covariances = np.where(apart[:, None, None], anew.covariances, self.covariances)
         self.faded = np.where(apart[:, None, None], anew.faded, self.faded)
-        self.scatter = np.where(apart, anew.scatter, self.scatter)
+        self.scatter = np.where(apart[[0, 0, 1]], anew.scatter, self.scatter)
         if apart[0]:
             self.position, self.count, self.constancy = anew.position, anew.count, anew.constancy
         if apart[1]:
@@ -157,12 +159,15 @@ class Estimate(Covariances):
 
     @property
     def noise_shares(self) -> tuple[float, float]:
-        """1: which share of the stated covariances of place and rotation is noise, as recent percepts scatter.
+        """1: which share of the stated covariances is noise, of place across the viewing ray and of rotation.
 
-        It is that of one direction at least: what scatters less has constant errors, see `constancy`.
+        Recent percepts tell that by their scatter. It is that of one of three directions at least: what scatters less
+        has constant errors, see `constancy`. Noise along the ray does not count: it may be stated for what is constant,
+        and whatever tells a height takes it away.
         """
-        place, turn = self.scatter.tolist()
-        return max(place, 1.0) / len(self.position), max(turn, 1.0) / len(self.position)
+        across, turn = (self.scatter / _DIRECTIONS).tolist()[1:]
+        least = 1.0 / len(self.position)
+        return max(across, least), max(turn, least)
 
     def standard_deviations(self) -> tuple[float, float]:
         """The remaining noise sideways (m, of one axis) and in yaw (rad)."""
@@ -250,7 +255,7 @@ class _Updates(NamedTuple):
     steps: Array
     """(n, 2, 3) of position, m, and rotation, rad"""
     squares: Array
-    """(n, 2) 1, squared distances of the percepts in standard deviations; nan of turns that are not all told"""
+    """(n, 3) 1, of the percepts, as `Estimate.scatter`; nan of turns that are not all told"""
 
     @property
     def are_finite(self) -> NDArray[np.bool_]:
@@ -268,21 +273,34 @@ def _updates(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], 
     keep = np.array([1.0 if estimate.count <= window else 1.0 - 1.0 / window for estimate in estimates])
     before, noise = _stacked([estimate.faded for estimate in estimates]), _covariances(estimates)
     prior, stated = before / keep[:, None, None, None], _covariances(percepts)
-    inverse = matrix_inverses((prior + stated).reshape(-1, 3, 3)).reshape(prior.shape)
+    expected = prior + stated
+    inverse = matrix_inverses(expected.reshape(-1, 3, 3)).reshape(prior.shape)
     gain = prior @ inverse
     rest = _EYE - gain
     faded, left = rest @ prior, rest @ noise @ rest.mT + gain @ stated @ gain.mT
     faded, left = 0.5 * (faded + faded.mT), 0.5 * (left + left.mT)
     steps = (gain @ shifts[..., None])[..., 0]
-    squares = np.einsum("nki,nkij,nkj->nk", shifts, inverse, shifts)
+    squares = _squares(percepts, shifts, expected[:, 0], inverse)
     partly, nothing = _untold(percepts)
     if partly:
         told_of = before[partly, 1], noise[partly, 1], keep[partly], shifts[partly, 1]
         faded[partly, 1], left[partly, 1], steps[partly, 1] = updated(_axes(percepts, partly), *told_of)
     if nothing:
         faded[nothing, 1], left[nothing, 1], steps[nothing, 1] = before[nothing, 1], noise[nothing, 1], 0.0
-    squares[partly + nothing, 1] = np.nan
+    squares[partly + nothing, 2] = np.nan
     return _Updates(faded, left, steps, squares)
+
+
+def _squares(percepts: Sequence[WeighedPercept], shifts: Array, expected: Array, inverse: Array) -> Array:
+    """(n, 3) as `Estimate.scatter`, of innovations (n, 2, 3) with the inverses (n, 2, 3, 3) of their covariances.
+
+    The covariances of the places are `expected` (n, 3, 3) m^2. What is across the ray is what the ray leaves (a square
+    with one degree of freedom less).
+    """
+    place, turn = np.einsum("nki,nkij,nkj->kn", shifts, inverse, shifts)
+    rays = _stacked([percept.ray for percept in percepts])
+    along = np.einsum("ni,ni->n", rays, shifts[:, 0]) ** 2 / np.einsum("ni,nij,nj->n", rays, expected, rays)
+    return np.stack((place, np.maximum(place - along, 0.0), turn), axis=1)
 
 
 def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate | None:

@@ -291,7 +291,8 @@ class BelievedObject:
         """Take in how well perception knows by now where the object is, whose body stays at its placement.
 
         The covariance is about that: it has the noise of all percepts so far, and how far they are from there. Once
-        its height is known, noise is all that is left, and the scatter of percepts tells how much that is.
+        its height is known, noise across the viewing ray is all that is left. The scatter of percepts tells how much
+        that is.
         """
         assert self.placement is not None and self.track.estimate is not None
         off = np.subtract(placement.solid.position, self.placement.solid.position)

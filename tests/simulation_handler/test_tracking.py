@@ -80,6 +80,21 @@ def test_scatter_tells_what_is_noise_and_what_is_constant(scatter: float, consta
     assert track.estimate.noise_shares == pytest.approx((noise, noise), rel=0.4)
 
 
+def test_noise_across_the_viewing_ray_is_not_less_because_there_is_none_along_it() -> None:
+    """Depth is stated to be noisy, and is constant. A known height takes depth away, and leaves what is across."""
+    rng, track = np.random.default_rng(3), PerceptTrack(CONFIG)
+    covariance = np.diag([0.002**2] * 3 + [0.02**2] * 3)
+    (stated,) = weighed([SeenObject("cube", HERE.with_covariance(covariance), 0.0, CAMERA)], CONFIG)
+    across, root = np.eye(3) - np.outer(stated.ray, stated.ray), np.linalg.cholesky(stated.position_covariance)
+    shares = []
+    for k in range(400):
+        shift = across @ root @ rng.normal(size=3)
+        see(track, Pose(tuple(np.add(HERE.t, shift)), HERE.q, 0.0, covariance), 0.1 * (k + 1))
+        assert track.estimate is not None
+        shares.append(track.estimate.noise_shares[0])
+    assert np.mean(shares) == pytest.approx(1.0, abs=0.1)
+
+
 def test_until_percepts_scatter_their_noise_is_as_stated() -> None:
     watcher = Watcher()
     watcher.see(HERE, 1)
