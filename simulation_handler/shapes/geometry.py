@@ -116,6 +116,8 @@ class Solid:
             half = 0.5 * self.size[0]
             return [(x + half * dx, y + half * dy) for dx, dy in ROUND]
         rows = quaternions.to_matrix(self.rotation)
+        if self.kind == "cylinder":
+            return _rims((x, y), self.size, (rows[0][2], rows[1][2], rows[2][2]))
         edges = [(rows[0][k] * edge, rows[1][k] * edge) for k, edge in enumerate(self.size)]
         level = [edge for edge, slope in zip(edges, rows[2], strict=True) if abs(slope) < ROUNDING]
         if len(level) == 2:
@@ -209,6 +211,23 @@ def _parallelogram(centre: Point, a: Point, b: Point) -> Polygon:
         a, b = b, a
     around = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
     return [(centre[0] + s * a[0] + t * b[0], centre[1] + s * a[1] + t * b[1]) for s, t in around]
+
+
+def _rims(centre: Point, size: Vector3, axis: Vector3) -> Polygon:
+    """Outline of a cylinder that does not stand, around both of its rims.
+
+    The corners of a rim are those of one that stands, turned along with the axis (unit vector) by the shortest way. So
+    the least tilt changes them least. The two ends of its level diameter come beside these.
+    """
+    ax, ay, az = axis if axis[2] >= 0.0 else (-axis[0], -axis[1], -axis[2])
+    radius, half, sine = 0.5 * size[0], 0.5 * size[2], math.hypot(ax, ay)
+    across = (-ay / sine, ax / sine)
+    rim = [across, (-across[0], -across[1])]
+    for dx, dy in ROUND:
+        off = (ax * dx + ay * dy) / (1.0 + az)
+        rim.append((dx - ax * off, dy - ay * off))
+    ends = ((centre[0] + end * half * ax, centre[1] + end * half * ay) for end in (-1.0, 1.0))
+    return hull([(x + radius * dx, y + radius * dy) for x, y in ends for dx, dy in rim])
 
 
 def half_height(size: Vector3, rotation: Quaternion) -> float:
