@@ -23,7 +23,6 @@ from rich.progress import track
 from agents.scenario.generate.registry import FAMILIES, FIRST_JUDGING_SEED
 from agents.scenario.options import parse_seeds
 from agents.scenario.run.staging import Sensor
-from benchmarks.learning.constant import CONSTANT
 from benchmarks.learning.holding import HOLDING
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import VALUES, learn_parameters, learn_some, learn_to_recognise, load_episodes
@@ -89,8 +88,8 @@ def _parser() -> argparse.ArgumentParser:
     for command in (recognising, fitting):
         command.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     fitting.add_argument(
-        "--only", nargs="+", choices=(HOLDING, CONSTANT, *sorted(VALUES), *CIRCUMSTANCES), metavar="WHAT",
-        help=f"learn {HOLDING}, {CONSTANT} errors (by pixels), absence, some rates, or noise of circumstances, alone",
+        "--only", nargs="+", choices=(HOLDING, *sorted(VALUES), *CIRCUMSTANCES), metavar="WHAT",
+        help=f"learn {HOLDING}, absence, some rates, or noise of circumstances, alone",
     )  # fmt: skip
     judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
     for command in (recording, fitting, judging):

@@ -12,14 +12,11 @@ import msgspec
 import numpy as np
 
 from agents.scenario.generate.registry import is_for_tuning
-from benchmarks.learning.constant import CONSTANT as CONSTANT_ERRORS
-from benchmarks.learning.constant import learn_constant
 from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, RememberedShares
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
 from benchmarks.learning.rates import (
     ABSENCE,
-    CONSTANT,
     ELSEWHERE,
     RATES,
     WITHIN,
@@ -39,9 +36,9 @@ _MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
 _RESAMPLINGS = 4  # of episodes, by which standard errors of noise are found
 
 RECOGNITION = "recognition"
-GROUPS = ("rates", "absence", RECOGNITION, "elsewhere", "within", CONSTANT_ERRORS)
+GROUPS = ("rates", "absence", RECOGNITION, "elsewhere", "within")
 """Of values other than noise and holding"""
-BEGUN = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, CURVES, ELSEWHERE, WITHIN, CONSTANT)
+BEGUN = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE, CURVES, ELSEWHERE, WITHIN)
 """Before anything is learned"""
 
 VALUES: Mapping[str, Sequence[Key]] = {
@@ -60,7 +57,7 @@ def learn_parameters(folder: Path, tell: Callable[[str], None]) -> str:
     episodes = [episode for episode in load_episodes(folder) if _is_for_tuning(episode)]
     tell(f"{len(episodes)} episodes")
     known, told = learned_parameters(), tomllib.loads(LEARNED.read_text(encoding="utf-8"))
-    begun = msgspec.structs.replace(BEGUN, recognition=known.recognition, constant=known.constant)
+    begun = msgspec.structs.replace(BEGUN, recognition=known.recognition)
     noise, deviations = _learn_noise(episodes, begun, CIRCUMSTANCES, tell)
     holding, unsure = _learn_holding(episodes, begun, tell)
     parameters, errors = learn_rates(episodes, msgspec.structs.replace(begun, noise=noise, holding=holding), tell)
@@ -98,12 +95,6 @@ def learn_some(folder: Path, only: Sequence[str], file: Path, tell: Callable[[st
         holding, unsure = _learn_holding(episodes, parameters, tell)
         parameters = msgspec.structs.replace(parameters, holding={**parameters.holding, **holding})
         errors |= unsure
-    if CONSTANT_ERRORS in only:
-        told_of = [(episode.moments, WeightedWorlds(parameters, episode.shares)) for episode in episodes]
-        constant, deviating = learn_constant(told_of, parameters)
-        parameters = msgspec.structs.replace(parameters, constant=constant)
-        errors |= {(CONSTANT_ERRORS, kind): error for kind, error in deviating.items()}
-        tell(f"{CONSTANT_ERRORS}: {constant}")
     anew = {name: [episode.name for episode in episodes] for name in only}
     return toml_of(parameters, deviations, errors, {**told["source"], **anew})
 

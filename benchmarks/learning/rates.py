@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.learning.judged import Episode, log_scores
 from dsr.believing.absence import Absence
-from simulation_handler.worlds.parameters import ConstantErrors, Elsewhere, Rates, Within, WorldParameters
+from simulation_handler.worlds.parameters import Elsewhere, Rates, Within, WorldParameters
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,6 @@ RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed
 ABSENCE = Absence(rate=5.0, blind=0.05)
 ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
 WITHIN = Within(level=0.25)
-CONSTANT = ConstantErrors(color=1.0)
 """Where the search begins, and to which little evidence is drawn"""
 SHARES = {
     *(("rates", name) for name in ("kept", "entered", "went_on", "work_removed", "work_moved", "missed", "vanished")),

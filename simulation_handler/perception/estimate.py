@@ -1,8 +1,8 @@
 """The poses of objects at rest, averaged over their percepts, of all objects at once.
 
 An information filter averages the noise of the percepts, which changes from frame to frame. The systematic error
-along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`. So does
-whatever else of their stated covariance does not show in their scatter: see `Estimate.constancy`, `noise_shares`.
+along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`. How much
+of their stated covariance is noise, their scatter tells: see `Estimate.noise_shares`.
 
 Older percepts count less and less. What the filter takes the noise of such an average for is as much as that of as many
 percepts as its window has. Its true noise is half of that, for twice as many percepts are in it: see `Estimate.faded`.
@@ -39,8 +39,8 @@ Compared = tuple[WeighedPercept, Innovation]
 """A percept, and how far it was from the estimate when it came."""
 
 _EYE = np.eye(3)
-_DIRECTIONS = np.array((len(_EYE), len(_EYE) - 1, len(_EYE)), dtype=np.float64)
-"""(3,) 1, of how many directions `Estimate.scatter` is"""
+_DIRECTIONS = np.array((len(_EYE) - 1, len(_EYE)), dtype=np.float64)
+"""(2,) 1, of how many directions `Estimate.scatter` is"""
 _TURN_FLOOR = TURN_FLOOR**2 * _EYE  # rad^2
 
 
@@ -70,19 +70,11 @@ class Estimate(Covariances):
         """(2, 3, 3) the same, as if percepts were the noisier, the older they are: new ones are weighed against that"""
         self.ray = percept.ray
         self.stamp = percept.stamp
-        self.stated = percept.position_covariance
-        """(3, 3) m^2, of the newest percept: as it was stated, of all its errors"""
         self.scatter = _DIRECTIONS
-        """(3,) 1, of place, place across the viewing ray and rotation: mean squares of how far recent percepts were off
+        """(2,) 1, of place across the viewing ray, and of rotation: mean squares of how far recent percepts were off
 
         In standard deviations, from the estimate before. They are first what is expected, one for each direction. That
         counts as one percept.
-        """
-        self.constancy = 0.0
-        """How constant the errors of the position are, 0 to 1
-
-        It is 1 if recent percepts do not scatter. It is 0 if they scatter in all directions together as much as is
-        expected of one: their errors are noise then, which averages take away.
         """
         self.count = 1
         self.config = config
@@ -123,9 +115,9 @@ class Estimate(Covariances):
         apart = _distances2(shifts, anew.covariances + before.covariances) > self.config.regained_gate**2
         self.covariances = np.where(apart[:, None, None], anew.covariances, self.covariances)
         self.faded = np.where(apart[:, None, None], anew.faded, self.faded)
-        self.scatter = np.where(apart[[0, 0, 1]], anew.scatter, self.scatter)
+        self.scatter = np.where(apart, anew.scatter, self.scatter)
         if apart[0]:
-            self.position, self.count, self.constancy = anew.position, anew.count, anew.constancy
+            self.position, self.count = anew.position, anew.count
         if apart[1]:
             self.rotation = anew.rotation
         return bool(apart.any())
@@ -162,10 +154,10 @@ class Estimate(Covariances):
         """1: which share of the stated covariances is noise, of place across the viewing ray and of rotation.
 
         Recent percepts tell that by their scatter. It is that of one of three directions at least: what scatters less
-        has constant errors, see `constancy`. Noise along the ray does not count: it may be stated for what is constant,
-        and whatever tells a height takes it away.
+        has constant errors. Noise along the ray does not count: it may be stated for what is constant, and whatever
+        tells a height takes it away.
         """
-        across, turn = (self.scatter / _DIRECTIONS).tolist()[1:]
+        across, turn = (self.scatter / _DIRECTIONS).tolist()
         least = 1.0 / len(self.position)
         return max(across, least), max(turn, least)
 
@@ -233,12 +225,10 @@ def fuse(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], shif
     scatter = np.array([estimate.scatter for estimate in estimates])
     counts = np.array([[min(estimate.count, RECENT_PERCEPTS)] for estimate in estimates])
     scatter += np.where(np.isfinite(found.squares), found.squares - scatter, 0.0) / counts
-    constancy = np.clip(1.0 - scatter[:, 0], 0.0, 1.0).tolist()
     for place in np.flatnonzero(found.are_finite).tolist():
         estimate, percept = estimates[place], percepts[place]
         estimate.covariances, estimate.faded = found.noise[place].copy(), found.faded[place].copy()
-        estimate.stated = percept.position_covariance
-        estimate.scatter, estimate.constancy = scatter[place], constancy[place]
+        estimate.scatter = scatter[place]
         estimate.position = estimate.position + found.steps[place, 0]
         x, y, z = found.steps[place, 1].tolist()
         step = quaternions.from_rotvec((x, y, z))
@@ -255,7 +245,7 @@ class _Updates(NamedTuple):
     steps: Array
     """(n, 2, 3) of position, m, and rotation, rad"""
     squares: Array
-    """(n, 3) 1, of the percepts, as `Estimate.scatter`; nan of turns that are not all told"""
+    """(n, 2) 1, of the percepts, as `Estimate.scatter`; nan of turns that are not all told"""
 
     @property
     def are_finite(self) -> NDArray[np.bool_]:
@@ -287,12 +277,12 @@ def _updates(estimates: Sequence[Estimate], percepts: Sequence[WeighedPercept], 
         faded[partly, 1], left[partly, 1], steps[partly, 1] = updated(_axes(percepts, partly), *told_of)
     if nothing:
         faded[nothing, 1], left[nothing, 1], steps[nothing, 1] = before[nothing, 1], noise[nothing, 1], 0.0
-    squares[partly + nothing, 2] = np.nan
+    squares[partly + nothing, 1] = np.nan
     return _Updates(faded, left, steps, squares)
 
 
 def _squares(percepts: Sequence[WeighedPercept], shifts: Array, expected: Array, inverse: Array) -> Array:
-    """(n, 3) as `Estimate.scatter`, of innovations (n, 2, 3) with the inverses (n, 2, 3, 3) of their covariances.
+    """(n, 2) as `Estimate.scatter`, of innovations (n, 2, 3) with the inverses (n, 2, 3, 3) of their covariances.
 
     The covariances of the places are `expected` (n, 3, 3) m^2. What is across the ray is what the ray leaves (a square
     with one degree of freedom less).
@@ -300,7 +290,7 @@ def _squares(percepts: Sequence[WeighedPercept], shifts: Array, expected: Array,
     place, turn = np.einsum("nki,nkij,nkj->kn", shifts, inverse, shifts)
     rays = _stacked([percept.ray for percept in percepts])
     along = np.einsum("ni,ni->n", rays, shifts[:, 0]) ** 2 / np.einsum("ni,nij,nj->n", rays, expected, rays)
-    return np.stack((place, np.maximum(place - along, 0.0), turn), axis=1)
+    return np.stack((np.maximum(place - along, 0.0), turn), axis=1)
 
 
 def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate | None:

@@ -17,7 +17,7 @@ from dsr.perception.consensus import tells_rotation
 from dsr.perception.scales import LIKELY_SIGMAS, RECENT_PERCEPTS, STEADY
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.perceived import PerceivedBody
-from simulation_handler.contact.placement import Placement, by_height
+from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.stances import OtherStance, Stance, is_sure, other_stances
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate, RayError
@@ -27,7 +27,6 @@ from simulation_handler.perception.systematic import ErrorOfAnother, KnownError
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.scales import TILTED
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.parameters import ConstantErrors
 
 _SURE_OF_TILT = 2.0 * (TILTED / LIKELY_SIGMAS) ** 2  # rad^2, likewise, about the two horizontal axes
 
@@ -227,23 +226,6 @@ class BelievedObject:
         """(3, 3) m^2 of the position of `percept`."""
         assert self.track.estimate is not None
         return self.track.estimate.total_covariance(self.error_std(config))
-
-    def constant_error(self, shares: ConstantErrors, config: BeliefConfig) -> Array | None:
-        """(3, 3) m^2, world: covariance of what is wrong with the place in all percepts alike; None if nothing is.
-
-        What carries the object tells its height. An error in height was taken for one along the viewing ray then, and
-        moved the place sideways: the more, the flatter that ray is. Of an object with a tag, a percept that tells no
-        rotation is by its colour.
-        """
-        estimate = self.track.estimate
-        if estimate is None or (self.tagged and self.shows_rotation) or estimate.constancy == 0.0:
-            return None
-        error: Array = shares.color * estimate.constancy * estimate.stated
-        if self.placement is None or not self.placement.rests:
-            return error
-        moved = np.eye(3)
-        moved[:, 2] -= by_height(self.percept_covariance(config))
-        return np.asarray(moved @ error @ moved.T)
 
     def known_error(self) -> KnownError | None:
         """The systematic error of its percepts, if it rests on something as is believed for sure."""

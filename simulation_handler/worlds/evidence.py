@@ -111,8 +111,6 @@ class ObjectEvidence:
     """Probability that it leans, and world_from_object as perceived then, with covariance.
 
     The systematic error of its percepts is that of other objects: its own is learned from how it is taken to rest."""
-    constant: Array | None = None
-    """(3, 3) m^2, world: covariance of what all percepts of its place have wrong alike; None if nothing is"""
     otherwise: tuple[OtherStance, ...] = ()
     """How it may rest instead of as `believed`, if its percepts do not tell"""
 
@@ -266,7 +264,7 @@ class EvidenceReader:
         self._containment = containment
         self._touching = touching
         self._movers = Movers(bodies.objects, touching.hands)
-        self._constant, self._reach = learned_parameters().constant, learned_parameters().elsewhere.level
+        self._reach = learned_parameters().elsewhere.level
 
     def read(self, now: float) -> Evidence:
         """The evidence of time `now` (s), after a step of the belief."""
@@ -327,7 +325,6 @@ class EvidenceReader:
             aslant=None if item.is_led or item.hand or item.estimate_at(now) is None else _aslant(item),
             late=item.track.late,
             courses=self._courses(name),
-            constant=item.constant_error(self._constant, self._config),
             otherwise=() if pose is None else _otherwise(item, pose, self._config),
         )
 

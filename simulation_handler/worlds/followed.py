@@ -52,8 +52,6 @@ class Followed(NamedTuple):
     """world_from_object as perception alone has it, with covariance; None while it is not recognised"""
     reach: float = math.inf
     """m, how far percepts that contradict the pose are away from it; infinite if none do"""
-    constant: NDArray[np.float64] | None = None
-    """(3, 3) m^2 as of `ObjectEvidence`, when it was recognised last"""
     stays: Staying | None = None
     """Whether it is where the simulation has it though it is seen displaced; None while it is not"""
 
@@ -126,8 +124,6 @@ def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[flo
     place = percept_covariance(noise, place, followed.velocity)
     apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
     odds = float(odds_of_percepts(noise, apart))
-    if followed.constant is not None:
-        place = place + followed.constant
     return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
 
 

@@ -101,16 +101,6 @@ class Within(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, standard deviation in each direction as a share of the container's edge lengths"""
 
 
-class ConstantErrors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What all percepts of an object have wrong alike, if they do not scatter as their covariances state.
-
-    Of things with tags nothing was found: their averages are as good as their scatter tells.
-    """
-
-    color: Amount
-    """1, share of the stated covariance of the place, of what is recognised by its colour"""
-
-
 class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of them."""
 
@@ -123,7 +113,6 @@ class WorldParameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     recognition: Recognition
     elsewhere: Elsewhere
     within: Within
-    constant: ConstantErrors
 
 
 @cache

@@ -96,11 +96,10 @@ def with_spread(
     moved: float,
     velocity: Array,
     reach: float = math.inf,
-    constant: Array | None = None,
 ) -> Pose:
     """The pose with the covariance of its circumstance; arguments as of `with_spreads`, of one pose."""
     told = np.array([age]), np.array([moved]), velocity[None], np.array([reach])
-    return with_spreads([pose], noise, *told, [constant])[0]
+    return with_spreads([pose], noise, *told)[0]
 
 
 def with_spreads(
@@ -110,18 +109,13 @@ def with_spreads(
     moved: Array,
     velocity: Array,
     reach: Array,
-    constant: Sequence[Array | None],
 ) -> list[Pose]:
-    """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...).
-
-    `constant` has covariances (3, 3) m^2, world, of what all percepts of the place of each have wrong alike; or None.
-    """
+    """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...)."""
     own = np.array([pose.cov or _UNKNOWN for pose in poses]).reshape(-1, 6, 6)
     rotations = _rotations(poses)
     places, turns = (rotations @ block @ rotations.mT for block in (own[:, :3, :3], own[:, 3:, 3:]))
     places = position_covariance(noise, places, age, moved, velocity, reach)
-    alike = np.array([_NOTHING if one is None else one for one in constant])
-    return all_with_world_covariances(poses, places + alike, rotation_covariance(noise, turns, moved))
+    return all_with_world_covariances(poses, places, rotation_covariance(noise, turns, moved))
 
 
 def with_world_covariances(pose: Pose, place: Array, turn: Array) -> Pose:
@@ -152,5 +146,4 @@ def scaled(pose: Pose, factor: float) -> Pose:
     return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
 
 
-_NOTHING = np.zeros((3, 3))
 _UNKNOWN = tuple(np.zeros(36).tolist())

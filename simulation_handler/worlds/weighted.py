@@ -243,7 +243,7 @@ class WeightedWorlds:
             if thing.believed is None:
                 return None
             found = Followed(
-                watched.circumstance, thing.believed, watched.velocity, seen=thing.seen, constant=thing.constant,
+                watched.circumstance, thing.believed, watched.velocity, seen=thing.seen,
                 stays=watched.displaced.stays if watched.circumstance in (DOUBTED, RESTLESS) else None,
             )  # fmt: skip
             return reached(found, thing) if watched.circumstance == RESTLESS else found
@@ -251,10 +251,7 @@ class WeightedWorlds:
         if pose is None:
             return None
         circumstance = unseen(thing, evidence, alternatives.moved, alternatives.before)
-        return Followed(
-            circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved,
-            constant=watched.seen.constant,
-        )  # fmt: skip
+        return Followed(circumstance, pose, watched.velocity, evidence.now - thing.seen_at, alternatives.moved)
 
     def staying(self) -> frozenset[str]:
         """Things that rather are where they were than where they are seen now, for their camera has moved.
@@ -293,8 +290,7 @@ class WeightedWorlds:
             ages, moved, reaches = np.array([(one.age, one.moved, one.reach) for one in known]).T
             velocities = np.array([one.velocity for one in known])
             noise = self._parameters.noise[circumstance]
-            constant = [one.constant for one in known]
-            spread = with_spreads([one.pose for one in known], noise, ages, moved, velocities, reaches, constant)
+            spread = with_spreads([one.pose for one in known], noise, ages, moved, velocities, reaches)
             found |= zip(names, spread, strict=True)
         return found
 
@@ -329,7 +325,7 @@ class WeightedWorlds:
         """The worlds of a thing that is seen displaced, if it is in the less probable circumstance."""
         one = otherwise(followed, thing)
         noise = self._parameters.noise[one.circumstance]
-        placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach, one.constant)
+        placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach)
         return worlds_of(one, noise, state._replace(pose=placed))
 
     def _or_former(self, parts: list[WeightedState], former: Former, state: ObjectState) -> list[WeightedState]:
@@ -366,8 +362,7 @@ class WeightedWorlds:
                 found += self._elsewhere(name, weights[key], alternatives, evidence)
             elif weights[key] > 0.0:
                 age = evidence.now - thing.seen_at
-                constant = None if watched.seen is None else watched.seen.constant
-                state = self._alternative(name, key, mode, alternatives.left, evidence, age, constant)
+                state = self._alternative(name, key, mode, alternatives.left, evidence, age)
                 if key.startswith(COURSE) and state.pose is not None:
                     there = state.supports, evidence.containers_at(name, state.pose.t)
                     courses.setdefault(there, []).append(WeightedPlace(weights[key], state.pose))
@@ -401,13 +396,9 @@ class WeightedWorlds:
         return found
 
     def _alternative(
-        self, name: str, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float,
-        constant: NDArray[np.float64] | None,
+        self, name: str, key: str, mode: Mode, left: Pose, evidence: Evidence, age: float
     ) -> ObjectState:  # fmt: skip
-        """The state of an object in a mode other than what the simulation says; it was `left` when it was seen last.
-
-        `constant` is as of `Followed`.
-        """
+        """The state of an object in a mode other than what the simulation says; it was `left` when it was seen last."""
         parameters, pose = self._parameters, mode.pose
         assert pose is not None
         moved = math.dist(pose.t, left.t) if key == LEFT or key.startswith(COURSE) else 0.0
@@ -419,7 +410,7 @@ class WeightedWorlds:
             noise = parameters.noise[INSIDE]
         else:
             noise = parameters.noise[mode_circumstance(mode, evidence)]
-        placed = with_spread(pose, noise, age, moved, np.zeros(3), constant=constant)
+        placed = with_spread(pose, noise, age, moved, np.zeros(3))
         if mode.container and (solid := evidence.objects[mode.container].solid) is not None:
             edges = parameters.within.level * np.array(solid.size)
             turn = solid.pose.rotation_matrix

@@ -13,7 +13,6 @@ import pytest
 
 from benchmarks.learning import __main__ as command
 from benchmarks.learning import learn
-from benchmarks.learning.constant import learn_constant
 from benchmarks.learning.holding import HOLDING, learn_holding
 from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
@@ -161,27 +160,6 @@ def test_how_often_a_hand_holds_is_counted() -> None:
     one = episode.moments, WeightedWorlds(PARAMETERS, episode.shares)
     _, errors = learn_holding([one, other])
     assert errors["held unseen"] > errors[HELD_LYING] > 0.0, "only one of them tells what is held unseen"
-
-
-def test_what_percepts_have_wrong_alike_is_found_again() -> None:
-    """Sideways errors are of 2 mm, the same in all moments of an episode; the recordings expected 1 mm."""
-    rng, constant = np.random.default_rng(0), np.diag([1e-6, 1e-6, 0.0])
-    episodes = []
-    for _ in range(100):
-        right, ahead = rng.normal(0.0, 0.002, 2).tolist()
-        truth, moments = Pose((0.3 + right, ahead, 0.02)), []
-        for now in (0.2, 0.4, 0.6):
-            thing = ObjectEvidence(
-                Solid("box", (0.04, 0.04, 0.04), HERE.t), HERE.with_covariance(1e-2 * COVARIANCE), (0.0, 0.0, 0.0),
-                HERE.with_stamp(now), True, 10, False, constant=constant,
-            )  # fmt: skip
-            evidence = Evidence(now, {"box": thing}, {}, None, frozenset())
-            moments.append(Recorded(now, evidence, {"box": truth}, frozenset({"box"}), {}, frozenset()))
-        episodes.append((moments, WeightedWorlds(learned_parameters())))
-    known = learned_parameters()
-    found, errors = learn_constant(episodes, known)
-    assert found.color == pytest.approx(4.0 * known.constant.color, rel=0.4)
-    assert 0.02 < errors["color"] < 0.5
 
 
 def test_the_file_tells_what_was_learned(tmp_path: Path) -> None:
