@@ -101,7 +101,9 @@ class Belief:
         """Names of all objects, also of those whose place is unknown yet."""
         return tuple(self._bodies.objects)
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+    def set_fixture(
+        self, name: str, size: Vector3, pose: Pose, shape: Shape = (), friction: float | None = None
+    ) -> None:
         """Add a body that never moves, such as a table, or put it elsewhere.
 
         Args:
@@ -109,8 +111,9 @@ class Belief:
             size: (3,) edge lengths, m.
             pose: world_from_centre.
             shape: its pieces; none for a solid box.
+            friction: Coulomb coefficient; None for the default one.
         """
-        self._bodies.set_fixture(name, size, pose, shape)
+        self._bodies.set_fixture(name, size, pose, shape, friction)
 
     def add_object(
         self,

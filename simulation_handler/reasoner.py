@@ -36,8 +36,13 @@ class Reasoner(Protocol):
     def names(self) -> Sequence[str]:
         """Names of all objects, also of those whose place is unknown yet."""
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
-        """Add a body that never moves, or put it elsewhere (world_from_centre)."""
+    def set_fixture(
+        self, name: str, size: Vector3, pose: Pose, shape: Shape = (), friction: float | None = None
+    ) -> None:
+        """Add a body that never moves, or put it elsewhere (world_from_centre).
+
+        `friction` is its Coulomb coefficient, None if nobody says it.
+        """
 
     def add_object(
         self,

@@ -95,8 +95,8 @@ class World:
         self._held: set[str] = set()
         self._balls: dict[float, int] = {}  # collision shapes by radius, m
         with folder_to_read() as files:
-            self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
-            self.floor = self._add_block(files, "floor", _FLOOR_SIZE, FLOOR, (x, y, top - FLOOR_BELOW_TABLE))
+            self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top), table.friction)
+            self.floor = self._add_block(files, "floor", _FLOOR_SIZE, FLOOR, (x, y, top - FLOOR_BELOW_TABLE), 1.0)
             self._shapes = {name: self._make_shapes(files, spec) for name, spec in self.specs.items()}
             for spec in self.specs.values():
                 self._add(spec.name, spec.pose)
@@ -263,13 +263,15 @@ class World:
         larger = math.prod(spec.size) > math.prod(self.specs[name].size)
         return inside and larger and bool(spec.shape) and not any(part.contains((x, y, z)) for part in spec.shape)
 
-    def _add_block(self, folder: Path, name: str, size: Size, color: Color, top_center: Vector3) -> int:
+    def _add_block(
+        self, folder: Path, name: str, size: Size, color: Color, top_center: Vector3, friction: float
+    ) -> int:
         """A body that nothing moves, given by the centre of its top face."""
         x, y, z = top_center
         shape = collision_shape(self.bullet, size)
         visual = visual_shape(self.bullet, folder, name, size, color)
         body: int = self.bullet.create_body(0, shape, visual, [x, y, z - size[2] / 2])
-        self.bullet.changeDynamics(body, -1, lateralFriction=1.0)
+        self.bullet.changeDynamics(body, -1, lateralFriction=friction)
         return body
 
     def _color(self, name: str) -> Color:

@@ -47,7 +47,7 @@ class SceneSetup(Agent):
             table, objects = scenario.table, scenario.objects
         with self.memory.batch():
             self._add("world", "world")
-            self._add("table", "table", size=table.size)
+            self._add("table", "table", size=table.size, friction=table.friction)
             if self.memory.get_edge("world", "table", "RT") is None:
                 self.memory.add_edge("world", "table", "RT", pose=Pose(table.position))
             for spec in objects:

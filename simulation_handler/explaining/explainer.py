@@ -244,7 +244,7 @@ class Explainer:
             fixtures=dict(bodies.fixtures),
             believed=placed,
             properties={
-                **{name: Properties(0.0, config.default_friction) for name in bodies.fixtures},
+                **{name: Properties(0.0, bodies.friction_of(name)) for name in bodies.fixtures},
                 **{
                     name: Properties(item.mass, item.friction, item.shape, item.rolling_friction)
                     for name, item in objects.items()

@@ -143,7 +143,9 @@ class GraphReader:
             return
         size = _size(node)
         top = self._memory.transform(WORLD, node.name)
-        self._belief.set_fixture(node.name, size, top @ Pose((0.0, 0.0, -0.5 * size[2])))
+        self._belief.set_fixture(
+            node.name, size, top @ Pose((0.0, 0.0, -0.5 * size[2])), friction=_number(node, "friction")
+        )
         self._fixed.add(node.name)
 
     def _note_modelled(self, node: Node) -> None:
@@ -153,7 +155,7 @@ class GraphReader:
         if not form.is_true:
             raise SchemaError(f"{node}: its mesh is too hollow for {MOST_PARTS} convex parts; give it as several nodes")
         pose = self._memory.transform(WORLD, node.name) @ Pose(form.centre)
-        self._belief.set_fixture(node.name, form.size, pose, form.shape)
+        self._belief.set_fixture(node.name, form.size, pose, form.shape, _number(node, "friction"))
         self._fixed.add(node.name)
 
     def _note_object(self, node: Node, now: float) -> None:

@@ -33,20 +33,28 @@ class Bodies:
         self.sim = Simulator()
         self.objects: dict[str, BelievedObject] = {}
         self.fixtures: dict[str, Solid] = {}
+        self._frictions: dict[str, float] = {}
+        """1, Coulomb coefficients of those fixtures of which somebody says it"""
         self._config = config
         self._solids: dict[str, Solid] = {}
         self._lowest: float | None = None
         """m, top of the lowest table; None until that is known"""
         self._lay_floor()
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
-        """Add a body that never moves (world_from_centre), or put it elsewhere; objects on it wake."""
+    def set_fixture(
+        self, name: str, size: Vector3, pose: Pose, shape: Shape = (), friction: float | None = None
+    ) -> None:
+        """Add a body that never moves (world_from_centre), or put it elsewhere; objects on it wake.
+
+        `friction` is its Coulomb coefficient, None if nobody says it.
+        """
         if name in self.objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
         solid, before = Solid(name, size, pose.t, pose.q, fixed=True, shape=shape), self.fixtures.get(name)
-        if before == solid and self._lowest is not None:
+        friction = self._config.default_friction if friction is None else friction
+        if before == solid and self._lowest is not None and friction == self.friction_of(name):
             return
-        self._fix(solid)
+        self._fix(solid, friction)
         if before is not None or self._lowest is None or solid.top < self._lowest:
             self._lay_floor()
 
@@ -54,16 +62,20 @@ class Bodies:
         """Put the floor below the lowest table."""
         self._lowest = min([solid.top for name, solid in self.fixtures.items() if name != FLOOR], default=None)
         height = (self._lowest or 0.0) - self._config.floor_below_table
-        self._fix(Solid(FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
+        floor = Solid(FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True)
+        self._fix(floor, self._config.default_friction)
 
-    def _fix(self, solid: Solid) -> None:
-        if self.fixtures.get(solid.name) == solid:
+    def friction_of(self, name: str) -> float:
+        """Coulomb coefficient (1) of a fixture; the default one if nobody says it."""
+        return self._frictions.get(name, self._config.default_friction)
+
+    def _fix(self, solid: Solid, friction: float) -> None:
+        if self.fixtures.get(solid.name) == solid and self.friction_of(solid.name) == friction:
             return
         if solid.name in self.sim:
             self.sim.remove(solid.name)
-        friction = self._config.default_friction
         self.sim.add_body(solid.name, solid.size, solid.shape, solid.position, solid.rotation, friction=friction)
-        self.fixtures[solid.name] = solid
+        self.fixtures[solid.name], self._frictions[solid.name] = solid, friction
 
     def add_object(
         self,
@@ -93,6 +105,7 @@ class Bodies:
             self.sim.remove(name)
         self.objects.pop(name, None)
         self._solids.pop(name, None)
+        self._frictions.pop(name, None)
         if self.fixtures.pop(name, None) is not None:
             self._lowest = None
 
@@ -140,13 +153,13 @@ class Bodies:
 
     def frozen(self) -> RolloutScene:
         """Copy the present scene, to be simulated elsewhere: bodies that are held are fixed, speeds are left out."""
-        friction = self._config.default_friction
         bodies = [
             RolloutBody(
-                solid.name, solid.size, solid.position, solid.rotation, friction=friction, fixed=True, shape=solid.shape
+                solid.name, solid.size, solid.position, solid.rotation, friction=self.friction_of(solid.name),
+                fixed=True, shape=solid.shape,
             )
             for solid in self.fixtures.values()
-        ]
+        ]  # fmt: skip
         return RolloutScene((*bodies, *(self.body(name) for name in self.objects if name in self.sim)))
 
     def body(self, name: str) -> RolloutBody:

@@ -328,9 +328,11 @@ def test_how_easily_something_rolls_is_taken_from_its_node(table: Table, monkeyp
     size = (0.06, 0.06, 0.06)
     shape = to_numbers((Part("sphere", size),))
     table.memory.add_node("ball", "ball", size=size, shape=shape, mass=0.05, rolling_friction=0.003)
+    table.memory.update_node("table", friction=0.9)
     table.truths["ball"] = Pose((0.3, 0.1, 0.03))
     table.run(0.5)
     assert [body.rolling_friction for body in scenes[-1].bodies if body.name == "ball"] == [0.003]
+    assert [body.friction for body in scenes[-1].bodies if body.name == "table"] == [0.9]
 
 
 @pytest.mark.parametrize(("camera", "is_explained"), [("camera", False), ("other", True)])

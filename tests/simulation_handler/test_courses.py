@@ -63,6 +63,18 @@ def test_the_more_percepts_show_it_on_its_way_the_better_its_speed_is_known() ->
     assert np.median(speeds(0.0, 0.03, 0.06, 0.09)) == pytest.approx(0.3, rel=0.1)
 
 
+def test_what_gets_slower_is_as_fast_as_it_was_at_last() -> None:
+    """It slows down by 0.5 m/s^2, from 0.6 to 0.15 m/s. On average over the last four percepts, it had 0.225 m/s."""
+    found = speeds(*(0.6 * time - 0.25 * time**2 for time in PERIOD * np.arange(10)))
+    assert np.median(found) == pytest.approx(0.15, abs=0.015)
+    assert found.std() < 0.03
+
+
+def test_what_has_bounced_is_as_fast_as_it_was_since() -> None:
+    found = speeds(0.0, 0.05, 0.1, 0.15, 0.2, 0.18, 0.16, 0.14)
+    assert np.median(found) == pytest.approx(-0.2, abs=0.03)
+
+
 def test_what_was_seen_at_rest_may_have_set_out_but_just_now() -> None:
     found = speeds(0.0, 0.0, 0.0, 0.0)
     assert abs(np.median(found)) < 0.05 and np.abs(found).max() < 1.2
@@ -218,6 +230,16 @@ def test_one_percept_in_the_air_gives_the_simulated_body_no_velocity() -> None:
     assert len(table.run(0.6)) == DRAW_COUNT
     assert np.abs(table.bodies.sim.position("ball")[:2]).max() < 0.001, "it falls straight down, as was believed"
     table.close()
+
+
+def test_what_rolls_on_a_rough_table_comes_to_rest_sooner() -> None:
+    way = [0.03 * k for k in range(8)]
+    ends = []
+    for friction in (0.5, 2.0):
+        table = Table(*way)
+        table.bodies.set_fixture("table", (4.0, 4.0, 0.04), Pose((0.0, 0.0, -0.02)), friction=friction)
+        ends.append(float(np.median(table.run(6.0)[:, 0])) - way[-1])
+    assert ends[1] < 0.4 * ends[0]
 
 
 def test_its_way_since_a_gap_tells_how_fast_it_was() -> None:

@@ -94,6 +94,8 @@ class TableSpec(Section, frozen=True, kw_only=True):
     """m, edge lengths along the world's x, y and z"""
     position: Vector3 = (0.35, 0.0, 0.0)
     """m, centre of the top surface, world"""
+    friction: Annotated[float, Meta(ge=0, le=5)] = 1.0
+    """1, Coulomb coefficient"""
 
 
 class SensorSpec(Section, frozen=True, kw_only=True):

@@ -24,6 +24,7 @@ from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
+from simulation_handler.scales import FRICTION
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.one_world import one_world_islands
@@ -89,11 +90,14 @@ class PublishedReasoner:
         """Names of all objects, also of those never seen."""
         return tuple(self._objects)
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+    def set_fixture(
+        self, name: str, size: Vector3, pose: Pose, shape: Shape = (), friction: float | None = None
+    ) -> None:
         """Add a body that never moves, or put it elsewhere (world_from_centre)."""
         if name in self._objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        self._fix(RolloutBody(name, size, pose.t, pose.q, fixed=True, shape=shape))
+        rough = FRICTION if friction is None else friction
+        self._fix(RolloutBody(name, size, pose.t, pose.q, friction=rough, fixed=True, shape=shape))
         self._lay_floor()
 
     def add_object(

@@ -80,6 +80,7 @@ def test_known_objects_are_there_without_a_pose_and_others_are_not(memory: Memor
 def test_what_rolls_says_how_easily(memory: Memory) -> None:
     set_up(memory, "c_pour")
     assert memory.node("ball")["rolling_friction"] == 0.002
+    assert memory.node("table")["friction"] == 1.0
     assert "rolling_friction" not in memory.node("blue")
 
 
