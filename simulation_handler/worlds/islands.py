@@ -27,6 +27,8 @@ def _joint(
     names: Sequence[str], worlds: Mapping[str, Sequence[WeightedWorld]], pairs: Collection[Relation]
 ) -> tuple[WeightedWorld, ...]:
     """The most probable combinations, containers before what is in them."""
+    if len(names) == 1:
+        return tuple(worlds[names[0]][:MOST_WORLDS])
     depth = {name: sum(inner == name for inner, _ in pairs) for name in names}
     found = [WeightedWorld(1.0, {})]
     for name in sorted(names, key=lambda name: (depth[name], name)):
