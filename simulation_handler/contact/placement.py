@@ -165,14 +165,14 @@ def given_height(position: Vector3, covariance: Array, height: float) -> Vector3
     return x + sideways / upwards * off, y + ahead / upwards * off, z + upwards / upwards * off
 
 
-def by_height(covariance: Array) -> Array:
+def _by_height(covariance: Array) -> Array:
     """(3,) 1, by how much a Gaussian position moves for each metre that its height turns out to be off."""
     return np.asarray(covariance[:, 2] / covariance[2, 2])
 
 
 def covariance_given_height(covariance: Array, error: float = GAP) -> Array:
     """(3, 3) m^2 of a Gaussian position, once its height is known up to `error` (m, standard deviation)."""
-    column, along = covariance[:, 2], by_height(covariance)
+    column, along = covariance[:, 2], _by_height(covariance)
     rest: Array = covariance - column[:, None] * column / column[2] + error**2 * along[:, None] * along
     return rest
 

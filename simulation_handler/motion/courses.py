@@ -157,6 +157,9 @@ class _Simulated:
             del self._others[name]
         for body in others:
             before = self._others.get(body.name)
+            if before is not None and _is_made_anew(before, body):
+                self.sim.remove(body.name)
+                before = None
             if before is None:
                 _add(self.sim, body.name, body, 0.0)
             elif (before.position, before.rotation) != (body.position, body.rotation):
@@ -199,6 +202,11 @@ def _is_on_its_way(item: BelievedObject) -> bool:
         return item.driven or item.track.is_restless
     is_new = len(trail) < 2 or math.dist(trail[-2].position, trail[-1].position) > SAME_PLACE
     return item.is_in_air and is_new
+
+
+def _is_made_anew(before: RolloutBody, now: RolloutBody) -> bool:
+    """Whether a body is more than moved: it has another size, shape or friction."""
+    return (before.size, before.shape, before.friction) != (now.size, now.shape, now.friction)
 
 
 def _add(sim: Simulator, name: str, body: RolloutBody, mass: float) -> None:

@@ -167,12 +167,11 @@ class Leaning:
     def _settled(self, item: BelievedObject, start: Solid, scene: Mapping[str, Solid]) -> Lean | None:
         """How an object leans a short time after it was put there, and on what; None if it does not, or moves."""
         clear = depenetrated(start, [other for other in scene.values() if other.fixed], _UP)
-        friction = self._config.default_friction
         objects = self._bodies.objects
         others = [
             RolloutBody(
                 name, other.size, other.position, other.rotation, fixed=True, shape=other.shape,
-                friction=objects[name].friction if name in objects else friction,
+                friction=objects[name].friction if name in objects else self._bodies.friction_of(name),
             )
             for name, other in scene.items()
         ]  # fmt: skip

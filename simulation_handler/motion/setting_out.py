@@ -42,7 +42,8 @@ def starts_of(trail: Sequence[WeighedPercept], count: int) -> list[SettingOut]:
     """
     moments, told = _moments(trail), [percept.stamp for percept in trail[:-2]]
     rested = _given(trail, moments, turned=False)
-    turned = _given(trail, moments[moments < max(told, default=-np.inf)], turned=True)
+    turns = (moments > trail[0].stamp) & (moments < max(told, default=-np.inf))
+    turned = _given(trail, moments[turns], turned=True)
     evidence, means, covariances = (np.concatenate(both) for both in zip(rested, turned, strict=True))
     weights = np.exp(evidence - evidence.max())
     weights /= weights.sum()
@@ -86,7 +87,7 @@ def _given(percepts: Sequence[WeighedPercept], moments: Array, *, turned: bool) 
     rows = np.stack(ways, axis=-1)  # (m, n, 3 or 4): by position, velocity, acceleration and velocity before
     weighed = np.linalg.inv(np.array([percept.position_covariance for percept in percepts]))
     offsets = np.array([percept.position - end.position for percept in percepts])
-    size = 3 * rows.shape[2]
+    size = len(end.position) * rows.shape[2]
     prior = np.repeat([0.0, HAND_SPEED**-2, _CHANGE**-2, HAND_SPEED**-2][: rows.shape[2]], 3)
     told = np.einsum("mni,mnj,nkl->mikjl", rows, rows, weighed).reshape(-1, size, size)
     shifts = np.einsum("mni,nkl,nl->mik", rows, weighed, offsets).reshape(-1, size)

@@ -129,7 +129,8 @@ class Solid:
     def is_round(self) -> bool:
         """Whether the solid is round seen from above: a ball, or a cylinder that stands."""
         if self.kind == "cylinder":
-            return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < ROUNDING
+            x, y, _ = quaternions.to_matrix(self.rotation)[2]
+            return x * x + y * y < 2.0 * ROUNDING  # squared sine: a cosine hardly tells small angles
         return self.kind == "sphere"
 
     def signed_distance(self, point: Vector3) -> tuple[float, Vector3]:

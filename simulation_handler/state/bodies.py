@@ -34,7 +34,7 @@ class Bodies:
         self.objects: dict[str, BelievedObject] = {}
         self.fixtures: dict[str, Solid] = {}
         self._frictions: dict[str, float] = {}
-        """1, Coulomb coefficients of those fixtures of which somebody says it"""
+        """1, Coulomb coefficients of the fixtures"""
         self._config = config
         self._solids: dict[str, Solid] = {}
         self._lowest: float | None = None
@@ -66,7 +66,7 @@ class Bodies:
         self._fix(floor, self._config.default_friction)
 
     def friction_of(self, name: str) -> float:
-        """Coulomb coefficient (1) of a fixture; the default one if nobody says it."""
+        """Coulomb coefficient (1) of a fixture; the default one of what is none."""
         return self._frictions.get(name, self._config.default_friction)
 
     def _fix(self, solid: Solid, friction: float) -> None:

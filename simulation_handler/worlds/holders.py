@@ -38,8 +38,11 @@ def shares_of_hold(name: str, evidence: Evidence, taken: float) -> dict[str, flo
         evidence: of this moment.
         taken: 1/s, that a hand within reach takes an object.
     """
-    hands, free = who_may_hold(name, evidence), evidence.hands_free_of_others(name)
-    shares = dict.fromkeys(hands, 1.0 / max(len(hands), 1))
+    hands = who_may_hold(name, evidence)
+    if not hands:
+        return {}
+    free = evidence.hands_free_of_others(name)
+    shares = dict.fromkeys(hands, 1.0 / len(hands))
     holder = free.get(evidence.objects[name].hand)
     if holder is None or holder.is_seen:
         return shares

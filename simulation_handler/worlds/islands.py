@@ -16,7 +16,7 @@ def islands_of(worlds: Mapping[str, Sequence[WeightedWorld]], contents: Collecti
     """Islands of objects and of what goes along with them.
 
     Args:
-        worlds: those of each object alone, the most probable first; at least one.
+        worlds: those of each object alone, the most probable first, with a sum of 1: one to `MOST_WORLDS`.
         contents: pairs (object, container) of which the object goes along with the container, and is not seen.
     """
     pairs = [pair for pair in contents if pair[0] in worlds and pair[1] in worlds]
@@ -28,7 +28,7 @@ def _joint(
 ) -> tuple[WeightedWorld, ...]:
     """The most probable combinations, containers before what is in them."""
     if len(names) == 1:
-        return tuple(worlds[names[0]][:MOST_WORLDS])
+        return tuple(worlds[names[0]])
     depth = {name: sum(inner == name for inner, _ in pairs) for name in names}
     found = [WeightedWorld(1.0, {})]
     for name in sorted(names, key=lambda name: (depth[name], name)):

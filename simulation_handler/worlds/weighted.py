@@ -337,7 +337,7 @@ class WeightedWorlds:
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
         """Probabilities of the human hands that may hold an object, and that no known one does; empty if none may."""
-        if thing.gripper or self._evidence is None or not (thing.hand or thing.touched_by or thing.aloft):
+        if thing.gripper or self._evidence is None:
             return {}
         hands = shares_of_hold(name, self._evidence, self._parameters.rates.taken)
         held = self._parameters.holding.get(hold(thing, circumstance), 0.0)

@@ -242,6 +242,17 @@ def test_what_rolls_on_a_rough_table_comes_to_rest_sooner() -> None:
     assert ends[1] < 0.4 * ends[0]
 
 
+def test_a_table_that_turns_out_to_be_rough_slows_down_what_rolls_on_it_already() -> None:
+    way, ends = [0.03 * k for k in range(8)], []
+    for rougher in (False, True):
+        table = Table(*way)
+        before = float(np.median(table.run(0.5)[:, 0]))
+        if rougher:
+            table.bodies.set_fixture("table", (4.0, 4.0, 0.04), Pose((0.0, 0.0, -0.02)), friction=2.8)
+        ends.append(float(np.median(table.run(6.0)[:, 0])) - before)
+    assert ends[1] < 0.5 * ends[0]
+
+
 def test_its_way_since_a_gap_tells_how_fast_it_was() -> None:
     table = Table(*(0.0,) * 9)
     table.now += 10.0  # s

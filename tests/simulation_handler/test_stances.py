@@ -171,6 +171,17 @@ def test_a_board_leans_on_the_box_that_stops_it_and_shoves_nothing(*, told: bool
     assert ("board", "table") in world.belief.supports()
 
 
+@pytest.mark.parametrize(("friction", "leans"), [(0.7, True), (0.02, False)])
+def test_whether_a_board_can_lean_depends_on_the_friction_of_its_table(*, friction: float, leans: bool) -> None:
+    world, angle = World(), 0.45
+    world.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)), friction=friction)
+    world.add("cube", (0.04, 0.04, 0.04), (0.1, -0.2, 0.02))
+    world.add("wall", WALL, (0.25 + BOARD[2] * math.sin(angle) + BOARD[0] * math.cos(angle) + 0.045, 0.0, 0.09))
+    world.add("board", BOARD, leaning_at(angle, 0.25))
+    world.run(2.0)
+    assert (world.tilt("board") > 0.3) is leans
+
+
 def test_what_lies_aslant_on_an_edge_is_likelier_where_it_is_seen() -> None:
     """Nobody sees how the box and the plate are turned. Things that stand by themselves tell the error of depth."""
     world, tilt, size = World(), 0.25, (0.04, 0.04, 0.04)

@@ -24,7 +24,6 @@ from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.perception.percepts import SeenObject
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
-from simulation_handler.scales import FRICTION
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.model import Island, probability
 from simulation_handler.worlds.one_world import one_world_islands
@@ -96,8 +95,8 @@ class PublishedReasoner:
         """Add a body that never moves, or put it elsewhere (world_from_centre)."""
         if name in self._objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        rough = FRICTION if friction is None else friction
-        self._fix(RolloutBody(name, size, pose.t, pose.q, friction=rough, fixed=True, shape=shape))
+        friction = self.config.default_friction if friction is None else friction
+        self._fix(RolloutBody(name, size, pose.t, pose.q, friction=friction, fixed=True, shape=shape))
         self._lay_floor()
 
     def add_object(
@@ -340,15 +339,15 @@ class PublishedReasoner:
         """Put the floor below the lowest table."""
         tops = [_box(body).high[2] for name, body in self._fixtures.items() if name != _FLOOR]
         height = min(tops, default=0.0) - self.config.floor_below_table
-        self._fix(RolloutBody(_FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
+        middle, friction = (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), self.config.default_friction
+        self._fix(RolloutBody(_FLOOR, _FLOOR_SIZE, middle, friction=friction, fixed=True))
 
     def _fix(self, body: RolloutBody) -> None:
         if self._fixtures.get(body.name) == body:
             return
         if body.name in self._sim:
             self._sim.remove(body.name)
-        friction = self.config.default_friction
-        self._sim.add_body(body.name, body.size, body.shape, body.position, body.rotation, friction=friction)
+        self._sim.add_body(body.name, body.size, body.shape, body.position, body.rotation, friction=body.friction)
         self._fixtures[body.name] = body
 
 

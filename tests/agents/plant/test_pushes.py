@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agents.plant.reality import Reality
-from agents.scenario.format.scenario import HandEnter, Lift, ObjectSpec, Push, Remove, Roll, Slide
+from agents.scenario.format.scenario import HandEnter, Lift, ObjectSpec, Push, Remove, Roll, Slide, TableSpec
 from dsr.math3d.shapes import Part
 
 MakeReality = Callable[..., Reality]
@@ -38,6 +38,16 @@ def test_a_ball_rolls_as_far_as_its_friction_lets_it(make_reality: MakeReality, 
     slowing = 0.002 / RADIUS * G / 1.4  # m/s^2 of a solid ball whose rolling is resisted with that lever arm
     assert reality.world.is_still("ball")
     assert reality.world.pose("ball").t == pytest.approx((0.2, 0.3**2 / (2 * slowing), RADIUS), abs=0.01)
+
+
+def test_a_ball_rolls_less_far_on_a_rougher_table(make_reality: MakeReality, play: Play) -> None:
+    ends = []
+    for friction in (0.5, 2.0):
+        roll = Roll(at=0.1, object="ball", velocity=(0.0, 0.2))
+        reality = make_reality(BALL, events=[roll], table=TableSpec(friction=friction))
+        play(reality, 2.5)
+        ends.append(reality.world.pose("ball").t[1])
+    assert ends[1] < 0.5 * ends[0]
 
 
 def test_a_ball_that_is_fast_enough_falls_off_the_table(make_reality: MakeReality, play: Play) -> None:

@@ -20,6 +20,7 @@ duration = 10.0
 [table]
 size = [1.0, 0.8, 0.03]
 position = [0.4, 0.0, 0.1]
+friction = 0.4
 [[object]]
 name = "cube_3"
 marker_id = 3
@@ -66,7 +67,7 @@ def set_up(memory: Memory, scenario: str) -> None:
 def test_table_stands_in_the_world(memory: Memory, scene: str) -> None:
     set_up(memory, scene)
     assert memory.transform("world", "table") == Pose((0.4, 0.0, 0.1))
-    assert memory.node("table")["size"] == (1.0, 0.8, 0.03)
+    assert (memory.node("table")["size"], memory.node("table")["friction"]) == ((1.0, 0.8, 0.03), 0.4)
 
 
 def test_known_objects_are_there_without_a_pose_and_others_are_not(memory: Memory, scene: str) -> None:
