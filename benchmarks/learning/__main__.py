@@ -89,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--output", type=Path, default=LEARNED, help=f"default: {LEARNED.name} of the package")
     fitting.add_argument(
         "--only", nargs="+", choices=(HOLDING, *sorted(VALUES), *CIRCUMSTANCES), metavar="WHAT",
-        help=f"learn {HOLDING}, absence, some rates, or noise of circumstances, alone",
+        help=f"learn {HOLDING}, absence, elsewhere, some rates, or noise of circumstances, alone",
     )  # fmt: skip
     judging = commands.add_parser("judge", help="compare weighted worlds with the simulated world")
     for command in (recording, fitting, judging):

@@ -29,7 +29,7 @@ from benchmarks.learning.rates import (
 from benchmarks.learning.recognition import CURVES, learn_recognition, looks_at
 from dsr.believing.absence import LEARNED, Absence
 from simulation_handler.worlds.circumstances import CIRCUMSTANCES, IN_VIEW
-from simulation_handler.worlds.parameters import PlaceNoise, Rates, WorldParameters, learned_parameters
+from simulation_handler.worlds.parameters import Elsewhere, PlaceNoise, Rates, WorldParameters, learned_parameters
 from simulation_handler.worlds.weighted import WeightedWorlds
 
 _MOST_MOMENTS = 1200  # of one circumstance that are used, evenly chosen
@@ -44,8 +44,9 @@ BEGUN = WorldParameters(dict.fromkeys(CIRCUMSTANCES, START), {}, RATES, ABSENCE,
 VALUES: Mapping[str, Sequence[Key]] = {
     **{name: [("rates", name)] for name in Rates.__struct_fields__},
     "absence": [("absence", name) for name in Absence.__struct_fields__],
+    "elsewhere": [("elsewhere", name) for name in Elsewhere.__struct_fields__],
 }
-"""What may be learned alone beside noise and holding: single rates, and all of absence"""
+"""What may be learned alone beside noise and holding: single rates, and all of absence and of elsewhere"""
 
 Deviations = Mapping[str, Mapping[str, float]]
 Sources = Mapping[str, Sequence[str]]

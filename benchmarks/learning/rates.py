@@ -15,15 +15,16 @@ from simulation_handler.worlds.parameters import Elsewhere, Rates, Within, World
 Array = NDArray[np.float64]
 
 RATES = Rates(moved=0.002, moved_by_hand=0.05, taken=0.05, put_down=0.1, removed=0.002, stayed=1.0, kept=0.1,
-              entered=0.2, went_on=0.5, work=0.1, work_removed=0.1, work_moved=0.1, missed=0.5,
-              vanished=0.5)  # fmt: skip
+              entered=0.2, went_on=0.5, astray=0.1, work=0.1, work_removed=0.1, work_moved=0.1, missed=0.5,
+              vanished=0.5, slipped=0.5)  # fmt: skip
 ABSENCE = Absence(rate=5.0, blind=0.05)
-ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03, hidden=0.5)
+ELSEWHERE = Elsewhere(level=0.1, growth=0.05, height=0.03)
 WITHIN = Within(level=0.25)
 """Where the search begins, and to which little evidence is drawn"""
 SHARES = {
-    *(("rates", name) for name in ("kept", "entered", "went_on", "work_removed", "work_moved", "missed", "vanished")),
-    ("absence", "blind"), ("elsewhere", "hidden"),
+    *(("rates", name) for name in ("kept", "entered", "went_on", "astray", "work_removed", "work_moved")),
+    *(("rates", name) for name in ("missed", "vanished", "slipped")),
+    ("absence", "blind"),
 }  # fmt: skip
 """Values that are probabilities"""
 _PRIOR = 1.5  # 1, standard deviation of the logarithm (or logit) of each value around its start

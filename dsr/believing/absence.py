@@ -55,6 +55,17 @@ def learned_recognition(file: Path = LEARNED) -> Recognition:
     return TomlFile(file).convert(Recognition, ("parameters", "recognition"))
 
 
+def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:
+    """How often an object should have been recognised, after `step` s more in a `share` of which it should have been.
+
+    It is never more than that can tell, for what cameras should see is only a model: probability `absence.blind` of no
+    recognition is left where it surely should be, and its power by the share where it need not be.
+    """
+    most = -math.log(absence.blind) * share
+    more = absence.rate * share * step
+    return max(missed, min(missed + more, most))
+
+
 def most_missed(probability: float) -> float:
     """What it tells at most that an object is missing which is recognised with some probability, nats."""
     return MOST_MISSED * probability

@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dsr.believing.absence import Absence
+from dsr.believing.absence import missed_after
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import SupportedPose
@@ -20,10 +21,13 @@ from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, ON_ITS_WAY, RESTS, held
+from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, HOVERS, ON_ITS_WAY, RESTS, held
+from simulation_handler.worlds.elsewhere import Elsewhere, places_about
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.lying import let_go
 from simulation_handler.worlds.parameters import Rates, WorldParameters
+
+Array = NDArray[np.float64]
 
 FOLLOWED = "followed"
 """The mode in which the simulation is right"""
@@ -61,8 +65,8 @@ class Mode:
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
     """s, since when it may have been so"""
-    held: float = 0.0
-    """1, probability in this mode that a hand had it at the place, and let go of it: it lies beneath then"""
+    elsewhere: Elsewhere | None = None
+    """The places about the pose, of the mode in which something unknown moved it"""
     worked: float = 0.0
     """1, probability in this mode that somebody was at work while cameras saw nothing at all"""
 
@@ -220,9 +224,7 @@ class Alternatives:
                 continue
             is_held = bool(mode.hand or (key == FOLLOWED and thing.hand))
             rate = rates.put_down if is_held else self._moving_rate(mode.pose, hands, rates)
-            self._pass(
-                key, ELSEWHERE, _probability(rate * step), Mode(0.0, mode.pose, since=self._now, held=float(is_held))
-            )
+            self._move(key, _probability(rate * step))
         for hand in near:
             if hand != thing.hand:
                 known = hands[hand]
@@ -241,7 +243,14 @@ class Alternatives:
             self._pass(key, GONE, new * rates.work_removed, Mode(0.0, None), worked=_AS_GOOD_AS_SURE)
             if key != ELSEWHERE:
                 moved = (1.0 - rates.work_removed) * rates.work_moved
-                self._pass(key, ELSEWHERE, new * moved, Mode(0.0, mode.pose, since=self._now), worked=_AS_GOOD_AS_SURE)
+                self._move(key, new * moved, worked=_AS_GOOD_AS_SURE)
+
+    def _move(self, source: str, share: float, worked: float | None = None, *, before: bool = False) -> None:
+        """As `_pass`, to places about a mode; `before`: it went there before cameras began to look for it."""
+        new = Mode(0.0, self.modes[source].pose, since=self._now, elsewhere=Elsewhere(self._now))
+        if before and ELSEWHERE in self.modes:
+            share *= _elsewhere(self.modes[ELSEWHERE]).hidden
+        self._pass(source, ELSEWHERE, share, new, worked, before=before)
 
     def _moving_rate(self, pose: Pose, hands: Mapping[str, HandEvidence], rates: Rates) -> float:
         is_near = any(_is_near(known.pose, pose) for known in hands.values())
@@ -267,6 +276,8 @@ class Alternatives:
     def _go_on(self, thing: ObjectEvidence) -> None:
         """What vanished on its way may have gone on in any of many courses, and not as the simulation has it."""
         begins = thing.courses and not self._has_courses
+        if begins:
+            self._move(FOLLOWED, self._parameters.rates.astray)
         for number, (pose, supports) in enumerate(thing.courses):
             key = f"{COURSE}{number}"
             if key in self.modes:
@@ -276,10 +287,13 @@ class Alternatives:
                 self._pass(FOLLOWED, key, share, Mode(0.0, pose, supports=supports))
         self._has_courses |= bool(thing.courses)
 
-    def _pass(self, source: str, target: str, share: float, new: Mode, worked: float | None = None) -> None:
+    def _pass(
+        self, source: str, target: str, share: float, new: Mode, worked: float | None = None, *, before: bool = False
+    ) -> None:  # fmt: skip
         """Let a share of the weight of a mode go over to another one, which begins as `new`.
 
-        What goes over has not been missed there yet: it loses weight as all that was there before did.
+        What goes over has not been missed there yet: it loses weight as all that was there before did. But if it went
+        `before` cameras began to look for it, it was missed as well.
 
         `worked` is the probability in that share that somebody was at work; None: as in the mode that it leaves.
         """
@@ -297,11 +311,11 @@ class Alternatives:
         ratio = amount / (mode.weight + amount)
         if mode.hand and mode.anchored is not None and new.anchored is not None:  # taken at any time that counts
             mode.anchored = between(mode.anchored, new.anchored, ratio)
-        if target == ELSEWHERE and mode.pose is not None and new.pose is not None:
-            x, y, _ = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
-            mode.pose = Pose.unchecked((x, y, _height(mode, new, ratio)), mode.pose.q)
-            mode.held += ratio * (new.held - mode.held)
-        if target != ELSEWHERE:  # the learned rates are those by which its weight grows
+        if mode.elsewhere is not None and mode.pose is not None and new.pose is not None:
+            x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
+            mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
+            mode.elsewhere.join(ratio, before=before)
+        else:
             whole = mode.weight * math.exp(mode.missed) + amount
             mode.missed = math.log(whole / (mode.weight + amount))
         origin.weight -= amount
@@ -317,8 +331,24 @@ class Alternatives:
         """The object at all places of which it counts if cameras should see it there; `blind`: they see nothing."""
         thing = evidence.objects[name]
         self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
-        places = (_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind).values())
+        places = [_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind).values()]
+        if not blind and (away := self.modes.get(ELSEWHERE)) is not None:
+            about = self.places_about(name, evidence)[_elsewhere(away).asked()].tolist()
+            places += [Pose.unchecked((x, y, z), _placed(away.pose).q) for x, y, z in about]
         return [solid for solid in map(self.solid_at, places) if solid is not None]
+
+    def places_about(self, name: str, evidence: Evidence) -> Array:
+        """(n, 3) m, world: where it may be if something unknown moved it, one of `Elsewhere` after the other."""
+        away = self.modes[ELSEWHERE]
+        pose = _placed(away.pose)
+        solid = self.solid_at(pose) or Solid(name, (0.0, 0.0, 0.0), pose.t, pose.q)
+        beneath = () if self.before == HOVERS else evidence.beneath(name)  # whoever has it may still hold it
+        return places_about(solid, self.deviation(evidence.now), beneath)
+
+    def deviation(self, now: float) -> float:
+        """M, standard deviation in each horizontal direction, of where it is if something unknown moved it."""
+        broad = self._parameters.elsewhere
+        return math.sqrt(broad.level**2 + broad.growth**2 * (now - self.modes[ELSEWHERE].since))
 
     def solid_at(self, pose: Pose) -> Solid | None:
         """The object at a place; None if its size is unknown."""
@@ -345,15 +375,14 @@ class Alternatives:
             shares: of the places as of `asked`, how much cameras should see.
             blind: whether nothing is seen at all.
         """
-        absence, elsewhere = self._parameters.absence, self._parameters.elsewhere
+        absence = self._parameters.absence
         step, self.looked = evidence.now - self.looked, evidence.now
         asked = self._asked(name, evidence, blind=blind)
         thing = evidence.objects[name]
         if self._vanishes and (blind or (thing.gone and evidence.has_vanished_alone(name))):
             self._vanishes = False
-            vanished = 0.0 if blind or evidence.hands else self._parameters.rates.vanished
-            share = dict(zip(asked, shares, strict=False)).get(FOLLOWED, 0.0)
-            self._pass(FOLLOWED, GONE, vanished * share, Mode(0.0, None))
+            if not (blind or evidence.hands):
+                self._vanish(dict(zip(asked, shares, strict=False)).get(FOLLOWED, 0.0))
         for mode, share in zip(asked.values(), shares, strict=False):
             if blind:
                 before = mode.missed + self.unshown
@@ -362,34 +391,16 @@ class Alternatives:
                 missed = missed_after(mode.missed, share, step, absence)
                 mode.weight *= math.exp(mode.missed - missed)
                 mode.missed = missed
-        away = self.modes.get(ELSEWHERE)
-        if away is not None and not blind:
-            weight = elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)
-            away.missed += absence.rate * step
-            away.weight *= (elsewhere.hidden + (1.0 - elsewhere.hidden) * math.exp(-away.missed)) / weight
+        about = shares[len(asked) :]
+        if about:
+            away = self.modes[ELSEWHERE]
+            away.weight *= _elsewhere(away).miss(about, evidence.now, absence)
 
-
-def _height(mode: Mode, new: Mode, ratio: float) -> float:
-    """M, height at which something was moved, with a share of `ratio` that is `new`: of the likelier of held and not.
-
-    What was held lies beneath, and what was not lies there. No height in between is true of either.
-    """
-    assert mode.pose is not None and new.pose is not None
-    before, after = mode.held > 0.5, mode.held + ratio * (new.held - mode.held) > 0.5
-    if after != (new.held > 0.5):
-        return mode.pose.t[2]
-    return new.pose.t[2] if after != before else max(mode.pose.t[2], new.pose.t[2])
-
-
-def missed_after(missed: float, share: float, step: float, absence: Absence) -> float:
-    """How often an object should have been recognised, after `step` s more in a `share` of which it should have been.
-
-    It is never more than that can tell, for what cameras should see is only a model: probability `absence.blind` of no
-    recognition is left where it surely should be, and its power by the share where it need not be.
-    """
-    most = -math.log(absence.blind) * share
-    more = absence.rate * share * step
-    return max(missed, min(missed + more, most))
+    def _vanish(self, share: float) -> None:
+        """What rested in view is missing, and cameras should see a `share` (1) of it: it is somewhere near, or gone."""
+        rates = self._parameters.rates
+        self._move(FOLLOWED, rates.slipped * share, before=True)
+        self._pass(FOLLOWED, GONE, rates.vanished * share, Mode(0.0, None))
 
 
 def mode_circumstance(mode: Mode, evidence: Evidence) -> str:
@@ -428,6 +439,11 @@ def _is_over(container: Solid, point: Vector3, radius: float) -> bool:
     """Whether a thing of that radius (m) there is over a container, or beside it so that they may touch; not below."""
     is_about = math.dist(point[:2], container.position[:2]) <= 0.5 * max(container.size[:2]) + radius
     return is_about and container.bottom <= point[2] + radius
+
+
+def _elsewhere(mode: Mode) -> Elsewhere:
+    assert mode.elsewhere is not None
+    return mode.elsewhere
 
 
 def _placed(pose: Pose | None) -> Pose:

@@ -69,6 +69,8 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, that what vanishes on its way beside or over a container is in it"""
     went_on: Share
     """1, that what vanishes on its way goes on otherwise than the simulation has it, by one of its courses"""
+    astray: Share
+    """1, that something unknown stopped it near, or turned it, on any of these courses and the simulation's"""
     work: Amount
     """1/s, that somebody begins to work while cameras fail"""
     work_removed: Share
@@ -77,8 +79,10 @@ class Rates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """1, that an object is moved to somewhere near when somebody was at work then, if it does not leave"""
     missed: Share
     """1, that it has left the scene when the explanation of its absence says so"""
+    slipped: Share
+    """1, that what rested in view, and is missing with no hand about, was moved to somewhere near, seen there or not"""
     vanished: Share
-    """1, that what rested in view has left the scene when that is its explanation, and no hand is about"""
+    """1, that it has left the scene then, if it was not moved to somewhere near"""
 
 
 class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -90,8 +94,6 @@ class Elsewhere(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m/sqrt(s), growth of that since the object was seen"""
     height: Amount
     """m, standard deviation in height"""
-    hidden: Share
-    """1, share of such places that no camera sees"""
 
 
 class Within(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

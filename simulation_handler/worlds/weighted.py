@@ -53,7 +53,6 @@ from simulation_handler.worlds.followed import (
 )
 from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
-from simulation_handler.worlds.lying import Area, moved_about
 from simulation_handler.worlds.merging import WeightedPlace, merged
 from simulation_handler.worlds.model import Island, ObjectState, WeightedWorld
 from simulation_handler.worlds.parameters import WorldParameters
@@ -379,17 +378,11 @@ class WeightedWorlds:
         self, name: str, weight: float, alternatives: Alternatives, evidence: Evidence
     ) -> list[WeightedState]:  # fmt: skip
         """The states of an object that was moved to somewhere near, on each level on which it may lie there."""
-        broad, mode = self._parameters.elsewhere, alternatives.modes[ELSEWHERE]
-        assert mode.pose is not None
-        variance = broad.level**2 + broad.growth**2 * (evidence.now - mode.since)
-        areas, solid = [Area(1.0, mode.pose.t, variance * np.eye(2))], alternatives.solid_at(mode.pose)
-        if solid is not None:
-            lies = alternatives.lying(name, mode.pose, evidence) if mode.held > 0.5 else None
-            height = (mode.pose if lies is None else lies.pose).t[2]
-            areas = moved_about(solid, height, math.sqrt(variance), evidence.fixtures)
+        mode, deviation = alternatives.modes[ELSEWHERE], alternatives.deviation(evidence.now)
+        assert mode.pose is not None and mode.elsewhere is not None
         found = []
-        for share, position, sideways in areas:
-            covariance = np.diag((0.0, 0.0, broad.height**2))
+        for share, position, sideways in mode.elsewhere.areas(alternatives.places_about(name, evidence), deviation):
+            covariance = np.diag((0.0, 0.0, self._parameters.elsewhere.height**2))
             covariance[:2, :2] = sideways
             there = with_world_covariances(Pose.unchecked(position, mode.pose.q), covariance, _ANY_TURN)
             found.append((weight * share, ObjectState(there), ELSEWHERE))

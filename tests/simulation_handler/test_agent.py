@@ -236,6 +236,23 @@ def test_however_many_bodies_somebody_makes_up_few_are_simulated_and_those_of_ot
     assert handler.degraded == "" and reading._known.keys() == {"cube_1"} and reading._fixed == {"table"}
 
 
+def test_a_table_keeps_its_friction_until_a_possible_one_is_told(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.memory.update_node("table", friction=0.4)
+    table.run(1.0)
+    handler = table.lockstep.runner(NAME).agent
+    assert isinstance(handler, SimulationHandler) and isinstance(handler.belief, Belief)
+    bodies = handler.belief._bodies
+    assert bodies.friction_of("table") == 0.4
+    table.memory.update_node("table", friction=-1.0)
+    table.run(1.0)
+    assert "table" in handler.degraded and "friction" in handler.degraded
+    assert bodies.friction_of("table") == 0.4 and table.error("cube_1") < 0.003
+    table.memory.update_node("table", friction=0.3)
+    table.run(0.2)
+    assert handler.degraded == "" and bodies.friction_of("table") == 0.3
+
+
 def test_an_object_that_turns_into_a_table_is_none_any_more(table: Table) -> None:
     """Whoever makes a node of that name under another type can do that. Before, each tick failed from then on."""
     table.add("cube_1", cube_at(0.4, 0.1))

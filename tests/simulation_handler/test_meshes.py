@@ -20,6 +20,7 @@ from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from simulation_handler import SimulationHandler
+from simulation_handler.belief import Belief
 from simulation_handler.physics.rollouts import RolloutBody, RolloutScene
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.messages import RolloutJob, _encoder, _jobs
@@ -207,6 +208,14 @@ def test_a_cube_rests_on_what_has_a_mesh(room: Room) -> None:
     room.memory.add_node("cube_1", "cube", size=CUBE, mass=0.05)
     assert room.see("cube_1", (0.1, 0.0, 0.126), 3.0) == pytest.approx((0.1, 0.0, 0.12), abs=2e-3)
     assert room.memory.get_edge("cube_1", "step", "on") is not None
+
+
+def test_what_has_a_mesh_has_the_friction_that_its_node_tells(room: Room) -> None:
+    room.memory.update_node("step", friction=0.3)
+    room.lockstep.run_for(0.2)
+    handler = room.lockstep.runner("simulation_handler").agent
+    assert isinstance(handler, SimulationHandler) and isinstance(handler.belief, Belief)
+    assert handler.belief._bodies.friction_of("step") == 0.3
 
 
 def test_a_thing_with_a_mesh_falls_into_its_form(room: Room) -> None:

@@ -56,14 +56,17 @@ def thing(pose: Pose, seen_at: float, size: float = 0.04, shape: Shape = (), nam
 
 
 class Course:
-    """A box that is seen until 1 s, and other things."""
+    """A box that is seen until 1 s, and other things: cameras see a `share` of it, and `about` it another one."""
 
-    def __init__(self, share: float = 0.0) -> None:
+    def __init__(self, share: float = 0.0, about: float = 0.0) -> None:
         self.asked: list[set[str]] = []
 
         def shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
             self.asked.append(set(places))
-            return {name: [share] * len(there) for name, there in places.items()}
+            return {
+                name: [share if math.dist(one.position, there[0].position) < 0.03 else about for one in there]
+                for name, there in places.items()
+            }
 
         self.worlds = WeightedWorlds(learned_parameters(), shares)
         self.now = 0.0
@@ -197,6 +200,28 @@ def test_what_is_explained_as_gone_while_no_hand_is_about_is_so_more_probably(sh
     rates = learned_parameters().rates
     more = (1.0 - rates.missed) * rates.vanished * share
     assert alone.weight("gone") > beside_a_hand.weight("gone") + 0.5 * more
+
+
+def test_what_vanishes_where_much_is_hidden_may_be_there() -> None:
+    """Behind a screen, beside which it stood."""
+    in_sight, beside_a_screen = Course(share=1.0, about=1.0), Course(share=1.0, about=0.0)
+    for course in (in_sight, beside_a_screen):
+        course.run(1.5)
+        course.run(0.1, explained)
+        course.run(2.0)
+    assert in_sight.weight("elsewhere") < 0.01 < 0.1 < beside_a_screen.weight("elsewhere")
+    assert in_sight.weight("gone") > beside_a_screen.weight("gone") > 0.3
+
+
+def test_what_vanishes_on_its_way_may_be_hidden_nearby_once_its_courses_are_seen_to_be_empty() -> None:
+    weights = {}
+    for about in (0.0, 1.0):
+        course = Course(share=1.0, about=about)
+        course.box = replace(course.box, driven=True)
+        course.run(1.5)
+        course.run(3.0, lambda box: replace(box, courses=(SupportedPose(Pose((0.31, 0.0, 0.02))),)))
+        weights[about] = course.weight("elsewhere")
+    assert weights[1.0] < 0.1 < 0.5 < weights[0.0]
 
 
 def test_it_is_so_no_more_probably_while_another_thing_is_seen_elsewhere() -> None:
