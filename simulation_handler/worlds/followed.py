@@ -18,12 +18,14 @@ from simulation_handler.worlds.evidence import ObjectEvidence
 from simulation_handler.worlds.model import ObjectState
 from simulation_handler.worlds.parameters import PlaceNoise
 from simulation_handler.worlds.spread import (
+    all_scaled,
+    all_with_world_covariances,
     levels_of_wrong,
     odds_of_percepts,
     percept_covariance,
-    scaled,
     squared_distance,
     with_world_covariances,
+    world_covariances,
 )
 
 WRONG = "something unknown is wrong"
@@ -65,6 +67,8 @@ class Followed(NamedTuple):
 
 WeightedState = tuple[float, ObjectState, str]
 """Weight, state and reason of a world of one object"""
+WeightedPose = tuple[float, Pose, str]
+"""Weight and reason of a world of one object, and world_from_object in it"""
 
 
 def reached(followed: Followed, thing: ObjectEvidence) -> Followed:
@@ -79,21 +83,40 @@ def otherwise(followed: Followed, thing: ObjectEvidence) -> Followed:
     return reached(followed._replace(circumstance=RESTLESS), thing)
 
 
-def worlds_of(followed: Followed, noise: PlaceNoise, state: ObjectState) -> list[WeightedState]:
-    """Worlds in one circumstance: a thing is where the simulation has it, more or less, or where percepts have it.
+def places_of(followed: Sequence[Followed], noise: PlaceNoise, placed: Sequence[Pose]) -> list[list[WeightedPose]]:
+    """Places in one circumstance: a thing is where the simulation has it, more or less, or where percepts have it.
 
-    `state` has the covariance of the circumstance, and `noise` is of that.
+    Args:
+        followed: how the place of each thing is known.
+        noise: of the circumstance.
+        placed: world_from_object of each, with the covariance of the circumstance.
+
+    Returns:
+        The places of each thing, with a sum of their weights of 1.
     """
-    assert state.pose is not None
-    perceived = _perceived(followed, noise, state.pose)
-    rest = 1.0 if perceived is None else 1.0 - perceived[0]
-    parts = [
-        (rest * share, state._replace(pose=scaled(state.pose, factor)), WRONG if level else followed.circumstance)
-        for level, (share, factor) in enumerate(zip(*levels_of_wrong(noise), strict=True))
+    perceived = _perceived(followed, noise, placed)
+    shares, factors = levels_of_wrong(noise)
+    levels = list(zip(shares, all_scaled(placed, factors), strict=True))
+    found: list[list[WeightedPose]] = []
+    for number, one in enumerate(followed):
+        seen = perceived.get(number)
+        rest = 1.0 if seen is None else 1.0 - seen[0]
+        found.append([
+            (rest * share, poses[number], WRONG if level else one.circumstance)
+            for level, (share, poses) in enumerate(levels)
+        ])  # fmt: skip
+        if seen is not None:
+            found[-1].append((*seen, PERCEIVED))
+    return found
+
+
+def with_places(state: ObjectState, places: Sequence[WeightedPose]) -> list[WeightedState]:
+    """The state of a thing at each of its places."""
+    _, velocity, hand, containers, supports, camera = state
+    return [
+        (weight, ObjectState(pose, velocity, hand, containers, supports, camera), reason)
+        for weight, pose, reason in places
     ]
-    if perceived is not None:
-        parts.append((perceived[0], state._replace(pose=perceived[1]), PERCEIVED))
-    return parts
 
 
 def staying_or_not(
@@ -112,19 +135,24 @@ def staying_or_not(
     ]
 
 
-def _perceived(followed: Followed, noise: PlaceNoise, placed: Pose) -> tuple[float, Pose] | None:
-    """How probable it is that an object is where percepts have it, and where that is; None if they have it nowhere.
+def _perceived(
+    followed: Sequence[Followed], noise: PlaceNoise, placed: Sequence[Pose]
+) -> dict[int, tuple[float, Pose]]:  # fmt: skip
+    """How probable it is that things are where percepts have them, and where that is, by number; arguments as above.
 
-    `placed` is where the simulation has it, with the covariance of the circumstance.
+    Things that percepts have nowhere are left out.
     """
-    seen = followed.seen
-    if seen is None:
-        return None
-    place, turn = seen.parent_covariances()
-    place = percept_covariance(noise, place, followed.velocity)
-    apart = squared_distance(np.subtract(seen.t, placed.t), place + placed.parent_covariances()[0])
-    odds = float(odds_of_percepts(noise, apart))
-    return odds / (1.0 + odds), with_world_covariances(seen, place, turn)
+    numbers = [number for number, one in enumerate(followed) if one.seen is not None]
+    if not numbers:
+        return {}
+    seen = [pose for one in followed if (pose := one.seen) is not None]
+    places, turns = world_covariances(seen)
+    places = percept_covariance(noise, places, np.array([followed[number].velocity for number in numbers]))
+    there = [placed[number] for number in numbers]
+    offsets = np.array([pose.t for pose in seen]) - [pose.t for pose in there]
+    odds = odds_of_percepts(noise, squared_distance(offsets, places + world_covariances(there)[0]))
+    poses = all_with_world_covariances(seen, places, turns)
+    return dict(zip(numbers, zip((odds / (1.0 + odds)).tolist(), poses, strict=True), strict=True))
 
 
 def turned(world: WeightedState, thing: ObjectEvidence) -> Iterator[WeightedState]:
@@ -147,10 +175,11 @@ def or_aslant(
     parts: Sequence[WeightedState], state: ObjectState, chance: float, there: Pose, noise: PlaceNoise
 ) -> list[WeightedState]:
     """Worlds, and those in which the object leans, with the probability `chance`."""
+    shares, factors = levels_of_wrong(noise)
     return [
         *(((1.0 - chance) * share, one, reason) for share, one, reason in parts),
         *(
-            (chance * share, state._replace(pose=scaled(there, factor)), ASLANT)
-            for share, factor in zip(*levels_of_wrong(noise), strict=True)
+            (chance * share, state._replace(pose=wider), ASLANT)
+            for share, (wider,) in zip(shares, all_scaled([there], factors), strict=True)
         ),
     ]

@@ -111,9 +111,7 @@ def with_spreads(
     reach: Array,
 ) -> list[Pose]:
     """The poses with the covariances of their circumstance; arguments as of `position_covariance`, (n, ...)."""
-    own = np.array([pose.cov or _UNKNOWN for pose in poses]).reshape(-1, 6, 6)
-    rotations = _rotations(poses)
-    places, turns = (rotations @ block @ rotations.mT for block in (own[:, :3, :3], own[:, 3:, 3:]))
+    places, turns = world_covariances(poses)
     places = position_covariance(noise, places, age, moved, velocity, reach)
     return all_with_world_covariances(poses, places, rotation_covariance(noise, turns, moved))
 
@@ -133,17 +131,29 @@ def all_with_world_covariances(poses: Sequence[Pose], places: Array, turns: Arra
     return [Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(row)) for pose, row in zip(poses, rows, strict=True)]
 
 
+def world_covariances(poses: Sequence[Pose]) -> tuple[Array, Array]:
+    """Covariances (n, 3, 3) of positions (m^2) and rotations (rad^2) in the world frame; zero where none is told."""
+    own = np.array([pose.cov or _UNKNOWN for pose in poses]).reshape(-1, 6, 6)
+    rotations = _rotations(poses)
+    return rotations @ own[:, :3, :3] @ rotations.mT, rotations @ own[:, 3:, 3:] @ rotations.mT
+
+
 def _rotations(poses: Sequence[Pose]) -> Array:
     """(n, 3, 3)"""
     return np.array([to_matrix(pose.q) for pose in poses])
 
 
-def scaled(pose: Pose, factor: float) -> Pose:
-    """The pose with all standard deviations times `factor`."""
-    assert pose.cov is not None
-    if factor == 1.0:
-        return pose
-    return Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(factor**2 * value for value in pose.cov))
+def all_scaled(poses: Sequence[Pose], factors: Sequence[float]) -> list[list[Pose]]:
+    """The poses with all standard deviations times each of the factors, factor by factor."""
+    covariances = np.array([pose.cov for pose in poses])
+    return [
+        list(poses) if factor == 1.0
+        else [
+            Pose.unchecked(pose.t, pose.q, pose.stamp, tuple(row))
+            for pose, row in zip(poses, (factor**2 * covariances).tolist(), strict=True)
+        ]
+        for factor in factors
+    ]  # fmt: skip
 
 
 _UNKNOWN = tuple(np.zeros(36).tolist())

@@ -43,13 +43,15 @@ from simulation_handler.worlds.displaced import Former, Staying, StayingOverTime
 from simulation_handler.worlds.evidence import Evidence, ObjectEvidence, SharesQuery, seen_shares
 from simulation_handler.worlds.followed import (
     Followed,
+    WeightedPose,
     WeightedState,
     or_aslant,
     otherwise,
+    places_of,
     reached,
     staying_or_not,
     turned,
-    worlds_of,
+    with_places,
 )
 from simulation_handler.worlds.holders import UNKNOWN, shares_of_hold
 from simulation_handler.worlds.islands import MOST_WORLDS, islands_of
@@ -191,7 +193,8 @@ class WeightedWorlds:
                 self._returned[name] = self._places(name, before, worked), self._places(name, before, idle)
 
     def _places(self, name: str, evidence: Evidence, weights: Mapping[str, float]) -> _Places:
-        states = self._states(name, self._watched[name], evidence, weights)
+        places = self._places_of((name,)).get(name, ())
+        states = self._states(name, self._watched[name], evidence, weights, places)
         return [(weight, state.pose) for weight, state, _ in states if state.pose is not None]
 
     def _hear_returned(self, evidence: Evidence) -> None:
@@ -216,19 +219,24 @@ class WeightedWorlds:
 
     def islands(self) -> list[Island]:
         """All objects that were ever seen, at the time of the last evidence."""
-        worlds = {name: found for name in sorted(self._watched) if (found := self.worlds(name))}
+        places = self._places_of(self._watched)
+        worlds = {name: found for name in sorted(self._watched) if (found := self._worlds(name, places.get(name, ())))}
         contents = () if self._evidence is None else self._evidence.contents
         unseen_contents = [pair for pair in sorted(contents) if self._watched[pair[0]].alternatives is not None]
         return islands_of(worlds, unseen_contents)
 
     def worlds(self, name: str) -> list[WeightedWorld]:
         """Those of one object, the most probable first; none if it was never seen."""
+        return self._worlds(name, self._places_of((name,)).get(name, ()))
+
+    def _worlds(self, name: str, places: Sequence[WeightedPose]) -> list[WeightedWorld]:
+        """As `worlds`, of an object that the simulation has in these places."""
         watched, evidence = self._watched[name], self._evidence
         if evidence is None or watched.seen is None:
             return []
         alternatives = watched.alternatives
         weights = {} if alternatives is None else alternatives.weights(self._ratios.get(name, 1.0))
-        states = sorted(self._states(name, watched, evidence, weights), key=lambda one: -one[0])[:MOST_WORLDS]
+        states = sorted(self._states(name, watched, evidence, weights, places), key=lambda one: -one[0])[:MOST_WORLDS]
         total = sum(weight for weight, _, _ in states)
         return [WeightedWorld(weight / total, {name: state}, reason) for weight, state, reason in states]
 
@@ -293,7 +301,22 @@ class WeightedWorlds:
             found |= zip(names, spread, strict=True)
         return found
 
-    def _simulated(self, name: str, weight: float, thing: ObjectEvidence) -> list[WeightedState]:
+    def _places_of(self, names: Collection[str]) -> dict[str, list[WeightedPose]]:
+        """Where the simulation has objects, more or less, or percepts have them; without those of which it has none."""
+        groups: dict[str, list[tuple[str, Followed]]] = {}
+        for name in names:
+            if (followed := self.followed(name)) is not None:
+                groups.setdefault(followed.circumstance, []).append((name, followed))
+        found: dict[str, list[WeightedPose]] = {}
+        for circumstance, members in groups.items():
+            those, known = zip(*members, strict=True)
+            placed, noise = [self.poses()[name] for name in those], self._parameters.noise[circumstance]
+            found |= zip(those, places_of(known, noise, placed), strict=True)
+        return found
+
+    def _simulated(
+        self, name: str, weight: float, thing: ObjectEvidence, places: Sequence[WeightedPose]
+    ) -> list[WeightedState]:  # fmt: skip
         """What the simulation says, and that something unknown is wrong with it."""
         followed = self.followed(name)
         if followed is None:
@@ -303,7 +326,7 @@ class WeightedWorlds:
         alternatives = self._watched[name].alternatives
         supports = thing.supports if alternatives is None else alternatives.modes[FOLLOWED].supports
         state = ObjectState(placed, (x, y, z), thing.gripper, thing.containers, supports)
-        parts = worlds_of(followed, noise, state)
+        parts = with_places(state, places)
         if followed.stays is not None:
             others = self._otherwise(followed, thing, state)
             both = (parts, others) if followed.circumstance == DOUBTED else (others, parts)
@@ -325,13 +348,13 @@ class WeightedWorlds:
         one = otherwise(followed, thing)
         noise = self._parameters.noise[one.circumstance]
         placed = with_spread(one.pose, noise, one.age, one.moved, one.velocity, one.reach)
-        return worlds_of(one, noise, state._replace(pose=placed))
+        return with_places(state, *places_of([one], noise, [placed]))
 
     def _or_former(self, parts: list[WeightedState], former: Former, state: ObjectState) -> list[WeightedState]:
         """Worlds of an object that the simulation has where it is seen, and those in which its camera moved instead."""
         noise, stays = self._parameters.noise[DOUBTED], former.stays
         pose = with_spread(former.pose, noise, 0.0, 0.0, np.zeros(3))
-        there = worlds_of(Followed(DOUBTED, former.pose, np.zeros(3)), noise, state._replace(pose=pose))
+        there = with_places(state, *places_of([Followed(DOUBTED, former.pose, np.zeros(3))], noise, [pose]))
         return staying_or_not(Staying(stays.by_camera, stays.camera, stays.by_camera), there, parts)
 
     def _holders(self, name: str, thing: ObjectEvidence, circumstance: str) -> dict[str, float]:
@@ -344,17 +367,21 @@ class WeightedWorlds:
         return told | {UNKNOWN: 1.0 - held + told.get(UNKNOWN, 0.0)} if hands else {}
 
     def _states(
-        self, name: str, watched: _Watched, evidence: Evidence, weights: Mapping[str, float]
-    ) -> list[WeightedState]:
-        """Weighted states of an object, of one that is not recognised by the `weights` of its modes."""
+        self, name: str, watched: _Watched, evidence: Evidence, weights: Mapping[str, float],
+        places: Sequence[WeightedPose],
+    ) -> list[WeightedState]:  # fmt: skip
+        """Weighted states of an object, of one that is not recognised by the `weights` of its modes.
+
+        The simulation has it at these `places`.
+        """
         alternatives, thing = watched.alternatives, evidence.objects[name]
         if alternatives is None:
-            return self._simulated(name, 1.0, thing)
+            return self._simulated(name, 1.0, thing, places)
         found: list[WeightedState] = []
         courses: dict[tuple[tuple[str, ...], tuple[str, ...]], list[WeightedPlace]] = {}
         for key, mode in alternatives.modes.items():
             if key == FOLLOWED:
-                found += self._simulated(name, weights[key], thing)
+                found += self._simulated(name, weights[key], thing, places)
             elif mode.pose is None:
                 found.append((weights[key], ObjectState(None), GONE))
             elif key == ELSEWHERE and weights[key] > 0.0:
@@ -367,10 +394,10 @@ class WeightedWorlds:
                     courses.setdefault(there, []).append(WeightedPlace(weights[key], state.pose))
                 else:
                     found.append((weights[key], state, key))
-        for (supports, containers), places in courses.items():
+        for (supports, containers), ends in courses.items():
             found += [
                 (one.weight, ObjectState(one.pose, containers=containers, supports=supports), ON_COURSE)
-                for one in merged(places)
+                for one in merged(ends)
             ]
         return found
 
