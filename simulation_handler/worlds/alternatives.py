@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, HOVERS, ON_ITS_WAY, RESTS, held
-from simulation_handler.worlds.elsewhere import Elsewhere, places_about
+from simulation_handler.worlds.elsewhere import LOOKED_AT, Elsewhere, places_about
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.lying import let_go
 from simulation_handler.worlds.parameters import Rates, WorldParameters
@@ -35,6 +36,8 @@ LEFT = "left"
 """The mode in which it is where it was recognised last"""
 ELSEWHERE = "elsewhere"
 """The mode in which something unknown moved it"""
+ASTRAY = "astray"
+"""The mode in which it vanished on its way, and something unknown stopped it or turned it"""
 GONE = "gone"
 """The mode in which it is not in the scene"""
 IN_HAND, INSIDE_OF = "in ", "inside "
@@ -66,7 +69,7 @@ class Mode:
     since: float = -math.inf
     """s, since when it may have been so"""
     elsewhere: Elsewhere | None = None
-    """The places about the pose, of the mode in which something unknown moved it"""
+    """The places about the pose, of a mode in which something unknown moved it, or stopped it"""
     worked: float = 0.0
     """1, probability in this mode that somebody was at work while cameras saw nothing at all"""
 
@@ -220,7 +223,7 @@ class Alternatives:
             if mode.pose is None:
                 continue
             self._pass(key, GONE, _probability(rates.removed * step), Mode(0.0, None))
-            if key == ELSEWHERE:
+            if mode.elsewhere is not None:
                 continue
             is_held = bool(mode.hand or (key == FOLLOWED and thing.hand))
             rate = rates.put_down if is_held else self._moving_rate(mode.pose, hands, rates)
@@ -241,16 +244,18 @@ class Alternatives:
                 continue
             new = (1.0 - before) * begins
             self._pass(key, GONE, new * rates.work_removed, Mode(0.0, None), worked=_AS_GOOD_AS_SURE)
-            if key != ELSEWHERE:
+            if mode.elsewhere is None:
                 moved = (1.0 - rates.work_removed) * rates.work_moved
                 self._move(key, new * moved, worked=_AS_GOOD_AS_SURE)
 
-    def _move(self, source: str, share: float, worked: float | None = None, *, before: bool = False) -> None:
+    def _move(
+        self, source: str, share: float, worked: float | None = None, target: str = ELSEWHERE, *, before: bool = False
+    ) -> None:  # fmt: skip
         """As `_pass`, to places about a mode; `before`: it went there before cameras began to look for it."""
         new = Mode(0.0, self.modes[source].pose, since=self._now, elsewhere=Elsewhere(self._now))
-        if before and ELSEWHERE in self.modes:
-            share *= _elsewhere(self.modes[ELSEWHERE]).hidden
-        self._pass(source, ELSEWHERE, share, new, worked, before=before)
+        if before and target in self.modes:
+            share *= _elsewhere(self.modes[target]).hidden
+        self._pass(source, target, share, new, worked, before=before)
 
     def _moving_rate(self, pose: Pose, hands: Mapping[str, HandEvidence], rates: Rates) -> float:
         is_near = any(_is_near(known.pose, pose) for known in hands.values())
@@ -277,7 +282,10 @@ class Alternatives:
         """What vanished on its way may have gone on in any of many courses, and not as the simulation has it."""
         begins = thing.courses and not self._has_courses
         if begins:
-            self._move(FOLLOWED, self._parameters.rates.astray)
+            self._move(FOLLOWED, self._parameters.rates.astray, target=ASTRAY)
+        if thing.courses and ASTRAY in self.modes:
+            ways = [math.dist(pose.t[:2], self.left.t[:2]) for pose, _ in thing.courses]
+            _elsewhere(self.modes[ASTRAY]).reach = math.sqrt(0.5 * fmean(way**2 for way in ways))
         for number, (pose, supports) in enumerate(thing.courses):
             key = f"{COURSE}{number}"
             if key in self.modes:
@@ -332,23 +340,27 @@ class Alternatives:
         thing = evidence.objects[name]
         self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
         places = [_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind).values()]
-        if not blind and (away := self.modes.get(ELSEWHERE)) is not None:
-            about = self.places_about(name, evidence)[_elsewhere(away).asked()].tolist()
-            places += [Pose.unchecked((x, y, z), _placed(away.pose).q) for x, y, z in about]
+        for mode in () if blind else self._spread():
+            about = self.places_about(name, mode, evidence)[_elsewhere(mode).asked()].tolist()
+            places += [Pose.unchecked((x, y, z), _placed(mode.pose).q) for x, y, z in about]
         return [solid for solid in map(self.solid_at, places) if solid is not None]
 
-    def places_about(self, name: str, evidence: Evidence) -> Array:
-        """(n, 3) m, world: where it may be if something unknown moved it, one of `Elsewhere` after the other."""
-        away = self.modes[ELSEWHERE]
-        pose = _placed(away.pose)
+    def _spread(self) -> list[Mode]:
+        """The modes in which something unknown moved it, or stopped it."""
+        return [mode for mode in self.modes.values() if mode.elsewhere is not None]
+
+    def places_about(self, name: str, mode: Mode, evidence: Evidence) -> Array:
+        """(n, 3) m, world: where it may be in a mode of `Elsewhere`, one place after the other."""
+        pose = _placed(mode.pose)
         solid = self.solid_at(pose) or Solid(name, (0.0, 0.0, 0.0), pose.t, pose.q)
         beneath = () if self.before == HOVERS else evidence.beneath(name)  # whoever has it may still hold it
-        return places_about(solid, self.deviation(evidence.now), beneath)
+        return places_about(solid, self.deviation(mode, evidence.now), beneath)
 
-    def deviation(self, now: float) -> float:
-        """M, standard deviation in each horizontal direction, of where it is if something unknown moved it."""
+    def deviation(self, mode: Mode, now: float) -> float:
+        """M, standard deviation in each horizontal direction, of where it is in a mode of `Elsewhere`."""
         broad = self._parameters.elsewhere
-        return math.sqrt(broad.level**2 + broad.growth**2 * (now - self.modes[ELSEWHERE].since))
+        grown = broad.level**2 + broad.growth**2 * (now - mode.since)
+        return math.sqrt(grown + _elsewhere(mode).reach ** 2)
 
     def solid_at(self, pose: Pose) -> Solid | None:
         """The object at a place; None if its size is unknown."""
@@ -356,7 +368,7 @@ class Alternatives:
 
     def _asked(self, name: str, evidence: Evidence, *, blind: bool) -> dict[str, Mode]:
         """The modes of places. What is in a hand out of sight is with that, wherever that is, and not missing there."""
-        placed = {key: mode for key, mode in self.modes.items() if mode.pose is not None and key != ELSEWHERE}
+        placed = {key: mode for key, mode in self.modes.items() if mode.pose is not None and mode.elsewhere is None}
         if blind:
             is_there = FOLLOWED in placed and not evidence.objects[name].gone
             return {FOLLOWED: placed[FOLLOWED]} if is_there else {}
@@ -391,10 +403,8 @@ class Alternatives:
                 missed = missed_after(mode.missed, share, step, absence)
                 mode.weight *= math.exp(mode.missed - missed)
                 mode.missed = missed
-        about = shares[len(asked) :]
-        if about:
-            away = self.modes[ELSEWHERE]
-            away.weight *= _elsewhere(away).miss(about, evidence.now, absence)
+        for mode, begin in zip(self._spread(), range(len(asked), len(shares), LOOKED_AT), strict=False):
+            mode.weight *= _elsewhere(mode).miss(shares[begin : begin + LOOKED_AT], evidence.now, absence)
 
     def _vanish(self, share: float) -> None:
         """What rested in view is missing, and cameras should see a `share` (1) of it: it is somewhere near, or gone."""

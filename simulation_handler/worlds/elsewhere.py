@@ -53,6 +53,8 @@ class Elsewhere:
         self._missed = np.zeros(len(_STANDS))
         self._looked = np.full(len(_STANDS), since)
         self._turn = 0
+        self.reach = 0.0
+        """m, standard deviation in each direction by which the places are broader than learned"""
 
     @property
     def hidden(self) -> float:

@@ -16,7 +16,6 @@ from simulation_handler.perception.bumped import MovedThing
 from simulation_handler.scales import ROUNDING
 from simulation_handler.worlds.alternatives import (
     COURSE,
-    ELSEWHERE,
     FOLLOWED,
     GONE,
     INSIDE_OF,
@@ -384,8 +383,8 @@ class WeightedWorlds:
                 found += self._simulated(name, weights[key], thing, places)
             elif mode.pose is None:
                 found.append((weights[key], ObjectState(None), GONE))
-            elif key == ELSEWHERE and weights[key] > 0.0:
-                found += self._elsewhere(name, weights[key], alternatives, evidence)
+            elif mode.elsewhere is not None:
+                found += self._elsewhere(name, key, weights[key], alternatives, evidence)
             elif weights[key] > 0.0:
                 age = evidence.now - thing.seen_at
                 state = self._alternative(name, key, mode, alternatives.left, evidence, age)
@@ -402,17 +401,18 @@ class WeightedWorlds:
         return found
 
     def _elsewhere(
-        self, name: str, weight: float, alternatives: Alternatives, evidence: Evidence
+        self, name: str, key: str, weight: float, alternatives: Alternatives, evidence: Evidence
     ) -> list[WeightedState]:  # fmt: skip
-        """The states of an object that was moved to somewhere near, on each level on which it may lie there."""
-        mode, deviation = alternatives.modes[ELSEWHERE], alternatives.deviation(evidence.now)
+        """The states of an object that is somewhere near in a mode, on each level on which it may lie there."""
+        mode = alternatives.modes[key]
         assert mode.pose is not None and mode.elsewhere is not None
+        places, deviation = alternatives.places_about(name, mode, evidence), alternatives.deviation(mode, evidence.now)
         found = []
-        for share, position, sideways in mode.elsewhere.areas(alternatives.places_about(name, evidence), deviation):
+        for share, position, sideways in mode.elsewhere.areas(places, deviation) if weight > 0.0 else ():
             covariance = np.diag((0.0, 0.0, self._parameters.elsewhere.height**2))
             covariance[:2, :2] = sideways
             there = with_world_covariances(Pose.unchecked(position, mode.pose.q), covariance, _ANY_TURN)
-            found.append((weight * share, ObjectState(there), ELSEWHERE))
+            found.append((weight * share, ObjectState(there), key))
         return found
 
     def _alternative(

@@ -18,7 +18,7 @@ from benchmarks.learning.judged import Episode, log_scores
 from benchmarks.learning.judging import judge_episodes, table_of
 from benchmarks.learning.learn import BEGUN, GROUPS, learn_some, toml_of
 from benchmarks.learning.noise import START, Errors, errors_of, learn_noise
-from benchmarks.learning.rates import ABSENCE, RATES, learn_rates
+from benchmarks.learning.rates import ABSENCE, RATES, SHARES, learn_rates
 from benchmarks.learning.recognition import CURVES, Look, learn_recognition, looks_at
 from benchmarks.learning.recorded import Recorded
 from dsr.believing.absence import Absence
@@ -241,7 +241,8 @@ def test_seeds_for_judging_are_refused(tmp_path: Path, monkeypatch: pytest.Monke
 def test_shares_stay_probabilities() -> None:
     learned = learned_parameters()
     assert all(0.0 < value < 1.0 for value in learned.holding.values())
-    assert 0.0 < learned.absence.blind < 0.5 and 0.0 < learned.elsewhere.hidden < 1.0
+    assert all(0.0 < getattr(getattr(learned, group), name) < 1.0 for group, name in SHARES)
+    assert learned.absence.blind < 0.5
     assert all(noise.wide >= 2.0 for noise in learned.noise.values())
     assert msgspec.structs.asdict(learned.rates).keys() == msgspec.structs.asdict(RATES).keys()
 
