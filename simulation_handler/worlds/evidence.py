@@ -411,16 +411,22 @@ SharesQuery = Callable[[Evidence, Mapping[str, Sequence[Solid]]], dict[str, list
 """From evidence, and objects at places where each may be, by its name, to shares (0 to 1) as of `seen_shares`."""
 
 
+def _hiding(thing: ObjectEvidence, solid: Solid) -> Solid:
+    """A thing where it hides others: where it is seen, while that is elsewhere than the simulation has it."""
+    seen = thing.seen if thing.is_moving else None
+    return solid if seen is None else solid.at(seen.t, seen.q)
+
+
 def seen_shares(evidence: Evidence, places: Mapping[str, Sequence[Solid]]) -> dict[str, list[float]]:
     """Share (0 to 1) of the frames in which the camera that sees most of an object should recognise it about places.
 
-    Everything else is where the simulation has it, and what is in an object is left out.
+    Everything else is where it is seen, or else where the simulation has it, and what is in an object is left out.
     """
     visibility = evidence.visibility
     if visibility is None:
         return {name: [0.0] * len(there) for name, there in places.items()}
     holding = {container for _, container in evidence.contents}
-    among = {name: thing.solid for name, thing in evidence.objects.items() if thing.solid is not None}
+    among = {name: _hiding(thing, thing.solid) for name, thing in evidence.objects.items() if thing.solid is not None}
     found: dict[str, list[float]] = {}
     at_once = [name for name in places if name not in holding]
     for asked in (*([at_once] if at_once else []), *([name] for name in places if name in holding)):
