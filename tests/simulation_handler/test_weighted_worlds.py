@@ -198,7 +198,7 @@ def test_what_is_explained_as_gone_while_no_hand_is_about_is_so_more_probably(sh
         course.run(1.5)
         course.run(0.1, explained)
     rates = learned_parameters().rates
-    more = (1.0 - rates.missed) * rates.vanished * share
+    more = (1.0 - rates.missed) * (1.0 - rates.slipped) * rates.vanished * share
     assert alone.weight("gone") > beside_a_hand.weight("gone") + 0.5 * more
 
 
@@ -209,7 +209,7 @@ def test_what_vanishes_where_much_is_hidden_may_be_there() -> None:
         course.run(1.5)
         course.run(0.1, explained)
         course.run(2.0)
-    assert in_sight.weight("elsewhere") < 0.01 < 0.1 < beside_a_screen.weight("elsewhere")
+    assert beside_a_screen.weight("elsewhere") > 10.0 * in_sight.weight("elsewhere")
     assert in_sight.weight("gone") > beside_a_screen.weight("gone") > 0.3
 
 
@@ -220,8 +220,9 @@ def test_what_vanishes_on_its_way_may_be_hidden_nearby_once_its_courses_are_seen
         course.box = replace(course.box, driven=True)
         course.run(1.5)
         course.run(3.0, lambda box: replace(box, courses=(SupportedPose(Pose((0.31, 0.0, 0.02))),)))
-        weights[about] = course.weight("elsewhere")
-    assert weights[1.0] < 0.1 < 0.5 < weights[0.0]
+        weights[about] = course.weight("astray")
+    assert weights[0.0] > 0.8
+    assert weights[1.0] < 0.3, "if it would be seen there as well, all places are as improbable"
 
 
 def test_it_is_so_no_more_probably_while_another_thing_is_seen_elsewhere() -> None:
@@ -310,6 +311,19 @@ def test_the_shares_of_many_objects_are_those_of_each() -> None:
     assert together == {name: seen_shares(evidence, {name: there})[name] for name, there in asked.items()}
     assert together["low"][0] < together["low"][1] and together["cup"][0] > 0.5
     assert seen_shares(replace(evidence, visibility=None), asked) == {name: [0.0, 0.0] for name in asked}
+
+
+def test_what_is_seen_over_another_thing_hides_it_before_its_move_is_explained() -> None:
+    rays, above = RayVisibility([VIEW]), Pose((0.5, 0.0, 0.06)).with_covariance(COVARIANCE)
+    low, other = thing(Pose((0.5, 0.0, 0.02)), 0.0, name="low"), thing(Pose((0.3, 0.1, 0.02)), 0.0, name="other")
+    shares = {}
+    for is_moving in (False, True):
+        moved = replace(other, seen=above, is_moving=is_moving)
+        evidence = Evidence(1.0, {"low": low, "other": moved}, {}, rays.look_for, frozenset())
+        assert low.solid is not None
+        (shares[is_moving],) = seen_shares(evidence, {"low": [low.solid]})["low"]
+    assert shares[True] < 0.01
+    assert shares[False] > 0.9
 
 
 def test_blind_cameras_tell_nothing() -> None:
@@ -429,7 +443,7 @@ def test_what_may_have_gone_on_or_stayed_rests_there_on_what_carries_it() -> Non
     assert told["left"] == ("table",), "where it was seen last, the table carries it"
     on_table = sum(world.weight for world in course.worlds.worlds("box") if world.objects["box"].supports == ("table",))
     assert course.weight(ON_COURSE) > 0.1 and course.weight("elsewhere") < 0.02
-    assert on_table == pytest.approx(1.0 - course.weight(ON_COURSE) / 4, abs=0.02)
+    assert on_table == pytest.approx(1.0 - course.weight("astray") - course.weight(ON_COURSE) / 4, abs=0.02)
 
 
 def test_what_went_on_into_a_container_is_in_it() -> None:
