@@ -22,13 +22,12 @@ from simulation_handler.hands.state import HAND_REACH
 from simulation_handler.perception.paths import between
 from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.worlds.carriers import Carriers
 from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, HOVERS, ON_ITS_WAY, RESTS, held
-from simulation_handler.worlds.elsewhere import LOOKED_AT, Elsewhere, places_about
+from simulation_handler.worlds.elsewhere import LOOKED_AT, Elsewhere, Places, places_about
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.lying import let_go
 from simulation_handler.worlds.parameters import Rates, WorldParameters
-
-Array = NDArray[np.float64]
 
 FOLLOWED = "followed"
 """The mode in which the simulation is right"""
@@ -45,6 +44,7 @@ IN_HAND, INSIDE_OF = "in ", "inside "
 COURSE = "course "
 """The modes in which it went on by itself when it vanished on its way, each as fast as it may have been: numbered"""
 
+_NOTHING = Carriers(())
 _AS_GOOD_AS_SURE = 1.0 - ROUNDING  # 1, of somebody who was at work: what is sure cannot be doubted later
 
 
@@ -248,14 +248,14 @@ class Alternatives:
                 moved = (1.0 - rates.work_removed) * rates.work_moved
                 self._move(key, new * moved, worked=_AS_GOOD_AS_SURE)
 
-    def _move(
-        self, source: str, share: float, worked: float | None = None, target: str = ELSEWHERE, *, before: bool = False
-    ) -> None:  # fmt: skip
-        """As `_pass`, to places about a mode; `before`: it went there before cameras began to look for it."""
-        new = Mode(0.0, self.modes[source].pose, since=self._now, elsewhere=Elsewhere(self._now))
-        if before and target in self.modes:
-            share *= _elsewhere(self.modes[target]).hidden
-        self._pass(source, target, share, new, worked, before=before)
+    def _move(self, source: str, share: float, worked: float | None = None, *, before: bool = False) -> None:
+        """As `_pass`, to somewhere near; `before`: it went there before cameras began to look for it."""
+        self._pass(source, ELSEWHERE, share, self._about(ELSEWHERE, self.modes[source].pose), worked, before=before)
+
+    def _about(self, key: str, pose: Pose | None) -> Mode:
+        """How a mode begins of places about a pose."""
+        elsewhere = None if key in self.modes else Elsewhere(self._now)
+        return Mode(0.0, pose, since=self._now, elsewhere=elsewhere)
 
     def _moving_rate(self, pose: Pose, hands: Mapping[str, HandEvidence], rates: Rates) -> float:
         is_near = any(_is_near(known.pose, pose) for known in hands.values())
@@ -282,7 +282,7 @@ class Alternatives:
         """What vanished on its way may have gone on in any of many courses, and not as the simulation has it."""
         begins = thing.courses and not self._has_courses
         if begins:
-            self._move(FOLLOWED, self._parameters.rates.astray, target=ASTRAY)
+            self._pass(FOLLOWED, ASTRAY, self._parameters.rates.astray, self._about(ASTRAY, self.left))
         if thing.courses and ASTRAY in self.modes:
             ways = [math.dist(pose.t[:2], self.left.t[:2]) for pose, _ in thing.courses]
             _elsewhere(self.modes[ASTRAY]).reach = math.sqrt(0.5 * fmean(way**2 for way in ways))
@@ -315,18 +315,23 @@ class Alternatives:
             origin.worked = min(
                 max((origin.weight * origin.worked - amount * worked) / (origin.weight - amount), 0.0), 1.0
             )
+        origin.weight -= amount
+        if before and mode.elsewhere is not None:
+            amount *= mode.elsewhere.hidden
         mode.worked = (mode.weight * mode.worked + amount * worked) / (mode.weight + amount)
         ratio = amount / (mode.weight + amount)
         if mode.hand and mode.anchored is not None and new.anchored is not None:  # taken at any time that counts
             mode.anchored = between(mode.anchored, new.anchored, ratio)
         if mode.elsewhere is not None and mode.pose is not None and new.pose is not None:
-            x, y, z = (a + ratio * (b - a) for a, b in zip(mode.pose.t, new.pose.t, strict=True))
-            mode.pose = Pose.unchecked((x, y, z), mode.pose.q)
-            mode.elsewhere.join(ratio, before=before)
+            (x, y, z), (to_x, to_y, to_z) = mode.pose.t, new.pose.t
+            mode.pose = Pose.unchecked((x + ratio * (to_x - x), y + ratio * (to_y - y), max(z, to_z)), mode.pose.q)
+            if before:
+                mode.elsewhere.join_before(ratio)
+            else:
+                mode.elsewhere.join(ratio)
         else:
             whole = mode.weight * math.exp(mode.missed) + amount
             mode.missed = math.log(whole / (mode.weight + amount))
-        origin.weight -= amount
         mode.weight += amount
 
     def _mode(self, key: str, new: Mode) -> Mode:
@@ -341,23 +346,25 @@ class Alternatives:
         self._solid = thing.solid or self._solid  # it may still be there, though the simulation has taken it away
         places = [_placed(mode.pose) for mode in self._asked(name, evidence, blind=blind).values()]
         for mode in () if blind else self._spread():
-            about = self.places_about(name, mode, evidence)[_elsewhere(mode).asked()].tolist()
-            places += [Pose.unchecked((x, y, z), _placed(mode.pose).q) for x, y, z in about]
+            about = self.places_about(name, mode, evidence, _elsewhere(mode).asked())
+            places += [Pose.unchecked((x, y, z), _placed(mode.pose).q) for x, y, z in about.positions.tolist()]
         return [solid for solid in map(self.solid_at, places) if solid is not None]
 
     def _spread(self) -> list[Mode]:
         """The modes in which something unknown moved it, or stopped it."""
         return [mode for mode in self.modes.values() if mode.elsewhere is not None]
 
-    def places_about(self, name: str, mode: Mode, evidence: Evidence) -> Array:
-        """(n, 3) m, world: where it may be in a mode of `Elsewhere`, one place after the other."""
+    def places_about(
+        self, name: str, mode: Mode, evidence: Evidence, numbers: NDArray[np.intp] | None = None
+    ) -> Places:  # fmt: skip
+        """Where it may be in a mode of `Elsewhere`: all places, or some of these numbers."""
         pose = _placed(mode.pose)
         solid = self.solid_at(pose) or Solid(name, (0.0, 0.0, 0.0), pose.t, pose.q)
-        beneath = () if self.before == HOVERS else evidence.beneath(name)  # whoever has it may still hold it
-        return places_about(solid, self.deviation(mode, evidence.now), beneath)
+        carriers = _NOTHING if self.before == HOVERS else evidence.carriers  # whoever has it may still hold it
+        return places_about(solid, self.deviation(mode, evidence.now), carriers, evidence.not_beneath(name), numbers)
 
     def deviation(self, mode: Mode, now: float) -> float:
-        """M, standard deviation in each horizontal direction, of where it is in a mode of `Elsewhere`."""
+        """Standard deviation (m) in each horizontal direction, of where it is in a mode of `Elsewhere`."""
         broad = self._parameters.elsewhere
         grown = broad.level**2 + broad.growth**2 * (now - mode.since)
         return math.sqrt(grown + _elsewhere(mode).reach ** 2)
@@ -403,8 +410,12 @@ class Alternatives:
                 missed = missed_after(mode.missed, share, step, absence)
                 mode.weight *= math.exp(mode.missed - missed)
                 mode.missed = missed
-        for mode, begin in zip(self._spread(), range(len(asked), len(shares), LOOKED_AT), strict=False):
-            mode.weight *= _elsewhere(mode).miss(shares[begin : begin + LOOKED_AT], evidence.now, absence)
+        about = shares[len(asked) :]
+        for number, mode in enumerate(self._spread()):
+            if told := about[number * LOOKED_AT : (number + 1) * LOOKED_AT]:
+                mode.weight *= _elsewhere(mode).miss(told, evidence.now, absence)
+            else:
+                _elsewhere(mode).pass_over(step)
 
     def _vanish(self, share: float) -> None:
         """What rested in view is missing, and cameras should see a `share` (1) of it: it is somewhere near, or gone."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from dsr.believing.absence import Absence, missed_after
 from dsr.math3d.quaternions import Vector3
-from simulation_handler.scales import ROUNDING
+from simulation_handler.scales import PLACE_FLOOR, ROUNDING
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import FLOOR
+from simulation_handler.worlds.carriers import NOTHING, Carriers
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,15 @@ _MIDDLE = np.arange(_COUNT)[_FINER // 2 :: _FINER]
 _STANDS = (_MIDDLE[:, None] * _COUNT + _MIDDLE).ravel()  # (LOOKED_AT^2,) numbers of those places
 
 
+class Places(NamedTuple):
+    """Where a thing may lie that somebody moved, one place for each of the offsets."""
+
+    positions: Array
+    """(n, 3) m, world: of its centre"""
+    carriers: NDArray[np.intp]
+    """(n,) as of `Lying`"""
+
+
 class Area(NamedTuple):
     """The places on one level where a thing may lie."""
 
@@ -39,39 +50,57 @@ class Area(NamedTuple):
     """m, world: mean"""
     sideways: Array
     """(2, 2) m^2, world: covariance on the level"""
+    support: str
+    """Name of what carries it there; empty if that is the floor, not known, or one of several things"""
 
 
 class Elsewhere:
-    """The places of one thing, as probable as somebody may have moved it there and cameras do not show it there.
+    """Places about where a thing was, each with the probability that the thing is there.
+
+    They begin as probable as the way to them. Where cameras should see the thing and do not, they get less probable.
 
     Args:
-        since: s, from when on it may be there.
+        since: s, from when on the thing may be there.
     """
 
     def __init__(self, since: float) -> None:
         self._shares = np.full(len(_STANDS), 1.0 / len(_STANDS))
         self._missed = np.zeros(len(_STANDS))
+        self._empty = np.zeros(len(_STANDS))  # as `_missed`, if the thing was here from the beginning
         self._looked = np.full(len(_STANDS), since)
         self._turn = 0
+        self._joining = 0.0  # 1, share of what has come since cameras looked last
         self.reach = 0.0
         """m, standard deviation in each direction by which the places are broader than learned"""
 
     @property
     def hidden(self) -> float:
-        """1, how probable it is that cameras do not show the thing for as long as they have looked, if it came here."""
-        return float(np.exp(-self._missed).mean())
+        """1, how probable it is that cameras, which have looked so far, do not show the thing if it always was here."""
+        return float(np.exp(-self._empty).mean())
 
-    def join(self, ratio: float, *, before: bool = False) -> None:
-        """Let the thing come to these places anew, with a `ratio` (1) of the probability that it is here then.
+    def join(self, ratio: float) -> None:
+        """Let the thing come to these places just now, with a `ratio` (1) of the probability that it is here then.
 
-        What comes has not been missed here yet. If it came `before` cameras looked, it was missed as all of it was.
+        What comes has not been missed here yet.
         """
-        new = np.exp(-self._missed) if before else np.ones(len(_STANDS))
-        new *= ratio / new.sum()
-        shares = (1.0 - ratio) * self._shares + new
-        if not before:
-            self._missed = np.log(((1.0 - ratio) * self._shares * np.exp(self._missed) + new) / shares)
-        self._shares = shares
+        self._joining += (1.0 - self._joining) * ratio
+
+    def join_before(self, ratio: float) -> None:
+        """As `join`, of what came before cameras began to look: it was missed ever since."""
+        self._settle()
+        new = np.exp(-self._empty)
+        self._mix(ratio, new / new.sum(), self._empty)
+
+    def _settle(self) -> None:
+        """Take in what has come since cameras looked last: together, that is the same as bit by bit."""
+        if self._joining > 0.0:
+            self._mix(self._joining, np.full(len(_STANDS), 1.0 / len(_STANDS)), np.zeros(len(_STANDS)))
+            self._joining = 0.0
+
+    def _mix(self, ratio: float, shares: Array, missed: Array) -> None:
+        old, new = (1.0 - ratio) * self._shares, ratio * shares
+        self._shares = old + new
+        self._missed = np.log((old * np.exp(self._missed) + new * np.exp(missed)) / self._shares)
 
     def asked(self) -> NDArray[np.intp]:
         """(LOOKED_AT,) numbers of the places, of `places_about`, that cameras are asked about next."""
@@ -79,6 +108,10 @@ class Elsewhere:
 
     def _next(self) -> NDArray[np.intp]:
         return (self._turn + np.arange(LOOKED_AT)) % len(_STANDS)
+
+    def pass_over(self, step: float) -> None:
+        """Let `step` s not count, in which cameras did not look."""
+        self._looked += step
 
     def miss(self, shares: Sequence[float], now: float, absence: Absence) -> float:
         """Take in at `now` (s) that the thing is not seen.
@@ -91,61 +124,62 @@ class Elsewhere:
         Returns:
             The probability that it is not seen.
         """
+        self._settle()
         for number, share in zip(self._next().tolist(), shares, strict=True):
-            missed = missed_after(float(self._missed[number]), share, now - float(self._looked[number]), absence)
+            step = max(now - float(self._looked[number]), 0.0)
+            missed = missed_after(float(self._missed[number]), share, step, absence)
             self._shares[number] *= math.exp(self._missed[number] - missed)
+            self._empty[number] = missed_after(float(self._empty[number]), share, step, absence)
             self._missed[number], self._looked[number] = missed, now
         self._turn = (self._turn + LOOKED_AT) % len(_STANDS)
         unseen = float(self._shares.sum())
         self._shares /= unseen
         return unseen
 
-    def areas(self, places: Array, deviation: float) -> list[Area]:
-        """The places (n, 3) m as of `places_about`, level by level, most probable first.
+    def areas(self, places: Places, deviation: float, names: Sequence[str]) -> list[Area]:
+        """The places level by level, the most probable first.
 
-        `deviation` (m) is theirs in each direction.
+        Args:
+            places: all of `places_about`.
+            deviation: m, theirs in each direction.
+            names: of the carriers.
         """
-        levels = np.unique(places[:, 2])
-        found = [self._area(places, places[:, 2] == level, deviation) for level in levels.tolist()]
+        self._settle()
+        shares = self._shares[_GROUP] / _FINER**2
+        levels, of = np.unique(np.rint(places.positions[:, 2] / PLACE_FLOOR), return_inverse=True)
+        found = []
+        for level in range(len(levels)):
+            on_level = of == level
+            carriers = {names[number] if number != NOTHING else FLOOR for number in places.carriers[on_level].tolist()}
+            support = carriers.pop() if len(carriers) == 1 else FLOOR
+            found.append(_area(shares[on_level], places.positions[on_level], deviation, support))
         return sorted((area for area in found if area.share > ROUNDING), key=lambda area: -area.share)
 
-    def _area(self, places: Array, on_level: NDArray[np.bool_], deviation: float) -> Area:
-        weights = self._shares[_GROUP[on_level]] / _FINER**2
-        share = float(weights.sum())
-        weights /= max(share, ROUNDING)
-        x, y, z = (weights @ places[on_level]).tolist()
-        offsets = places[on_level, :2] - (x, y)
-        sideways = (weights[:, None] * offsets).T @ offsets + _WITHIN * deviation**2 * np.eye(2)
-        return Area(share, (x, y, z), sideways)
+
+def _area(shares: Array, positions: Array, deviation: float, support: str) -> Area:
+    share = float(shares.sum())
+    weights = shares / max(share, ROUNDING)
+    x, y, z = (weights @ positions).tolist()
+    offsets = positions[:, :2] - (x, y)
+    sideways = (weights[:, None] * offsets).T @ offsets + _WITHIN * deviation**2 * np.eye(2)
+    return Area(share, (x, y, z), sideways, "" if support == FLOOR else support)
 
 
-def places_about(solid: Solid, deviation: float, beneath: Sequence[Solid]) -> Array:
-    """Where a solid may lie that somebody moved, no one knows where to: on what is highest there.
+def places_about(
+    solid: Solid, deviation: float, carriers: Carriers, without: Collection[str] = (),
+    numbers: NDArray[np.intp] | None = None,
+) -> Places:  # fmt: skip
+    """Where a solid may lie that somebody moved, no one knows where to.
 
     Args:
-        solid: at the mean of its places, where it lay or was held. Where nothing is beneath, it is as high as there.
+        solid: at the mean of its places, where it lay or was held.
         deviation: m, standard deviation of its place in each direction of the level.
-        beneath: all that it may lie on. On a fixture that is higher than it was, it does not.
-
-    Returns:
-        (n, 3) m, world: positions of its centre.
+        carriers: all that it may lie on.
+        without: names of what does not carry it.
+        numbers: (n,) of the places that are asked for; None: all.
     """
     flat, _ = solid.face_down()
-    x, y, z = flat.position
-    places = np.column_stack((np.array((x, y)) + deviation * _OFFSETS, np.full(len(_OFFSETS), z)))
-    reach = deviation * float(np.linalg.norm(_OFFSETS, axis=1).max())
-    carriers = [
-        one for one in beneath
-        if (one.top < z or not one.fixed) and (one.fixed or math.dist(one.position[:2], (x, y)) < reach + one.radius)
-    ]  # fmt: skip
-    for one in sorted(carriers, key=lambda one: one.top):
-        places[_is_over(one, places[:, :2]), 2] = one.top + flat.half_height
-    return places
-
-
-def _is_over(carrier: Solid, places: Array) -> NDArray[np.bool_]:
-    """(n,) whether places (n, 2) m are over a solid: to the left of all edges of its outline."""
-    ends = np.array(carrier.footprint)
-    starts = np.roll(ends, 1, axis=0)
-    (along_x, along_y), away = (ends - starts).T, places[:, None, :] - starts
-    return np.asarray((along_x * away[..., 1] - along_y * away[..., 0] >= 0.0).all(axis=1))
+    offsets = _OFFSETS if numbers is None else _OFFSETS[numbers]
+    places = np.array(flat.position[:2]) + deviation * offsets
+    lying = carriers.lying(flat, places, without)
+    return Places(np.column_stack((places, lying.heights)), lying.carriers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import fmean
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from simulation_handler.perception.ways import by_way
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
 from simulation_handler.state.objects import BelievedObject
+from simulation_handler.worlds.carriers import Carriers
 from simulation_handler.worlds.model import innermost_first
 from simulation_handler.worlds.parameters import learned_parameters
 from simulation_handler.worlds.spread import all_with_world_covariances, with_world_covariances
@@ -177,6 +179,16 @@ class Evidence:
                 if (key, name) not in self.contents
             ),
         ]
+
+    @cached_property
+    def carriers(self) -> Carriers:
+        """All that things may lie on: what no hand holds."""
+        free = (thing for thing in self.objects.values() if not (thing.hand or thing.gripper))
+        return Carriers([*self.fixtures, *(thing.solid for thing in free if thing.solid is not None)])
+
+    def not_beneath(self, name: str) -> frozenset[str]:
+        """Names of what an object does not lie on: itself, and what is in it."""
+        return frozenset({name, *(key for key, container in self.contents if container == name)})
 
     def containers_at(self, name: str, place: Vector3) -> tuple[str, ...]:
         """Names of what an object would be in at a place (m), innermost first."""

@@ -384,6 +384,33 @@ def test_what_may_have_stayed_is_missed_where_it_would_be_however_late_it_did() 
     assert course.weight("left") < 0.05
 
 
+def test_while_cameras_see_nothing_no_place_is_missed() -> None:
+    """Nor all at once when they see again."""
+    course = Course(share=0.0, about=1.0)
+    course.run(1.5)
+    course.watching = False
+    course.run(5.0)
+    before = course.weight("elsewhere")
+    course.watching = True
+    course.run(0.4)
+    assert before > course.weight("elsewhere") > 0.25 * before
+
+
+def test_what_was_moved_from_a_table_or_beside_it_is_on_it_or_on_the_floor() -> None:
+    """A height between the two is true of neither."""
+    course, table = Course(), Solid("table", (0.8, 0.8, 0.04), (0.0, 0.0, 0.7), fixed=True)
+    course.fixtures = (table, Solid("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.1), fixed=True))
+    course.box = thing(Pose((0.38, 0.0, 0.74)), 0.0)
+    course.run(20.0)
+    fallen = Pose((0.45, 0.0, 0.02)).with_covariance(COVARIANCE)
+    course.run(40.0, lambda box: replace(box, believed=fallen))
+    told = {
+        (world.objects["box"].support, round(height, 2))
+        for world in course.worlds.worlds("box") if world.reason == "elsewhere" for height in _heights(world)
+    }  # fmt: skip
+    assert told == {("table", 0.74), ("", 0.02)}
+
+
 @pytest.mark.parametrize("place", [0.5, 0.7])
 def test_what_a_hand_let_go_in_the_air_is_not_in_the_air_any_more(place: float) -> None:
     """Nor is what the hand put down somewhere near: beyond the edge of the table it is on the floor."""
