@@ -226,7 +226,7 @@ def test_what_vanishes_on_its_way_may_be_hidden_nearby_once_its_courses_are_seen
 
 
 def test_it_is_so_no_more_probably_while_another_thing_is_seen_elsewhere() -> None:
-    course = Course(share=1.0)
+    course = Course(share=1.0, about=1.0)
     course.run(1.5)
     course.others["other"] = replace(course.others["other"], is_moving=True)
     course.run(0.1, explained)
@@ -259,7 +259,7 @@ def test_it_is_so_no_more_once_cameras_saw_nothing_at_all() -> None:
     """It may have been moved then: nobody has seen it vanish alone."""
     told = []
     for watching in (True, False):
-        course = Course(share=1.0)
+        course = Course(share=1.0, about=1.0)
         course.run(1.0)
         course.watching = watching
         course.run(0.5)
