@@ -24,7 +24,7 @@ from simulation_handler.scales import ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.carriers import Carriers
 from simulation_handler.worlds.circumstances import FOUND_ANEW, HELD_OUT_OF_SIGHT, HOVERS, ON_ITS_WAY, RESTS, held
-from simulation_handler.worlds.elsewhere import LOOKED_AT, Elsewhere, Places, places_about
+from simulation_handler.worlds.elsewhere import LOOKED_AT, HiddenPlaces, PossiblePlaces, places_about
 from simulation_handler.worlds.evidence import Evidence, HandEvidence, ObjectEvidence
 from simulation_handler.worlds.lying import let_go
 from simulation_handler.worlds.parameters import Rates, WorldParameters
@@ -68,7 +68,7 @@ class Mode:
     """hand_from_object or container_from_object, if it goes along with one of these"""
     since: float = -math.inf
     """s, since when it may have been so"""
-    elsewhere: Elsewhere | None = None
+    elsewhere: HiddenPlaces | None = None
     """The places about the pose, of a mode in which something unknown moved it, or stopped it"""
     worked: float = 0.0
     """1, probability in this mode that somebody was at work while cameras saw nothing at all"""
@@ -254,7 +254,7 @@ class Alternatives:
 
     def _about(self, key: str, pose: Pose | None) -> Mode:
         """How a mode begins of places about a pose."""
-        elsewhere = None if key in self.modes else Elsewhere(self._now)
+        elsewhere = None if key in self.modes else HiddenPlaces(self._now)
         return Mode(0.0, pose, since=self._now, elsewhere=elsewhere)
 
     def _moving_rate(self, pose: Pose, hands: Mapping[str, HandEvidence], rates: Rates) -> float:
@@ -356,15 +356,15 @@ class Alternatives:
 
     def places_about(
         self, name: str, mode: Mode, evidence: Evidence, numbers: NDArray[np.intp] | None = None
-    ) -> Places:  # fmt: skip
-        """Where it may be in a mode of `Elsewhere`: all places, or some of these numbers."""
+    ) -> PossiblePlaces:  # fmt: skip
+        """Where it may be in a mode of `HiddenPlaces`: all places, or some of these numbers."""
         pose = _placed(mode.pose)
         solid = self.solid_at(pose) or Solid(name, (0.0, 0.0, 0.0), pose.t, pose.q)
         carriers = _NOTHING if self.before == HOVERS else evidence.carriers  # whoever has it may still hold it
         return places_about(solid, self.deviation(mode, evidence.now), carriers, evidence.not_beneath(name), numbers)
 
     def deviation(self, mode: Mode, now: float) -> float:
-        """Standard deviation (m) in each horizontal direction, of where it is in a mode of `Elsewhere`."""
+        """Standard deviation (m) in each horizontal direction, of where it is in a mode of `HiddenPlaces`."""
         broad = self._parameters.elsewhere
         grown = broad.level**2 + broad.growth**2 * (now - mode.since)
         return math.sqrt(grown + _elsewhere(mode).reach ** 2)
@@ -462,7 +462,7 @@ def _is_over(container: Solid, point: Vector3, radius: float) -> bool:
     return is_about and container.bottom <= point[2] + radius
 
 
-def _elsewhere(mode: Mode) -> Elsewhere:
+def _elsewhere(mode: Mode) -> HiddenPlaces:
     assert mode.elsewhere is not None
     return mode.elsewhere
 

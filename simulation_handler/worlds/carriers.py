@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import FLOOR
 
 Array = NDArray[np.float64]
-
-NOTHING = -1
-"""Number of no carrier"""
 
 
 class Lying(NamedTuple):
@@ -23,7 +21,7 @@ class Lying(NamedTuple):
     heights: Array
     """(n,) m, world z of its centre"""
     carriers: NDArray[np.intp]
-    """(n,) numbers of what carries it there, of `Carriers.names`; `NOTHING` where nothing is known to"""
+    """(n,) numbers of what carries it there, of `Carriers.names`"""
 
 
 class Carriers:
@@ -35,10 +33,10 @@ class Carriers:
 
     def __init__(self, solids: Sequence[Solid]) -> None:
         parts = [part for solid in solids for part in solid.parts]
-        self.names = tuple(part.name for part in parts)
-        """Of each piece, its body's"""
+        self.names = (*(part.name for part in parts), FLOOR)
+        """Of each piece, its body's; the last one carries what nothing is known to carry"""
         self._of: dict[str, list[int]] = {}
-        for number, name in enumerate(self.names):
+        for number, name in enumerate(self.names[:-1]):
             self._of.setdefault(name, []).append(number)
         self._tops = np.array([part.top for part in parts])
         self._bottoms = np.array([part.bottom for part in parts])
@@ -58,7 +56,7 @@ class Carriers:
             places: (n, 2) m, world.
             without: names of what does not carry it.
         """
-        found = Lying(np.full(len(places), solid.position[2]), np.full(len(places), NOTHING))
+        found = Lying(np.full(len(places), solid.position[2]), np.full(len(places), len(self.names) - 1))
         may = self._reaching(solid, places)
         for name in without:
             may[self._of.get(name, [])] = False

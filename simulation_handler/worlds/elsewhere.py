@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from dsr.believing.absence import Absence, missed_after
 from dsr.math3d.quaternions import Vector3
+from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.scales import PLACE_FLOOR, ROUNDING
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
-from simulation_handler.worlds.carriers import NOTHING, Carriers
+from simulation_handler.worlds.carriers import Carriers
 
 Array = NDArray[np.float64]
 
 LOOKED_AT = 4
 """Places that cameras are asked about in each direction of the level; so many of them at once, in turn"""
-_FINER = 3  # 1, places in each direction that each of these stands for, odd: it is the middle one
+_FINER = DRAW_COUNT // LOOKED_AT  # places in each direction that each of these stands for, odd: it is the middle one
 _COUNT = LOOKED_AT * _FINER
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / _COUNT) for k in range(_COUNT)])
 _OFFSETS = np.array([(x, y) for x in _QUANTILES for y in _QUANTILES])  # 1, standard deviations; each as probable
@@ -32,13 +33,13 @@ _MIDDLE = np.arange(_COUNT)[_FINER // 2 :: _FINER]
 _STANDS = (_MIDDLE[:, None] * _COUNT + _MIDDLE).ravel()  # (LOOKED_AT^2,) numbers of those places
 
 
-class Places(NamedTuple):
+class PossiblePlaces(NamedTuple):
     """Where a thing may lie that somebody moved, one place for each of the offsets."""
 
     positions: Array
     """(n, 3) m, world: of its centre"""
-    carriers: NDArray[np.intp]
-    """(n,) as of `Lying`"""
+    supports: Sequence[str]
+    """(n,) names of what carries it there"""
 
 
 class Area(NamedTuple):
@@ -54,7 +55,7 @@ class Area(NamedTuple):
     """Name of what carries it there; empty if that is the floor, not known, or one of several things"""
 
 
-class Elsewhere:
+class HiddenPlaces:
     """Places about where a thing was, each with the probability that the thing is there.
 
     They begin as probable as the way to them. Where cameras should see the thing and do not, they get less probable.
@@ -136,13 +137,12 @@ class Elsewhere:
         self._shares /= unseen
         return unseen
 
-    def areas(self, places: Places, deviation: float, names: Sequence[str]) -> list[Area]:
+    def areas(self, places: PossiblePlaces, deviation: float) -> list[Area]:
         """The places level by level, the most probable first.
 
         Args:
             places: all of `places_about`.
             deviation: m, theirs in each direction.
-            names: of the carriers.
         """
         self._settle()
         shares = self._shares[_GROUP] / _FINER**2
@@ -150,8 +150,8 @@ class Elsewhere:
         found = []
         for level in range(len(levels)):
             on_level = of == level
-            carriers = {names[number] if number != NOTHING else FLOOR for number in places.carriers[on_level].tolist()}
-            support = carriers.pop() if len(carriers) == 1 else FLOOR
+            supports = {places.supports[number] for number in np.flatnonzero(on_level).tolist()}
+            support = supports.pop() if len(supports) == 1 else FLOOR
             found.append(_area(shares[on_level], places.positions[on_level], deviation, support))
         return sorted((area for area in found if area.share > ROUNDING), key=lambda area: -area.share)
 
@@ -168,7 +168,7 @@ def _area(shares: Array, positions: Array, deviation: float, support: str) -> Ar
 def places_about(
     solid: Solid, deviation: float, carriers: Carriers, without: Collection[str] = (),
     numbers: NDArray[np.intp] | None = None,
-) -> Places:  # fmt: skip
+) -> PossiblePlaces:  # fmt: skip
     """Where a solid may lie that somebody moved, no one knows where to.
 
     Args:
@@ -182,4 +182,5 @@ def places_about(
     offsets = _OFFSETS if numbers is None else _OFFSETS[numbers]
     places = np.array(flat.position[:2]) + deviation * offsets
     lying = carriers.lying(flat, places, without)
-    return Places(np.column_stack((places, lying.heights)), lying.carriers)
+    supports = [carriers.names[number] for number in lying.carriers.tolist()]
+    return PossiblePlaces(np.column_stack((places, lying.heights)), supports)

@@ -408,7 +408,7 @@ class WeightedWorlds:
         assert mode.pose is not None and mode.elsewhere is not None
         places, deviation = alternatives.places_about(name, mode, evidence), alternatives.deviation(mode, evidence.now)
         found = []
-        for area in mode.elsewhere.areas(places, deviation, evidence.carriers.names) if weight > 0.0 else ():
+        for area in mode.elsewhere.areas(places, deviation) if weight > 0.0 else ():
             covariance = np.diag((0.0, 0.0, self._parameters.elsewhere.height**2))
             covariance[:2, :2] = area.sideways
             there = with_world_covariances(Pose.unchecked(area.position, mode.pose.q), covariance, _ANY_TURN)

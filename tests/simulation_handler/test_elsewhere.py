@@ -9,7 +9,7 @@ from dsr.believing.absence import Absence
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.worlds.carriers import Carriers
-from simulation_handler.worlds.elsewhere import LOOKED_AT, Area, Elsewhere, places_about
+from simulation_handler.worlds.elsewhere import LOOKED_AT, Area, HiddenPlaces, places_about
 from tests.simulation_handler.worlds import container
 
 TABLE = Solid("table", (0.8, 1.0, 0.04), (0.0, 0.0, 0.7), fixed=True)
@@ -22,11 +22,11 @@ ROUND = LOOKED_AT
 """Looks after which cameras have been asked about each place"""
 
 
-def areas(position: Vector3, deviation: float, *others: Solid, about: Elsewhere | None = None) -> list[Area]:
+def areas(position: Vector3, deviation: float, *others: Solid, about: HiddenPlaces | None = None) -> list[Area]:
     """Where a cube may lie that was there, the fixtures and other things being about."""
     carriers = Carriers([*FIXTURES, *others])
     places = places_about(CUBE.moved(position), deviation, carriers)
-    return (about or Elsewhere(0.0)).areas(places, deviation, carriers.names)
+    return (about or HiddenPlaces(0.0)).areas(places, deviation)
 
 
 def test_what_was_moved_near_the_middle_of_a_table_is_on_it() -> None:
@@ -89,11 +89,11 @@ def test_what_is_thin_does_not_fall_through_what_it_lies_on() -> None:
 
 
 def test_what_nothing_is_known_to_carry_stays_on_its_level() -> None:
-    (area,) = Elsewhere(0.0).areas(places_about(CUBE, 0.1, Carriers(())), 0.1, ())
+    (area,) = HiddenPlaces(0.0).areas(places_about(CUBE, 0.1, Carriers(())), 0.1)
     assert area.position == pytest.approx(CUBE.position) and area.support == ""
 
 
-def look(about: Elsewhere, seen: float, rounds: int, begin: float = 0.0) -> float:
+def look(about: HiddenPlaces, seen: float, rounds: int, begin: float = 0.0) -> float:
     """Look at all places about the cube for some rounds; cameras should see it `seen` (1) where x > 0, and not else.
 
     Gives the probability that it is not seen, if it is at one of these places.
@@ -106,7 +106,7 @@ def look(about: Elsewhere, seen: float, rounds: int, begin: float = 0.0) -> floa
 
 
 def test_what_cameras_do_not_see_is_where_they_do_not_look() -> None:
-    about = Elsewhere(0.0)
+    about = HiddenPlaces(0.0)
     assert look(about, 1.0, 10) == pytest.approx(0.5, abs=0.02) == about.hidden
     (area,) = areas(CUBE.position, 0.1, about=about)
     assert area.position[0] == pytest.approx(-0.08, abs=0.01), "the mean of half of a Gaussian"
@@ -115,14 +115,14 @@ def test_what_cameras_do_not_see_is_where_they_do_not_look() -> None:
 
 
 def test_that_half_of_it_is_seen_tells_less() -> None:
-    half, nothing = Elsewhere(0.0), Elsewhere(0.0)
+    half, nothing = HiddenPlaces(0.0), HiddenPlaces(0.0)
     assert 0.5 < look(half, 0.5, 10) < 0.6
     assert look(nothing, 0.0, 10) == 1.0
 
 
 def test_what_comes_later_is_looked_for_anew_and_what_came_before_is_not() -> None:
     for before in (False, True):
-        about = Elsewhere(0.0)
+        about = HiddenPlaces(0.0)
         look(about, 1.0, 10)
         if before:
             about.join_before(0.9)
@@ -134,7 +134,7 @@ def test_what_comes_later_is_looked_for_anew_and_what_came_before_is_not() -> No
 
 
 def test_what_comes_bit_by_bit_is_as_what_comes_at_once() -> None:
-    at_once, by_bits = Elsewhere(0.0), Elsewhere(0.0)
+    at_once, by_bits = HiddenPlaces(0.0), HiddenPlaces(0.0)
     for about in (at_once, by_bits):
         look(about, 1.0, 2)
     at_once.join(0.75)
@@ -144,7 +144,7 @@ def test_what_comes_bit_by_bit_is_as_what_comes_at_once() -> None:
 
 
 def test_time_in_which_cameras_do_not_look_tells_nothing() -> None:
-    through, dark = Elsewhere(0.0), Elsewhere(0.0)
+    through, dark = HiddenPlaces(0.0), HiddenPlaces(0.0)
     for about in (through, dark):
         look(about, 1.0, 1)
     dark.pass_over(30.0)
