@@ -25,7 +25,7 @@ ASIDE = Pose((0.15, 0.3, 0.02))
 
 def parameters() -> WorldParameters:
     known = learned_parameters()
-    rates = msgspec.structs.replace(known.rates, work=0.1, work_removed=0.2, work_moved=0.2)
+    rates = msgspec.structs.replace(known.rates, work=0.1, work_removed=0.2, work_moved=0.2, moved=0.005)
     return msgspec.structs.replace(known, rates=rates)
 
 
