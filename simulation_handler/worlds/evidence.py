@@ -170,21 +170,18 @@ class Evidence:
 
     def beneath(self, name: str) -> list[Solid]:
         """All that an object may lie on: what no hand holds, and what is not in the object."""
-        return [
-            *self.fixtures,
-            *(
-                thing.solid
-                for key, thing in self.objects.items()
-                if thing.solid is not None and key != name and not (thing.hand or thing.gripper)
-                if (key, name) not in self.contents
-            ),
-        ]
+        without = self.not_beneath(name)
+        return [*self.fixtures, *(solid for solid in self._free() if solid.name not in without)]
+
+    def _free(self) -> list[Solid]:
+        """The objects that no hand holds."""
+        free = (thing.solid for thing in self.objects.values() if not (thing.hand or thing.gripper))
+        return [solid for solid in free if solid is not None]
 
     @cached_property
     def carriers(self) -> Carriers:
         """All that things may lie on: what no hand holds."""
-        free = (thing for thing in self.objects.values() if not (thing.hand or thing.gripper))
-        return Carriers([*self.fixtures, *(thing.solid for thing in free if thing.solid is not None)])
+        return Carriers([*self.fixtures, *self._free()])
 
     def not_beneath(self, name: str) -> frozenset[str]:
         """Names of what an object does not lie on: itself, and what is in it."""
