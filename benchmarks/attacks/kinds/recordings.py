@@ -33,6 +33,7 @@ def _names_a_program(describe: Callable[[Path], dict[str, str]], module: str) ->
     def run(arena: Arena) -> Outcome:
         with tempfile.TemporaryDirectory() as name:
             folder, refused = Path(name), ""
+            sys.modules.pop(module, None)  # whoever imported one of that name before is no attacker
             (folder / f"{module}.py").write_text("raise SystemExit('this program was run')\n", encoding="utf-8")
             try:
                 run_anew(_recording(folder, _BEGIN, **describe(folder)), [_AGENT])
